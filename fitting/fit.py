@@ -1,4 +1,4 @@
-"""The inverse fit: free parameters of a scene from measured data."""
+"""Fit free parameters of a scene to measured data, the inverse problem."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -73,34 +73,35 @@ def fit(
         Such as {"upper.material.E": Positive(), "lower.spectrum.hurst": Bounded(0.3, 1)}. For several scenes
         `R20.shear.tau_f0` is a parameter of one scene, `*.shear.tau_f0` a parameter that all scenes share.
     method : "lm" (Levenberg-Marquardt), "lbfgs" or "adam"
-    starts : number of starts; the first is the scene's, the others random (`decades`)
+    starts : number of starts; the first has the values of the scene, the others are random (see `decades`)
     key : jax.random.key for random starts, or None for key(0)
     prior : dict of key path -> Gaussian, Smooth, Sum or Correlated, or None
         The result of another fit can be a prior: prior=fit_prony(data).as_prior("lower") | {...}.
     callback : called as callback(step, cost) after every step, or None
     loss, loss_width : "linear", "huber", "soft_l1" or "cauchy", and its width in standard errors
         None: the width at which the loss is 95 % efficient for Gaussian data (`fitting.solvers.losses`).
-    decades : random starts of Positive parameters lie within a factor 10^decades
-    max_steps, tolerance : limits of the method; None: its defaults
+    decades : random starts of Positive parameters lie within a factor 10^decades of the scene's values
+    max_steps, tolerance : limits of the method; None: the method's defaults
     quadrature : Quadrature of the forward model
         None: chosen for the scene at the start. If the scene at the end needs a finer one, the fit continues
         with it.
     scale_errors : "auto", True or False
-        Estimate the size of the errors from the scatter about the fit; error bars, bands and densities
-        follow. "auto": only for data without given errors. If the scene does not explain data with given
-        errors, the report has both error bars. True: given errors are relative weights, all multiplied by
-        `FitResult.error_scale`. False: never; data without errors have 10 %.
+        Estimate the size of the errors from the scatter about the fit. Error bars, bands and densities use
+        this estimate. "auto": only for data without given errors. If the scene does not explain data with
+        given errors, the report lists error bars with and without scaling by the scatter. True: given errors
+        are relative weights, all multiplied by `FitResult.error_scale`. False: no estimate; data without
+        errors have 10 %.
     discrepancy : Discrepancy or None
         error of the theory of friction, see `fitting.Discrepancy`. Error bars, bands and verdict include it,
-        and the report states its size. None: the theory is exact.
+        and the report states its size. None: the theory is treated as exact.
     progress : function of a line of text, or None
         called before steps that take seconds without callbacks, such as compiling.
 
     Returns
     -------
     FitResult
-        of the start with the lowest cost. An interrupt from the keyboard ends the fit with the best values so
-        far and `success` False.
+        the fit from the start with the lowest cost. An interrupt from the keyboard ends the fit with the best
+        values so far and `success` False.
 
     Raises
     ------
@@ -114,8 +115,8 @@ def fit(
     -----
     Each data set without errors has one relative error, which is estimated from its scatter about the fit.
     If this can move the minimum (several data sets, priors or a robust loss), a second fit uses the first
-    estimate as weights. The report states it. The `verdict` of the result states if the scene explains the
-    data.
+    estimate as weights. The report states the estimate. The `verdict` of the result states if the scene
+    explains the data.
     """
     began = time.perf_counter()
     check_options(method=method, starts=starts, key=key, prior=prior, callback=callback)
@@ -127,7 +128,7 @@ def fit(
     scenes = each_scene(scene, of)
     if discrepancy is not None:
         check_discrepancy(discrepancy, data, loss, scale_errors)
-        problem = with_discrepancy(problem, scenes, data, first_guess(discrepancy))
+        problem = with_discrepancy(problem, scenes, data, first_guess(discrepancy, scenes))
     solver = make_solver(method, tolerance, max_steps)
     tell = progress or (lambda _: None)
     tell(f"compiling a fit of {problem.variables.size} numbers to {problem.targets.measured.size} values")
@@ -155,7 +156,7 @@ def fit(
     to_estimate, assumed = unknown and scale_errors is not False, unknown
 
     def again(problem, x):
-        """Return the end of a fit from x, its linearised model and uncertainty, and the evaluations."""
+        """Return the end of a fit from x, its linearised model and uncertainty, and its evaluations."""
         end, spent = _from(solver, problem, x, max_steps, callback, starts)
         model = linearised(problem, end.x)
         return end, model, uncertainty(problem, end.x, model), spent
@@ -175,7 +176,7 @@ def fit(
         end, model, known, spent = again(problem, end.x)
         evaluations += spent
     if discrepancy is not None:
-        asked, discrepancy = discrepancy, first_guess(discrepancy)
+        asked, discrepancy = discrepancy, first_guess(discrepancy, scenes)
         for _ in range(ROUNDS if succeeded(end.status) and is_open(asked) else 0):
             discrepancy = averaged(problem, model, scenes, data, asked)
             problem = with_discrepancy(problem, scenes, data, discrepancy)

@@ -58,12 +58,12 @@ def _columns():
     rows = []
     for name, column in COLUMNS.items():
         titles = ", ".join(map(_code, also.get(name, ())))
-        rows.append((f"`{name}`", ", ".join(column.units), titles or "log10 of it" * column.log10))
+        rows.append((f"`{name}`", ", ".join(column.units), titles or "log10 of the quantity" * column.log10))
     return (
         "## Columns of tables\n\nA table has a row of names and a row of units, or titles such as `name "
-        "[unit]`. The first unit of each column below is the SI unit. Capitals, blanks, dots and "
-        "underscores in other titles are ignored. `log` before a title is understood.\n\n"
-        + _table(("name", "units", "also read as"), rows)
+        "[unit]`. The first unit of each quantity below is the SI unit. The last column lists other titles "
+        "that are recognised, regardless of capitals, blanks, dots and underscores. `log` before a title "
+        "means the decadic logarithm.\n\n" + _table(("name", "units", "also read as"), rows)
     )
 
 
@@ -76,15 +76,15 @@ def _units():
         (_code(unit), ", ".join(map(_code, filter(None, texts)))) for unit, texts in UNIT_SPELLINGS.items()
     ]
     return (
-        "## Units\n\nEvery unit can contain µ, ², ³, ⁴, ⁻¹, · and ^: `µm⁻¹`, `mm·s⁻¹`, `N/mm²`.\n\n"
+        "## Units\n\nUnits can contain µ, ², ³, ⁴, ⁻¹, · and ^, as in `µm⁻¹`, `mm·s⁻¹` and `N/mm²`.\n\n"
         + _table(("unit", "also read as"), rows)
     )
 
 
 def _scenes():
     parts = [
-        "## Scene files (.toml)\n\nNumbers are in SI units. `title` and `plausible = false` are allowed at "
-        "the top. `plausible = false` accepts numbers that look like another unit."
+        "## Scene files (.toml)\n\nNumbers are in SI units. A file can begin with `title = ...` and "
+        "`plausible = false`. `plausible = false` accepts numbers that seem to have the wrong unit."
     ]
     for heading, key, role in PLACES:
         classes = kinds(role).values() if issubclass(role, Kind) else [role]
@@ -98,8 +98,9 @@ def _scenes():
         cls = typing.cast(Child, fields_of(owner)[name]).role
         parts.append(f"### `[{name}]`\n\n{_first_line(cls)}\n\n" + _keys(cls))
     parts.append(
-        "### `[run]` and `[map]`\n\n`velocity` [m/s], `pressure` [Pa] and, if the scene depends on it,"
-        " `temperature` [K]: a number, a list, or `{ from = 1e-6, to = 1e1, points = 50 }`."
+        "### `[run]` and `[map]`\n\nThe keys are `velocity` [m/s], `pressure` [Pa] and, if the scene depends"
+        " on it, `temperature` [K]. Each value is a number, a list, or"
+        " `{ from = 1e-6, to = 1e1, points = 50 }`."
     )
     return "\n\n".join(parts)
 
@@ -124,7 +125,7 @@ def _keys(cls):
         else:
             rows.append((f"`{name}`", f"a table: {_role(field.role)}", "", "", optional))
     rows += [(f"`{key}`", f"instead of `{name}`", "", "", "") for key, name in cls.alternatives.items()]
-    return _table(("key", "what", "unit", "rule", "default"), rows) if rows else "No keys."
+    return _table(("key", "value", "unit", "rule", "default"), rows) if rows else "It has no keys."
 
 
 def _role(role):
@@ -144,10 +145,11 @@ def _jobs():
         "`[design]`": DESIGN,
     }
     parts = [
-        "## Job files of `rubberfric-fit` (.toml)\n\n`scene` names a scene file. Each `[[data]]` section is a"
-        " measurement. `[free]` lists key paths in quotes, each with a rule. `title`, `[prior]`, `[fit]` and"
-        " `[design]` (for `rubberfric-fit design`) are optional. `rubberfric-fit calibration JOB.toml` fits"
-        " data drawn from the priors and reports the coverage of the error bars.",
+        "## Job files of `rubberfric-fit` (.toml)\n\n`scene` is the path of a scene file. Each `[[data]]`"
+        " section describes one measurement. `[free]` lists the free parameters as key paths in quotes, each"
+        " with a rule. `title`, `[prior]`, `[fit]` and `[design]` (for `rubberfric-fit design`) are optional."
+        " `rubberfric-fit calibration JOB.toml` simulates data with parameters drawn from the priors, fits"
+        " them, and reports the coverage of the error bars.",
         "### `[free]`\n\n" + _table(("rule", "keys"), rules),
     ]
     parts += [f"### {name}\n\n{', '.join(map(_code, keys))}." for name, keys in lists.items()]
@@ -158,12 +160,14 @@ def _results():
     rows = [(f"`{name}`", about.unit) for name, about in QUANTITY_FORMATS.items()]
     cards, tables = (", ".join(f"`{name}`" for name in names) for names in (FORMATS, PROGRAMS))
     return (
-        "## Result files (.h5)\n\n`velocity` [m/s], `pressure` [Pa], `temperature` [K], the scene in "
-        "`/scene`, and the computed quantities, each of shape [temperature, pressure, velocity]:\n\n"
+        "## Result files (.h5)\n\nA file contains `velocity` [m/s], `pressure` [Pa], `temperature` [K], the "
+        "scene in `/scene`, and the computed quantities. Each quantity has the shape [temperature, pressure, "
+        "velocity]:\n\n"
         + _table(("quantity", "unit"), rows)
         + "\n\n## Files of other programs\n\n"
-        + f"Prony cards (`rf.io.read_prony`, `rf.io.write_prony`): {cards}.\n\n"
-        + f"Tables of friction (`rf.io.read_friction`, `rf.io.write_friction`): {tables}."
+        + f"`rf.io.read_prony` and `rf.io.write_prony` support these formats of Prony cards: {cards}.\n\n"
+        + "`rf.io.read_friction` and `rf.io.write_friction` support these formats of friction tables: "
+        + f"{tables}."
     )
 
 

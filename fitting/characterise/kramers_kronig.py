@@ -50,7 +50,7 @@ class KramersKronig:
         or, without them, from their scatter
     counted : True for nodes whose standard error is below 0.25; False at the ends of data with scatter,
         because relaxation beyond the ends is not measured
-    scatter : relative errors of E' and of E'', estimated or given (median)
+    scatter : relative errors of E' and of E'', estimated from the scatter, or the median of the given errors
     data : the data that were checked
     """
 
@@ -82,7 +82,10 @@ class KramersKronig:
 
     @property
     def chance(self) -> float:
-        """Probability that data without a contradiction scatter as much, by chi-square; NaN if unknown."""
+        """Probability, by a chi-square test, that consistent data scatter at least as much as these.
+
+        NaN if no node is counted.
+        """
         c = self.counted
         if not c.any():
             return np.nan
@@ -116,15 +119,15 @@ class KramersKronig:
         lines = [f"E' and E'' of {self.data.label}, {ends}"]
         if not self.counted.any():
             lines.append(
-                f"    nothing can be said: what E' implies for E'' is nowhere known to {_COUNTED:.0%};"
+                f"    no conclusion: the standard error of the contradiction is nowhere below {_COUNTED:.0%};"
                 " less scatter or more frequencies are needed"
             )
         elif self.consistent:
             lines.append(f"    no contradiction beyond the scatter: {self.rms:.1%} rms of E''")
         else:
             lines.append(
-                f"    CONTRADICT EACH OTHER: E'' is off by {self.rms:.1%} rms from what E' implies"
-                f" (probability by scatter {max(self.chance, 1e-99):.1g})"
+                f"    CONTRADICT EACH OTHER: E'' differs by {self.rms:.1%} rms from the E'' that E' implies"
+                f" (probability for scatter alone {max(self.chance, 1e-99):.1g})"
             )
         for omega, value, error in () if self.consistent else self.worst:
             side = "above" if value > 0 else "below"
@@ -141,7 +144,7 @@ class KramersKronig:
         return "\n".join(lines)
 
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
-        """Draw E', E'' and the E'' implied by E', and below their difference with 95 % error bars.
+        """Draw E', E'' and the E'' implied by E', and below them the contradiction with 95 % error bars.
 
         Needs matplotlib: pip install 'rubberfric[plot]'. Nodes that are not counted are grey.
 
@@ -201,9 +204,10 @@ def kramers_kronig(
     Parameters
     ----------
     data : ModulusData
-        with temperatures: raw curves, superposed by `shift`; without: a master curve.
-    per_decade : nodes of k per decade, if there are twice as many frequencies [-]
-        more nodes resolve narrower contradictions, with larger standard errors.
+        Data with temperatures are raw curves, which `shift` superposes. Data without temperatures are a
+        master curve.
+    per_decade : nodes of k per decade [-]; the total is limited to half the number of frequencies
+        More nodes resolve narrower contradictions, with larger standard errors.
     shift : time-temperature shift, for data with temperatures
 
     Returns
@@ -213,17 +217,17 @@ def kramers_kronig(
     Raises
     ------
     ValueError
-        one line: data of another kind, with values <= 0, with temperatures and no shift, or fewer than
-        six frequencies.
+        `data` is not a ModulusData, has values <= 0, has temperatures although no shift is given, or has
+        fewer than six frequencies. The message is one line.
 
     Notes
     -----
-    Errors that are not given are estimated from the scatter, separately for E' and E''. A smooth error as
-    broad as E' is detected only if no relaxation spectrum can produce it: a constant factor of E' can be
-    produced, a constant factor of E'' cannot.
+    Errors that are not given are estimated from the scatter, separately for E' and E''. An error that
+    a relaxation spectrum can produce is not detected, such as a common constant factor of E' and E''. A
+    constant factor of E' alone, or of E'' alone, is detected.
 
-    To see how a contradiction changes friction, compare the tabulated modulus, which uses both as measured,
-    with a Prony series, which compromises:
+    To see how a contradiction changes friction, compare the tabulated modulus, which uses E' and E'' as
+    measured, with a Prony series, which is a compromise between them:
 
         table = rubberfric.TabulatedModulus(data.omega, data.storage, data.loss)
         series = fitting.fit_prony(data, 2.0).material

@@ -1,4 +1,4 @@
-"""Fit a master curve: shift factors of isothermal sweeps of E' and E'', and the laws through them."""
+"""Fit a master curve to isothermal sweeps of E' and E'': shift factors, and laws fitted to them."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -23,28 +23,28 @@ _ROOM = 293.15
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class MasterCurve:
-    """Sweeps shifted onto one curve, with the shifts, their errors and laws.
+    """Master curve: the shifted sweeps, the shifts with their errors, and the laws fitted to the shifts.
 
     Attributes
     ----------
     data : the master curve at T_ref: all points with E' and E'' > 0, by rising reduced frequency, for
         `fit_prony`, `kramers_kronig`, or `rubberfric.TabulatedModulus` after smoothing
     T : temperatures of the sweeps, rising [K], shape (n,)
-    reference : number of the sweep at T_ref
+    reference : index of the sweep at T_ref
     log_aT, stderr : ln a_T and its standard errors (0 at T_ref) [-], shape (n,)
     log_bT, stderr_bT : ln b_T and its standard errors; 0 without vertical shifts
-    covariance : of ln a_T, shape (n, n)
+    covariance : covariance of ln a_T, shape (n, n)
     wlf, arrhenius : laws through the shifts with errors; None if no law fits
-    law : the better of both by Akaike's criterion, or None
-    shift : that law's `WLF` or `Arrhenius`; `table` if neither agrees with the shifts within the errors
+    law : the better of `wlf` and `arrhenius` by Akaike's criterion, or None
+    shift : `WLF` or `Arrhenius` of `law`; `table` if `law` does not agree with the shifts within the errors
     table : `TabulatedShift` of the shifts themselves
-    residuals : ln E' and ln E'' less the smooth curve, in the order of `data`, shape (2, points)
-    of_sweep : number of the sweep of every point of `data`
-    offsets : mean of ln E' and ln E'' of every sweep less the curve, shape (2, n)
+    residuals : ln E' and ln E'' minus the smooth curve, in the order of `data`, shape (2, points)
+    of_sweep : index of the sweep that contains each point of `data`
+    offsets : mean of ln E' and of ln E'' minus the smooth curve for every sweep, shape (2, n)
     offset_errors : standard errors of `offsets`, from the scatter of the points, shape (2, n)
     bad_points : ("E'" or "E''", T [K], omega [rad/s]) of points <= 0 or beyond four standard deviations
     scatter : relative errors of E' and E'': scatter of points within sweeps, or the given errors (median)
-    redchi : sum of squares by degrees of freedom, 1 where errors are estimated
+    redchi : sum of squares divided by the degrees of freedom; 1 if the errors are estimated
     """
 
     data: ModulusData
@@ -98,23 +98,23 @@ class MasterCurve:
 
     @property
     def redchi(self) -> float:
-        """Sum of squares by degrees of freedom, 1 where errors are estimated."""
+        """Sum of squares divided by the degrees of freedom; 1 if the errors are estimated."""
         return self.shifts.redchi
 
     @property
     def law(self) -> ShiftLaw | None:
-        """The better of both laws."""
+        """The better of `wlf` and `arrhenius` by Akaike's criterion; None if no law fits."""
         laws = [one for one in (self.wlf, self.arrhenius) if one is not None]
         return min(laws, key=lambda one: one.aic) if laws else None
 
     @property
     def table(self) -> rf.TabulatedShift:
-        """The shifts themselves, a monotone cubic in between."""
+        """The shifts as a `TabulatedShift`, with monotone cubic interpolation between the sweeps."""
         return rf.TabulatedShift(self.T, np.exp(self.log_aT), self.T_ref)
 
     @property
     def shift(self) -> rf.WLF | rf.Arrhenius | rf.TabulatedShift:
-        """The better law where it holds within the errors, else the table."""
+        """Shift of `law` if it agrees with the shifts within the errors, otherwise `table`."""
         law = self.law
         return law.shift if law is not None and law.holds else self.table
 
@@ -126,8 +126,8 @@ class MasterCurve:
 
         Parameters
         ----------
-        body : "lower" or "upper", whose material it is there
-        widen : factor of all deviations
+        body : "lower" or "upper", the body of the other scene that has this shift
+        widen : factor that multiplies all standard deviations
 
         Returns
         -------
@@ -147,10 +147,10 @@ class MasterCurve:
         return dict(joint_prior(paths, mean, covariance, (np.zeros(mean.size), none), places, body, widen))
 
     def moduli(self, omega: np.ndarray, temperature: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return ln E' and ln E'' that a further sweep is expected to show, and their standard errors.
+        """Return the expected ln E' and ln E'' of a further sweep, and their standard errors.
 
-        The errors include those of the curve and the shift, an error of the temperature, the offset of a
-        sweep, and the scatter of its points.
+        The errors include the errors of the curve and of the shift, an error of the temperature, the offset
+        of a sweep, and the scatter of its points.
 
         Parameters
         ----------
@@ -179,7 +179,7 @@ class MasterCurve:
         B = BSpline.design_matrix(inside, one.knots, 3).toarray()
         y = one.splines @ B.T
         slope = np.array([BSpline(one.knots, c, 3).derivative()(inside) for c in one.splines])
-        # An error of the temperature: both that of the sweep itself and those of its neighbours.
+        # Temperature errors of the sweep itself and of its neighbours.
         thermal = self.temperature_error * PchipInterpolator(self.T, self.log_aT).derivative()(temperature)
         variance = np.array(one.offset)[:, None] ** 2 + np.array(one.scatter)[:, None] ** 2
         variance = variance + 1.5 * (slope * thermal) ** 2
@@ -216,7 +216,7 @@ class MasterCurve:
         lines += self._misfits()
         for name, law in (("WLF", self.wlf), ("Arrhenius", self.arrhenius)):
             if law is None:
-                lines.append(f"    {name}: none goes through these shifts")
+                lines.append(f"    {name}: the law does not fit these shifts")
                 continue
             units = {"C1": "", "C2": " K", "energy": " eV"}
             each = zip(law.names, law.values, law.stderr, strict=True)
@@ -229,13 +229,13 @@ class MasterCurve:
         return "\n".join(lines)
 
     def _misfits(self):
-        """Return lines about sweeps and points that are off the curve."""
+        """Return lines of text about sweeps and points that deviate from the curve."""
         lines = []
         if self.shifts.scaled:
             low, high = np.exp(self.shifts.hidden[[0, -1]])
             lines.append(
                 f"    moduli change with temperature by factors of {low:.3f} to {high:.3f}. The shifts allow"
-                ' for it, `data` show it; vertical="entropic" removes it from `data`'
+                ' for this change, `data` show it; vertical="entropic" removes it from `data`'
             )
         expected = np.hypot(self.offset_errors, np.array(self.shifts.offset)[:, None])
         off = np.flatnonzero((np.abs(self.offsets) > 2.5 * expected).any(axis=0))
@@ -298,8 +298,8 @@ def fit_master_curve(
         None: the sweep nearest to 20 °C.
     vertical : True: b_T of every sweep is fitted; False: b_T = 1
         "entropic": b_T = T rho / (T_ref rho_ref), `rubberfric.Entropic` with an expansion of 6e-4 1/K.
-        Compare `kramers_kronig(curve.data).rms` of each: the right vertical shift contradicts least.
-    same : largest difference of temperatures within a sweep [K]
+        The right setting gives the smallest contradiction, `kramers_kronig(curve.data).rms`.
+    same : largest difference between neighbouring temperatures within a sweep [K]
         A drift within a sweep is corrected with the shifts of the other sweeps.
     temperature_error : standard deviation of the temperature of a sweep [K]
         Superposition cannot detect it. It adds temperature_error times the slope of ln a_T to the errors.
@@ -311,8 +311,8 @@ def fit_master_curve(
     Raises
     ------
     ValueError
-        one line: a reference far from all sweeps; fewer than two temperatures; a sweep with fewer than two
-        points > 0; no temperature.
+        `reference` is far from all sweeps, the data have no temperatures or fewer than two, or a sweep has
+        fewer than two points > 0. The message is one line.
 
     Notes
     -----
@@ -361,7 +361,7 @@ def fit_master_curve(
         check_units=False,
     )
     residuals = y - shifts.smooth
-    # Without the vertical shift that `data` show, and without bad points.
+    # Exclude the vertical shift that `data` show, and bad points.
     rest = residuals - shifts.hidden[which]
     rest = np.where(shifts.bad, np.nan, rest)
     count = [np.maximum(np.isfinite(rest[:, which == i]).sum(axis=1), 1) for i in range(T.size)]

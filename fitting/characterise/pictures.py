@@ -1,4 +1,4 @@
-"""Plots of master curves and Prony series with their data. They need matplotlib, as `rubberfric.plot`."""
+"""Plots of master curves and Prony series with their data. Like `rubberfric.plot`, they need matplotlib."""
 
 from collections.abc import Mapping
 
@@ -23,7 +23,7 @@ def plot_master_curve(
     laws: Mapping[str, Shift],
     ax: style.Panels | None = None,
 ) -> style.Panels:
-    """Draw the shifted sweeps, E' filled and E'' open, and log10 a_T over temperature.
+    """Draw the shifted sweeps, with filled markers for E' and open ones for E'', and log10 a_T against T.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ class PronyFit:
     material : Prony, without the terms that vanish at the minimum
     dropped : relaxation times of the terms that vanish [s]; inf stands for E_inf
     residuals : ln(fit / measured) of E' and of E'', shape (2, n); NaN where measured <= 0
-    rms_storage, rms_loss : their root mean squares
+    rms_storage, rms_loss : root mean squares of the residuals of E' and of E''
     data : the data that were fitted
     smooth : sigma of the `Smooth` prior (for "auto" the chosen one), or None
     weights : weights of E' and of E''
@@ -147,13 +147,14 @@ class PronyFit:
     def as_prior(self, body: str | None = None, widen: float = 1.0) -> dict[str, Prior]:
         """Return the fitted moduli and their covariance as the `prior` of another fit.
 
-        The other scene must have this `material`, or one of the same relaxation times.
+        The other scene must have this `material`, or a Prony series with the same relaxation times.
 
         Parameters
         ----------
         body : "lower" or "upper", body of the other scene with this material; None: the body of the data, or
             "lower"
-        widen : factor of all standard deviations, to allow for differences between oscillation and sliding
+        widen : factor that multiplies all standard deviations, to allow for differences between oscillation
+            and sliding
 
         Returns
         -------
@@ -177,10 +178,10 @@ class PronyFit:
 
     @functools.cached_property
     def fit(self) -> FitResult:
-        """A FitResult of the same moduli by `fitting.fit`, for intervals, profiles, bootstrap and files.
+        """FitResult of `fitting.fit` for the same moduli, for intervals, profiles, bootstrap and files.
 
-        Computed on first access, which takes seconds to compile. It needs equal weights of E' and E'':
-        ValueError otherwise.
+        It is computed on first access, which takes seconds to compile. Unequal weights of E' and E'' raise
+        ValueError.
         """
         if self.weights[0] != self.weights[1]:
             raise ValueError(
@@ -231,11 +232,11 @@ class PronyFit:
             lines.append(f"    weights: E' {self.weights[0]:g}, E'' {self.weights[1]:g}")
         if self.dropped.size:
             times = ", ".join(f"{t:.3g}" for t in self.dropped)
-            lines.append(f"    absent, because the best fit does not have them: tau = {times} s")
+            lines.append(f"    absent, because E = 0 in the best fit: tau = {times} s")
         lines.append(f"    {'tau [s]':>10} {'E [Pa]':>11}")
         lines += [f"    {time:>10} {value:>11}  {more}" for time, value, more in self._rows()]
         if np.inf in self.dropped:
-            lines.append("    without E_inf it is a liquid; if it is a solid, give its E_inf")
+            lines.append("    without E_inf the material is a liquid; for a solid, give E_inf")
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
@@ -248,7 +249,10 @@ class PronyFit:
         return html.table(rows, ("tau [s]", "E [Pa]", "error [Pa]"), caption)
 
     def _rows(self):
-        """Return the texts of every term, E_inf first: time, modulus, and its error or why it has none."""
+        """Return (time, modulus, error) of every term as texts, E_inf first.
+
+        If the error is missing, its text is the reason.
+        """
         tau, E = np.asarray(self.material.tau), np.asarray(self.material.E)
         rows = [("inf", "E_inf", float(self.material.E_inf))]
         rows += [(f"{tau[i]:.4g}", f"E[{i}]", float(E[i])) for i in range(tau.size)]
@@ -276,20 +280,21 @@ def fit_prony(
     Parameters
     ----------
     data : ModulusData
-        with temperatures: raw curves, superposed by `shift`; without: a master curve.
+        Data with temperatures are raw curves, which `shift` superposes. Data without temperatures are a
+        master curve.
     per_decade : minimum number of relaxation times per decade, > 0
-        They are evenly spaced in ln tau from 1/omega_max to 1/omega_min of the (reduced) frequencies, so
+        The times are evenly spaced in ln tau from 1/omega_max to 1/omega_min of the (reduced) frequencies, so
         the loss of the first and the last term peaks at the ends of the data. Relaxation outside this
         range is represented by the end terms and E_inf.
-    tau : relaxation times [s] instead of that grid, all different
-    E_inf : "fit", or the relaxed modulus [Pa], fixed (0: a liquid)
+    tau : relaxation times [s] that replace the grid of `per_decade`, all different
+    E_inf : "fit", or a fixed value of the relaxed modulus [Pa] (0: a liquid)
     poisson, shift : fields of the material; `fit_master_curve` fits a shift
     smooth : sigma of a `Smooth` prior [-], or "auto", or None
         For noisy data. With a prior no term vanishes, and gaps in the frequencies are bridged. "auto" chooses
         the sigma with the smallest prediction error by generalised cross-validation [Golub, Heath &
         Wahba, Technometrics 21 (1979) 215, doi:10.1080/00401706.1979.10489751].
     weights : (w', w''), >= 0 [-]
-        weights of E' and E''; 0 leaves one of them out.
+        Weights of E' and E''. A weight of 0 leaves out E' or E''.
 
     Returns
     -------
@@ -298,9 +303,10 @@ def fit_prony(
     Raises
     ------
     ValueError
-        one line: data of another kind, temperatures without a shift or outside its range, fewer measured
-        values than unknowns, frequencies that leave a gap of more than two decades (curves that do not
-        overlap), relaxation times more than two decades outside the data.
+        `data` is not a ModulusData, or has temperatures without a shift or outside the range of the shift.
+        There are fewer measured values than unknowns. The frequencies leave a gap of more than two decades
+        (curves that do not overlap). Relaxation times lie more than two decades outside the data. The
+        message is one line.
 
     Notes
     -----
@@ -321,7 +327,7 @@ def fit_prony(
     if count < series.tau.size:
         raise ValueError(
             f"data {data.label!r}: {series.measured.size} values for {series.tau.size} unknowns:"
-            " must have at least as many; lower per_decade, or give tau or smooth"
+            " must have at least as many values; lower per_decade, or give tau or smooth"
         )
     if smooth is None:
         check_gaps(data, omega)
@@ -358,7 +364,7 @@ def _strength(smooth):
 
 
 def _weights(weights):
-    """Return the weights of E' and E'' as an array, checked."""
+    """Check the weights of E' and E'', and return them as an array."""
     weight = np.array([w if is_number(w) else np.nan for w in np.ravel(np.array(weights, object))], float)
     if weight.shape != (2,) or not (np.isfinite(weight) & (weight >= 0)).all() or not weight.any():
         raise ValueError(f"weights = {shown(weights)}: must be two numbers >= 0, for E' and E'', not both 0")
@@ -385,7 +391,7 @@ def _series(data, omega, tau, relaxed, weight):
 
 
 def _peaks(data, omega, tau):
-    """Return initial E > 0: the loss at the peak of every term, and half the lowest storage for E_inf."""
+    """Return initial E > 0: from E'' at the loss peak of every term, and half the lowest E' for E_inf."""
     finite = np.isfinite(tau)
     order, at = np.argsort(omega), np.argsort(tau[finite])
     floor = 1e-6 * np.abs(data.storage).max()

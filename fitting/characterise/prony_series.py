@@ -4,8 +4,7 @@ r"""A Prony series on given relaxation times as a least-squares problem in NumPy
           E'' = \sum_i E_i \frac{a_i}{1 + a_i^2},\qquad a_i = \omega\tau_i
 
 The model is linear in E, so its derivatives with respect to ln E are E times the columns of the model's
-matrix; nothing is compiled. Bounded
-least squares finds exact zeros.
+matrix, and nothing is compiled. Bounded least squares finds exact zeros.
 """
 
 import dataclasses
@@ -94,7 +93,7 @@ def given(data: ModulusData, tau: ArrayLike, omega: np.ndarray) -> np.ndarray:
 
 
 def fixed_modulus(E_inf: float | str) -> float | None:
-    """Return a fixed relaxed modulus; None if it is fitted."""
+    """Return the relaxed modulus if it is held fixed, or None if it is fitted."""
     if isinstance(E_inf, str) and E_inf == "fit":
         return None
     if isinstance(E_inf, str) or not (is_number(E_inf) and E_inf >= 0):
@@ -185,7 +184,7 @@ def nonnegative_logarithmic(
 class SeriesMinimum(NamedTuple):
     """Moduli at a minimum, their uncertainty, and a measure of optimality."""
 
-    E: np.ndarray  # E_i, and E_inf last where it is free; > 0
+    E: np.ndarray  # E_i, and E_inf last if it is fitted; > 0
     scale: float | None  # relative error estimated from the scatter; None where errors were given
     uncertainty: Uncertainty  # of ln E
     slope: float  # largest cosine between the residuals and a change of ln E, 0 at a minimum
@@ -199,7 +198,7 @@ class SeriesProblem:
     ----------
     columns : E' and then E'' of every term with E = 1, shape (rows, terms)
     known : part of the model that is not fitted, shape (rows,)
-    measured, error : shape (rows,); `error` belongs to the logarithm if `logarithmic`, else to the value
+    measured, error : shape (rows,); `error` is of ln(measured) if `logarithmic`, otherwise of measured
     estimate : True if only the ratios of `error` are known, so that its size is estimated
     tau : relaxation times [s]; inf, at the end, stands for E_inf
     body : "lower" or "upper", part of the key paths of the moduli
@@ -229,7 +228,7 @@ class SeriesProblem:
         return tuple(element_names(self.variables))
 
     def only(self, kept: np.ndarray) -> "SeriesProblem":
-        """Return the problem restricted to some terms."""
+        """Return the problem with only the terms for which `kept` is True."""
         return dataclasses.replace(self, columns=self.columns[:, kept], tau=self.tau[kept])
 
     def bounded(self) -> np.ndarray:
@@ -243,7 +242,7 @@ class SeriesProblem:
         return np.where((self.columns * E > _ROUNDING * model[:, None]).any(0), E, 0.0)
 
     def rows(self, x: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residuals at x = ln E in units of errors, and their derivatives."""
+        """Return the residuals at x = ln E in units of errors, and their derivatives with respect to x."""
         parts = self.columns * np.exp(x)
         model = parts.sum(1) + self.known
         if self.logarithmic:
@@ -251,9 +250,10 @@ class SeriesProblem:
         return (model - self.measured) / error, parts / error[:, None]
 
     def solved(self, E: np.ndarray, smooth: float | None = None) -> SeriesMinimum:
-        """Return the minimum near E > 0, and its uncertainty; without `smooth`, E itself is the minimum.
+        """Return the minimum near E > 0, and its uncertainty.
 
-        Unknown errors are estimated from the scatter, as in `fitting.fit`.
+        If `smooth` is None, E must be the minimum itself. Unknown errors are estimated from the scatter, as
+        in `fitting.fit`.
         """
         bends = np.zeros((0, E.size)) if smooth is None else self._bends() / smooth
         x, error, scale = np.log(E), self.error, None
@@ -295,7 +295,7 @@ class SeriesProblem:
         return float(_STRENGTHS[::-1][int(np.argmin(scores))])
 
     def _bends(self) -> np.ndarray:
-        """Return changes of d ln E / d log10 tau from term to term, shape (terms - 2, terms)."""
+        """Return the matrix that maps ln E to the changes of d ln E / d log10 tau from term to term."""
         terms = np.flatnonzero(np.isfinite(self.tau))
         order = terms[np.argsort(self.tau[terms])]
         if order.size < 3:
@@ -304,7 +304,7 @@ class SeriesProblem:
         return np.diff(slopes, axis=0)
 
     def _minimum(self, x, error, bends):
-        """Return x = ln E at the minimum of the squares of data and prior, by Levenberg-Marquardt steps."""
+        """Minimise the squared residuals of data and prior by Levenberg-Marquardt steps. Return x = ln E."""
         damping, (r, J) = 1e-3, self._all(x, error, bends)
         for _ in range(_ITERATIONS):
             H, g = J.T @ J, J.T @ r
@@ -337,7 +337,10 @@ class SeriesProblem:
 
 
 def columns(omega: np.ndarray, tau: np.ndarray) -> np.ndarray:
-    """Return E' and E'' of every term with E = 1, shape (2 frequencies, terms); tau = inf is E_inf."""
+    """Return E' of every term with E = 1 at all frequencies, and E'' in the rows below.
+
+    The shape is (2 n, terms) for n frequencies. tau = inf stands for E_inf.
+    """
     finite = np.isfinite(tau)
     a = omega[:, None] * np.where(finite, tau, 1.0)
     terms = np.concatenate([a**2 / (1 + a**2), a / (1 + a**2)])

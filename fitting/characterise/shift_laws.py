@@ -13,14 +13,14 @@ _FAR = 1e5  # C2 [K] beyond which WLF is a straight line over any temperatures
 
 
 class ShiftLaw(NamedTuple):
-    """A law through shift factors.
+    """Shift law that was fitted to shift factors.
 
     Attributes
     ----------
     shift : WLF or Arrhenius
     names : names of its parameters, ("C1", "C2") or ("energy",)
-    values, stderr, covariance : of the parameters; C1 [-], C2 [K], energy [eV]
-    chisqr, freedom : sum of squares of the misfit in standard errors, and degrees of freedom
+    values, stderr, covariance : parameters, their standard errors and covariance; C1 [-], C2 [K], energy [eV]
+    chisqr, freedom : chi-square of the misfit, and degrees of freedom
     """
 
     shift: rf.WLF | rf.Arrhenius
@@ -37,7 +37,10 @@ class ShiftLaw(NamedTuple):
 
     @property
     def holds(self) -> bool:
-        """True if chance exceeds the misfit, by chi-square, with a probability above 0.1 %."""
+        """True if the chi-square probability of a misfit at least as large is above 0.1 %.
+
+        Always True without degrees of freedom.
+        """
         return self.freedom == 0 or bool(scipy.stats.chi2.sf(self.chisqr, self.freedom) > _CHANCE)
 
     @property
@@ -47,10 +50,10 @@ class ShiftLaw(NamedTuple):
 
 
 def wlf_through(T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref: float) -> ShiftLaw | None:
-    r"""Return log10 a_T = -C1 (T - T_ref) / (C2 + T - T_ref) through ln a_T with their covariance.
+    r"""Fit the WLF law log10 a_T = -C1 (T - T_ref) / (C2 + T - T_ref) to ln a_T with the given covariance.
 
-    T, log_a and covariance exclude T_ref, shape (n,). None for n < 2, which leaves a parameter undetermined,
-    and if the shifts do not fall with temperature.
+    T and log_a have the shape (n,). They and the covariance exclude T_ref. Return None if n < 2, because one
+    parameter is then undetermined, or if the shifts do not decrease with temperature.
     """
     if T.size < 2:
         return None
@@ -94,7 +97,7 @@ def wlf_through(T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref:
 def arrhenius_through(
     T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref: float
 ) -> ShiftLaw | None:
-    """Return the Arrhenius law through ln a_T with their covariance; None if its energy is not > 0."""
+    """Fit the Arrhenius law to ln a_T with the given covariance. Return None if its energy is not > 0."""
     whiten = _whitener(covariance)
     of_one_eV = np.asarray(rf.Arrhenius(1.0, T_ref).log_factor(T), float)
     column, aim = whiten @ of_one_eV, whiten @ log_a
@@ -110,7 +113,7 @@ def arrhenius_through(
 
 
 def _whitener(covariance):
-    """Return W with W C W^T = 1."""
+    """Return W with W C W^T = 1 for a covariance matrix C."""
     values, vectors = np.linalg.eigh(covariance)
     values = np.maximum(values, 1e-14 * values.max())
     return (vectors / np.sqrt(values)).T

@@ -2,7 +2,7 @@ r"""Softening of filled rubber from a measured strain sweep (Payne effect) [J. A
 
 .. math:: f(\varepsilon) = E'(\varepsilon) / E'_{lin},\qquad g(\varepsilon) = E''(\varepsilon) / E''_{lin}
 
-at one frequency; E'_lin and E''_lin hold at small strains.
+at one frequency. E'_lin and E''_lin are the moduli at small strains.
 """
 
 import warnings
@@ -43,18 +43,19 @@ def softening_from_sweep(
         Rows within 1 K belong to one sweep.
     linear : largest strain of the linear range [-], or None
         The mean of f and of g up to this strain is 1. None: f = g = 1 at the smallest strain.
-    factor : strain over rms slope of an asperity [-], passed to `Softening`
+    factor : ratio of the strain to the rms slope of an asperity [-], passed to `Softening`
 
     Returns
     -------
-    Softening; with temperatures a dict of mean temperature [K] -> Softening, one for each sweep, in rising
-    order
+    Softening, or, if temperatures are given, a dict of mean temperature [K] -> Softening with one item for
+    each sweep, by rising temperature
 
     Raises
     ------
     ValueError
-        one line: numbers of the wrong sign or shape, fewer than two strains in a sweep, no strain up to
-        `linear`, or equal strains. If the strain rises and falls, give one direction or the mean of both.
+        Numbers have the wrong sign or shape, a sweep has fewer than two strains or no strain up to `linear`,
+        or two strains are equal. If the strain rises and falls, give one direction or the mean of both. The
+        message is one line.
 
     Warns
     -----
@@ -86,7 +87,7 @@ def softening_from_sweep(
 def _checked(name, values, shape):
     values = np.asarray(values, float)
     if values.ndim != 1 or values.shape != shape:
-        raise ValueError(f"{name} has shape {values.shape}: must be (n,), as long as strain")
+        raise ValueError(f"{name} has shape {values.shape}: must be (n,), with the length of strain")
     bad = np.flatnonzero(~(np.isfinite(values) & (values > 0)))
     if bad.size:
         raise ValueError(f"{name}[{bad[0]}] = {values[bad[0]]:g}: must be finite and > 0")

@@ -86,7 +86,10 @@ class SpectrumFit:
         return html.table(rows, ("parameter", "value", "error"), caption)
 
     def _rows(self):
-        """Return the texts of every parameter: name, unit, value, and its error or why it has none."""
+        """Return (name, unit, value, error) of every parameter as texts.
+
+        If the error is missing, its text is the reason.
+        """
         rows = []
         for name in ("h_rms", "hurst", "qr", "q0", "q1"):
             value = float(getattr(self.spectrum, name))
@@ -97,7 +100,7 @@ class SpectrumFit:
 
 
 class Line(NamedTuple):
-    """A broken line in t = ln q."""
+    """Line of ln C over t = ln q that is flat up to a kink and then falls."""
 
     cost: float  # weighted sum of squares
     level: float  # ln C of the plateau
@@ -126,11 +129,12 @@ def fit_spectrum(
     ----------
     data : SpectrumData, TabulatedSpectrum, or a pair (q, C) [1/m], [m^4]
     q0, q1 : cut-offs of the surface [1/m]; None: q0 and q1 of the table, or the first and the last wavevector
-        of the data. Data outside are not used. h_rms is the height of q0 < q < q1, also if this range is
-        larger than that of the data.
-    qr : "fit", or the roll-off wavevector [1/m], fixed; qr = q0 means no plateau
-    hurst : "fit", or H [-], fixed
-    relative : standard error of ln C [-], a number or one for each point, for data without errors
+        of the data. Data outside are not used. h_rms is the rms height of the range q0 < q < q1, even if
+        this range is larger than the range of the data.
+    qr : "fit", or a fixed value of the roll-off wavevector [1/m]; qr = q0 means no plateau
+    hurst : "fit", or a fixed value of H [-]
+    relative : standard error of ln C [-], for data without errors; a number, or an array with a value for
+        each point
     body : "lower" or "upper", body in the key paths of the result's `fit`; None: the body of the data, or
         "lower"
 
@@ -140,7 +144,9 @@ def fit_spectrum(
 
     Raises
     ------
-    ValueError : one line: data of another type, cut-offs in wrong order, fewer values than unknowns.
+    ValueError
+        `data` has another type, the cut-offs are in the wrong order, or there are not more values than
+        unknowns. The message is one line.
 
     Notes
     -----
@@ -165,7 +171,7 @@ def fit_spectrum(
     if inside.sum() < unknowns + 1:
         raise ValueError(
             f"data {data.label!r}: {inside.sum()} values within {q0:g} ... {q1:g} 1/m for {unknowns}"
-            " unknowns: must be more"
+            " unknowns: must have more values than unknowns"
         )
     remarks = []
     if not inside.all():
@@ -185,7 +191,7 @@ def fit_spectrum(
             free[f"{body}.spectrum.hurst"] = Bounded(0.0, 1.0)
         else:
             steeper = "steeper than H = 1" if H > 0.5 else "flatter than H = 0"
-            remarks.append(f"the decrease is {steeper}: H is fixed there")
+            remarks.append(f"the decrease is {steeper}: H is fixed at this limit")
     if fixed_qr is None and not no_kink:
         free[f"{body}.spectrum.qr"] = Positive()
     # A scene needs a deformable solid; its modulus is not used.
@@ -216,7 +222,7 @@ def _data(data, relative, body):
         )
     for name, value, own in (("relative", relative, data.error), ("body", body, data.body)):
         if value is not None and own is not None:
-            raise ValueError(f"{name} = {shown(value)}: must not be given, because the data have it")
+            raise ValueError(f"{name} = {shown(value)}: must not be given, because the data specify it")
     if relative is None and body is None:
         return data
     relative = data.relative if relative is None else relative
@@ -240,7 +246,7 @@ def _cutoff(name, value, default):
 
 
 def _fixed(name: str, value: float | str, low: float, high: float) -> float | None:
-    """Return a fixed number; None if it is fitted."""
+    """Return the value of a parameter that is held fixed, or None if the parameter is fitted."""
     if isinstance(value, str) and value == "fit":
         return None
     if isinstance(value, str) or not (is_number(value) and low <= value <= high):
@@ -249,7 +255,7 @@ def _fixed(name: str, value: float | str, low: float, high: float) -> float | No
 
 
 def _ordered(line, q0, q1, H):
-    """Return (qr, q1, H) of a line, with qr = q1 if they differ only by rounding."""
+    """Return (qr, q1, H) of a line. qr is exactly q0 or q1 if the difference is only rounding."""
     qr = next((q for q in (q0, q1) if abs(line.kink - np.log(q)) < 1e-12), np.exp(line.kink))
     return float(np.clip(qr, q0, q1)), q1, float(np.clip(H, 0.0, 1.0))
 
@@ -280,8 +286,9 @@ def broken_line(
 ) -> Line:
     """Fit a line that is flat up to a kink and then falls with a slope within bounds, by least squares.
 
-    Every interval between neighbouring t is tried. The best kink inside it is the intersection of the best
-    level before it and the best straight line behind it; otherwise the kink is at an end of the interval.
+    Every interval between neighbouring t is tried. The best kink inside an interval is the intersection of
+    the best level before the interval and the best straight line behind it. If the intersection is outside,
+    the best kink is at an end of the interval.
     """
     order = np.argsort(t, kind="stable")
     t, y, weight = t[order], y[order], weight[order]
@@ -304,7 +311,7 @@ def broken_line(
 
 
 def _line(t, y, weight, slopes, kink):
-    """Return the best line with a given kink."""
+    """Return the line that fits best among those with the given kink."""
     fall = np.maximum(t - kink, 0.0)
     middle, height = np.average(fall, weights=weight), np.average(y, weights=weight)
     spread = np.sum(weight * (fall - middle) ** 2)

@@ -25,7 +25,7 @@ from rubberfric import Entropic
 # Phase error [rad] and offsets of ln E' and ln E'' that the initial guesses assume.
 _GUESSES = (0.003, (0.02, 0.02)), (0.03, (0.002, 0.02))
 _KNOTS = 2.5  # a decade
-_ROUNDS, _HOLD, _SCREEN = 50, 6, 14  # iterations; of them with fixed variances; for each initial guess
+_ROUNDS, _HOLD, _SCREEN = 50, 6, 14  # iterations in all, with fixed variances, and for each initial guess
 _OFFSET, _BELIEF = 0.01, 20.0  # expected offset of a sweep, and the number of sweeps that this counts for
 _STIFFEST = 300.0  # largest penalty; beyond it sharp bends pass for offsets
 _PHASE = (1e-4, 0.1)  # range of the phase error [rad]
@@ -39,21 +39,21 @@ _FREE = 0.3  # standard deviation of free ln b_T
 
 
 class Shifts(NamedTuple):
-    """Shifts of all sweeps and the curve; the reference has shift 0 without error."""
+    """Shifts of all sweeps, and the smooth curve. The reference sweep has the shift 0 without error."""
 
     log_a: np.ndarray  # ln a_T, shape (sweeps,)
     log_b: np.ndarray  # ln b_T, shape (sweeps,); 0 without vertical shifts
-    covariance: np.ndarray  # of both, shape (2 sweeps, 2 sweeps); errors of the temperatures included
-    scatter: tuple[float, float]  # of ln E' and ln E'', estimated; of given errors their median
+    covariance: np.ndarray  # of ln a_T and ln b_T, shape (2 sweeps, 2 sweeps), with temperature errors
+    scatter: tuple[float, float]  # of ln E' and ln E'', estimated, or the median of the given errors
     phase: float  # phase error [rad]
     offset: tuple[float, float]  # standard deviation of the offsets of ln E' and ln E''
-    hidden: np.ndarray  # ln b_T beside log_b that the curve allows for, shape (sweeps,)
+    hidden: np.ndarray  # ln b_T that the curve allows for in addition to log_b, shape (sweeps,)
     scaled: bool  # True if moduli are not shifted, but rise with temperature as in rubber elasticity
-    redchi: float  # sum of squares by degrees of freedom, 1 where errors are estimated
+    redchi: float  # sum of squares / degrees of freedom; 1 if errors are estimated
     t: np.ndarray  # reduced ln omega of all points, sweep by sweep
-    smooth: np.ndarray  # the splines there, shape (2, points)
+    smooth: np.ndarray  # the splines at t, shape (2, points)
     bad: np.ndarray  # True for points <= 0 or beyond 4 standard deviations, shape (2, points)
-    correlated: np.ndarray  # points of a sweep that count as one, shape (2,)
+    correlated: np.ndarray  # number of points equivalent to one independent point, shape (2,)
     knots: np.ndarray  # of both splines, ln omega
     splines: np.ndarray  # their coefficients, shape (2, n)
     covariances: np.ndarray  # of (coefficients, ln a_T) without errors of temperature, shape (2, m, m)
@@ -61,7 +61,7 @@ class Shifts(NamedTuple):
 
 @dataclasses.dataclass
 class _Superposition:
-    """Points, variances and solution; one iteration updates all of them."""
+    """State of the fit: points, variances and shifts, which the iterations update."""
 
     sweeps: Sequence[Sweep]
     reference: int
@@ -122,7 +122,10 @@ class _Superposition:
         return _Curve(float(np.sum(w * r**2) + c @ prior @ c), H, c, r, slope, w, X, places, D, t)
 
     def bordered(self, found):
-        """Return the covariance of all unknowns, the Gauss-Newton step, and the derivatives by the shifts."""
+        """Return the covariance of all unknowns, the Gauss-Newton step, and the derivatives of the model.
+
+        The derivatives are with respect to the shifts.
+        """
         size, p = found.c.size, self.moving.size
         J = -found.slope[:, :, None] * self.each[:, self.moving]
         H, right = np.zeros((size + p, size + p)), np.zeros(p)
@@ -138,7 +141,10 @@ class _Superposition:
         return C, C[size:, size:] @ right, -J
 
     def iterate(self, update):
-        """Make one step of the shifts; update variances and weights. Return the largest change."""
+        """Make one Gauss-Newton step of the shifts, and return the largest change.
+
+        If `update` is True, update variances and weights too. Otherwise return inf.
+        """
         gradient = np.gradient(self.x, self.T)
         self.measured = np.concatenate([one.t for one in self.sweeps]) + (self.drift * gradient[self.which])
         t, h = self.measured + self.x[self.which], np.log(10) / _KNOTS
@@ -160,7 +166,7 @@ class _Superposition:
     def reweigh(self, found, C, J):
         """Update variances, penalties and weights of outliers.
 
-        Return a fiftieth of the largest relative change. The tolerance of `run` for shifts, 0.2 %, then is
+        Return the largest relative change divided by 50. The tolerance of `run`, 0.2 % for shifts, is thus
         10 % for variances.
         """
         old = np.concatenate([self.sigma2, self.tau2, self.penalty])
@@ -184,7 +190,7 @@ class _Superposition:
         return np.abs(np.log(np.concatenate([self.sigma2, self.tau2, self.penalty]) / old)).max() / 50
 
     def correlated(self, z):
-        """Return the number of points that count as one, by the correlation of neighbours in a sweep."""
+        """Return how many points equal one independent point, from the correlation of neighbours."""
         z = np.clip(z, -_OUTLIER, _OUTLIER)
         within = self.which[1:] == self.which[:-1]
         rho = np.mean((z[1:] * z[:-1])[within]) / max(np.mean(z**2), 1e-30)
@@ -198,7 +204,7 @@ class _Superposition:
         return self
 
     def misfit(self):
-        """Return the sum of ln(rms) of ln E' and ln E'' about the curve, offsets included."""
+        """Return the sum of ln(rms deviation from the curve) over ln E' and ln E'', offsets included."""
         found = self.curve(self.x)
         b, n = found.D.shape[1], self.T.size
         rest = found.r + np.array([self.each @ found.c[at[b : b + n]] for at in found.places])
@@ -207,7 +213,7 @@ class _Superposition:
 
 
 def _leverage(found, C, J):
-    """Return the derivative of every fitted value by the measured one."""
+    """Return the derivative of every fitted value with respect to its measured value."""
     each = [np.concatenate([at, np.arange(found.c.size, C.shape[0])]) for at in found.places]
     X = [np.concatenate([found.X, one], axis=1) for one in J]
     return (
@@ -217,7 +223,7 @@ def _leverage(found, C, J):
 
 
 class _Curve(NamedTuple):
-    """The linear part of the problem at given shifts."""
+    """Solution of the linear part of the problem at given shifts."""
 
     objective: float
     H: np.ndarray
@@ -234,13 +240,13 @@ class _Curve(NamedTuple):
 def shifts_of(
     sweeps: Sequence[Sweep], reference: int, vertical: bool | str, temperature_error: float
 ) -> Shifts:
-    """Return the shifts of all sweeps onto the one with the number `reference`.
+    """Return the shifts of all sweeps onto the sweep with the index `reference`.
 
     Parameters
     ----------
-    sweeps : by rising temperature
+    sweeps : sweeps, sorted by rising temperature
     vertical : True: free b_T; "entropic": T rho / (T_ref rho_ref); False: none
-        With False, if the moduli fit much better with about the entropic b_T, ln a_T allows for it.
+        With False, ln a_T allows for about the entropic b_T if the moduli then fit much better.
     temperature_error : standard deviation of the temperature of a sweep [K]
     """
     T, n = np.array([one.T for one in sweeps]), len(sweeps)

@@ -1,7 +1,7 @@
 r"""Split data into isothermal sweeps, and guess the shifts that superpose them.
 
-The guess models ln E of two neighbours as one smooth random function of ln omega, an integrated Wiener
-process.
+The guess models ln E of two neighbouring sweeps as one smooth random function of ln omega, an integrated
+Wiener process.
 """
 
 import itertools
@@ -24,14 +24,14 @@ class Sweep(NamedTuple):
     at: np.ndarray  # temperature of every point [K]
     t: np.ndarray  # ln omega
     y: np.ndarray  # ln E' and ln E'', shape (2, points); NaN where E <= 0
-    error: np.ndarray | None  # of them, shape (2, points)
+    error: np.ndarray | None  # standard errors of y, shape (2, points)
 
 
 def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sweep]:
     """Return the sweeps of all data, by rising temperature.
 
-    Rows whose temperatures lie within `same` [K] of a neighbour belong to one sweep. ValueError for other
-    data, no temperature, one temperature only, or a sweep with too few points > 0.
+    Rows whose temperatures lie within `same` [K] of a neighbour belong to one sweep. Raise ValueError for
+    other data, for missing temperatures, for a single temperature, and for a sweep with too few points > 0.
     """
     sets = [data] if isinstance(data, ModulusData) else data
     if not isinstance(sets, list | tuple) or not sets:
@@ -40,7 +40,10 @@ def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sw
     errors = [one[3] for one in rows if one[3] is not None]
     known = [one[3] is not None for one in rows]
     if any(known) and not all(known):
-        raise ValueError(f"isotherms[{known.index(False)}] have no errors, others have: must be all or none")
+        raise ValueError(
+            f"isotherms[{known.index(False)}] has no errors, but other data sets have: give errors for all"
+            " data sets or for none"
+        )
     T, t = np.concatenate([one[0] for one in rows]), np.concatenate([one[1] for one in rows])
     y = np.concatenate([one[2] for one in rows], axis=1)
     error = np.concatenate(errors, axis=1) if errors else None
@@ -48,7 +51,8 @@ def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sw
     groups = np.split(order, np.flatnonzero(np.diff(T[order]) > same) + 1)
     if len(groups) < 2:
         raise ValueError(
-            f"isotherms: all are at {T.mean():.6g} K within {same:g} K: must be of two temperatures at least"
+            f"isotherms: all rows are at {T.mean():.6g} K within {same:g} K: must have at least two"
+            " temperatures"
         )
     found = []
     for group in groups:
@@ -56,8 +60,8 @@ def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sw
         count = int(np.isfinite(y[:, group]).sum(axis=1).min())
         if count < _FEWEST:
             raise ValueError(
-                f"the sweep at {T[group].mean():.6g} K has {count} points > 0: must have {_FEWEST} at least;"
-                f" temperatures within {same:g} K count as one (same=...)"
+                f"the sweep at {T[group].mean():.6g} K has {count} points > 0: must have at least"
+                f" {_FEWEST}; temperatures within {same:g} K belong to one sweep (argument same)"
             )
         errors = None if error is None else error[:, group]
         found.append(Sweep(float(T[group].mean()), T[group], t[group], y[:, group], errors))
@@ -65,11 +69,11 @@ def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sw
 
 
 def _rows(i, one):
-    """Return temperature, ln omega, ln E and its error of one data set."""
+    """Return temperature, ln omega, ln E and the error of ln E for one data set."""
     if not isinstance(one, ModulusData):
         raise ValueError(f"isotherms[{i}] is a {type(one).__name__}: must be ModulusData")
     if one.temperature is None:
-        raise ValueError(f"isotherms[{i}], {one.label!r}: have no temperature: must have one for every row")
+        raise ValueError(f"isotherms[{i}], {one.label!r}, has no temperature: must have one for every row")
     positive = np.where(one.measured > 0, one.measured, np.nan)
     error = one.error
     if error is not None:
@@ -78,11 +82,11 @@ def _rows(i, one):
 
 
 def first_shifts(sweeps: Sequence[Sweep], phase: float, offsets: tuple[float, float]) -> np.ndarray:
-    """Return an initial guess of ln a_T of every sweep, 0 of the first.
+    """Return an initial guess of ln a_T for every sweep, 0 for the first.
 
-    The likelihood of a common smooth curve through two neighbours is tabulated over their relative shift. The
-    shifts follow the WLF law with the largest sum of log likelihoods over all pairs, because one pair alone
-    may be ambiguous.
+    The likelihood of a common smooth curve through two neighbouring sweeps is tabulated over their relative
+    shift. The shifts follow the WLF law with the largest sum of log likelihoods over all pairs, because one
+    pair alone may be ambiguous.
 
     Parameters
     ----------
@@ -141,7 +145,7 @@ def _pair(cold, warm, phase, offsets):
 
 
 def _roughness(sweep, k):
-    """Return the scatter of ln E about the sweep's own cubic, from the median."""
+    """Return the scatter of ln E about a cubic fitted to the sweep, from the median deviation."""
     ok = np.isfinite(sweep.y[k])
     t, y = sweep.t[ok], sweep.y[k][ok]
     fitted = np.polynomial.Polynomial.fit(t, y, min(3, t.size - 2))(t)

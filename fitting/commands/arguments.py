@@ -67,10 +67,10 @@ def _calibration_parser() -> Parser:
         "--on",
         choices=("normal", "samples"),
         default="normal",
-        help="compare the truths with error bars, or with draws from the posterior, which takes longer",
+        help="compare the true values with error bars, or with posterior draws, which takes longer",
     )
     parser.add_argument(
-        "--plot", metavar="FILE.png", help="draw the ranks of the truths (.png, .pdf or .svg)"
+        "--plot", metavar="FILE.png", help="draw the ranks of the true values (.png, .pdf or .svg)"
     )
     parser.set_defaults(out=None)
     add_common(parser)
@@ -78,7 +78,7 @@ def _calibration_parser() -> Parser:
 
 
 def _laboratory_parser(kind: str, description: str, out: str, plot: str | None, suffixes: str) -> Parser:
-    """Return the parser of a command of `fitting.commands.laboratory`, without its own arguments."""
+    """Return the parser of a command of `fitting.commands.laboratory`, with the common arguments only."""
     from rubberfric.commands import Parser, add_common, add_outputs
 
     parser = Parser(prog=f"{PROGRAM} {kind}", description=description)
@@ -124,7 +124,7 @@ def _mastercurve_parser() -> Parser:
         nargs="+",
         type=float,
         metavar="K",
-        help="of each file, if the files do not have it [K]",
+        help="temperature of each file [K], if the files do not contain it",
     )
     parser.add_argument(
         "--reference",
@@ -165,9 +165,13 @@ def _spectrum_parser() -> Parser:
     parser.add_argument(
         "--spacing", nargs="+", type=float, metavar="M", help="dx, or dx and dy, of a grid of heights [m]"
     )
-    parser.add_argument("--unit", metavar="UNIT", help="m, mm, um or nm, of a height map without units")
-    parser.add_argument("--normalisation", metavar="NAME", help="of C(q), see `rubberfric.roughness`")
-    parser.add_argument("--hurst", type=float, metavar="H", help="for a spectrum along a line")
+    parser.add_argument("--unit", metavar="UNIT", help="unit of a height map without units: m, mm, um, nm")
+    parser.add_argument(
+        "--normalisation", metavar="NAME", help="normalisation of C(q), see `rubberfric.roughness`"
+    )
+    parser.add_argument(
+        "--hurst", type=float, metavar="H", help="Hurst exponent, needed for a spectrum along a line"
+    )
     parser.add_argument(
         "--q1", type=float, metavar="Q", help="largest wavevector to fit [1/m] (default: last)"
     )
@@ -188,7 +192,7 @@ def _job_parser() -> Parser:
     parser.add_argument("scene", metavar="SCENE", help="scene file (.toml or .h5)")
     parser.add_argument("data", nargs="+", metavar="DATA", help="tables of measured friction")
     for name, unit in (("pressure", "Pa"), ("temperature", "K")):
-        parser.add_argument(f"--{name}", type=float, metavar=unit, help=f"if the data lack it [{unit}]")
+        parser.add_argument(f"--{name}", type=float, metavar=unit, help=f"used if the data lack it [{unit}]")
     parser.add_argument("--relative", type=float, metavar="R", help="error of the data, 0.05 for 5 %%")
     parser.add_argument(
         "--shear",
@@ -220,7 +224,7 @@ def _table_parser() -> Parser:
             type=float,
             metavar=unit,
             required=name != "temperature",
-            help=f"lowest and highest, or one [{unit}]",
+            help=f"lowest and highest {name}, or one value [{unit}]",
         )
     parser.add_argument("--error", type=float, default=0.01, help="interpolation error (default: 0.01)")
     parser.add_argument(
@@ -228,7 +232,7 @@ def _table_parser() -> Parser:
         nargs=3,
         default=("m/s", "Pa", "K"),
         metavar=("V", "P", "T"),
-        help="of the table: m/s, mm/s or um/s; Pa, kPa, MPa or GPa; K or C (default: m/s Pa K)",
+        help="units of the table: m/s, mm/s or um/s; Pa, kPa, MPa or GPa; K or C (default: m/s Pa K)",
     )
     return parser
 
@@ -270,7 +274,7 @@ def _check_table(arguments: argparse.Namespace) -> None:
     check_input(arguments.fit, _SCENES)
     for name in ("velocity", "pressure", "temperature"):
         if len(getattr(arguments, name) or [0]) > 2:
-            raise ValueError(f"--{name}: must be the lowest and the highest value, or one")
+            raise ValueError(f"--{name}: must be the lowest and the highest value, or one value")
 
 
 def fit_parser() -> Parser:
@@ -328,7 +332,7 @@ class Command(NamedTuple):
     module: str
 
 
-# "fit" is the command without a name, too.
+# "fit" is also the command that runs if none is named.
 COMMANDS = {
     "fit": Command(fit_parser, check_fit_arguments, "work"),
     "design": Command(_design_parser, _check_planning, "planning"),

@@ -13,7 +13,7 @@
                                         # see `fitting.read`
     ...
 
-    [scenes.R20]                        # instead of scene and data: several scenes, which share numbers
+    [scenes.R20]                        # instead of scene and data: several scenes, which share parameters
     file = "R20.toml"
     [[scenes.R20.data]]                 # as above
     ...                                 # key paths are "R20.gamma", or "*.gamma" for a shared parameter
@@ -28,8 +28,8 @@
     [prior]                             # optional
     "lower.spectrum.hurst" = { mean = 0.8, sigma = 0.05 }
     "upper.material.E" = { smooth = 1.0 }
-    "upper.material.E_inf + upper.material.E" = { high = 2e9 }    # a sum; and low, sigma
-    fit = { file = "moduli.h5", body = "upper" }    # posterior of another fit; and widen; or a list
+    "upper.material.E_inf + upper.material.E" = { high = 2e9 }    # a sum, optionally low, sigma
+    fit = { file = "moduli.h5", body = "upper" }    # posterior of another fit, optionally widen; or a list
 
     [discrepancy]                       # optional: error of the theory, see `fitting.Discrepancy`
     amplitude = 0.25                    # or "estimated" from the data (default)
@@ -155,11 +155,11 @@ def _scene(path, key, file, of_data, data, outputs):
 
 
 def _check_outputs(path, files, outputs):
-    """Raise ValueError if a file of the job would be overwritten; other errors in names are found later."""
+    """Raise ValueError if an output would overwrite a file of the job. Names are not checked otherwise."""
     for key, name in files.items():
         for output in outputs:
             if isinstance(name, str) and (path.parent / name).resolve() == Path(output).resolve():
-                raise ValueError(f"{path}: {key} = {name!r}: is a file of the job; must not be written to")
+                raise ValueError(f"{path}: {key} = {name!r}: is a file of the job; must not be an output")
 
 
 def _text(path, key, value):
@@ -169,14 +169,14 @@ def _text(path, key, value):
 
 
 def _one(path, key, value):
-    """Return one number; ValueError for a list."""
+    """Return one number. Raise ValueError for a list."""
     if isinstance(value, list):
         raise ValueError(f"{path}: {key} = {shown(value)}: must be one number")
     return toml.number(path, key, value)
 
 
 def _read(path, key, name, reader):
-    """Read a file whose path is relative to the job; errors name the job first."""
+    """Read a file whose path is relative to the job file. Error messages begin with the job file."""
     file = path.parent / _text(path, key, name)
     try:
         return reader(file)
@@ -229,7 +229,7 @@ def _rule(path, key, value):
 
 
 def _known(path, value):
-    """Return priors from the results of another fit in a file."""
+    """Return priors from a file that contains the result of another fit."""
     toml.check_keys(path, "prior.fit", value, FIT_KEYS, ("file",))
     given: dict[str, Any] = {}
     if "body" in value:

@@ -1,4 +1,4 @@
-"""Commands from the exports of a laboratory to a table for a simulation, without a file to edit.
+"""Commands that turn laboratory exports into a friction table for a simulation, without editing files.
 
 ::
 
@@ -40,7 +40,7 @@ _BINS = 10
 _BLOCK = rf.Elastic(1e7, 0.5)
 # Contact shear with which a fit begins, of the size that tread rubber has on asphalt.
 _SHEAR = rf.ContactShear(5e6, 0.2, 1e-2, rf.Arrhenius(1.0, 293.15))
-# Parameters that a job frees by itself.
+# Default free parameters of a job with contact shear.
 _FREE_SHEAR = ("shear.tau_f0", "shear.c", "shear.v0", "shear.shift.energy")
 
 
@@ -58,7 +58,7 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
         moduli, options["shift"] = curve.data, curve.shift
         texts.append(curve.report())
     elif len(data) > 1:
-        raise ValueError("sweeps without temperatures: must be one file, or have --temperature for each")
+        raise ValueError("several files without temperatures: give one file, or --temperature for each file")
     elif temperatures:
         moduli = ModulusData(moduli.omega, moduli.storage, moduli.loss, relative=moduli.relative)
     show("fitting a Prony series")
@@ -80,14 +80,14 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
 
 
 def _of_softening(softening):
-    """Return a line on the softening of the scene."""
+    """Return a line of text about the softening of the scene."""
     storage, loss = float(softening.storage[-1]), float(softening.loss[-1])
     strain = float(softening.strain[-1])
-    return f"At a strain of {strain:.3g}, E' is {storage:.3g} and E'' {loss:.3g} of their values at rest.\n"
+    return f"At a strain of {strain:.3g}, E' is {storage:.3g} and E'' {loss:.3g} times the value at rest.\n"
 
 
 def _with_temperatures(arguments):
-    """Return (file, temperature or None) of every file of moduli."""
+    """Return pairs (file, temperature or None), one for each file of moduli."""
     given = arguments.temperature or [None] * len(arguments.data)
     if len(given) != len(arguments.data):
         raise ValueError(
@@ -104,7 +104,7 @@ def _moduli(arguments, path, temperature):
 
 
 def _with_body(arguments, other, **changes):
-    """Return the scene of --scene with changes of a body, or a new scene with this body and another one."""
+    """Return the scene of --scene with changes to one body, or a new scene of this body and `other`."""
     if arguments.scene is not None:
         scene = rf.load_scene(arguments.scene)
         return scene.replace(**{arguments.body: getattr(scene, arguments.body).replace(**changes)})
@@ -133,7 +133,7 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
 
 
 def _measured_spectrum(arguments):
-    """Return SpectrumData, the lowest wavevector or None, and a line about the heights."""
+    """Return SpectrumData, the lowest wavevector or None, and a line of text about the measurement."""
     if arguments.normalisation is not None:
         data = read(
             arguments.data,
@@ -161,7 +161,7 @@ def _measured_spectrum(arguments):
 
 
 def _of_slope(spectrum):
-    """Return a line on the roughness that the scene has."""
+    """Return a line of text about the roughness in the scene."""
     q1 = float(spectrum.q[-1] if spectrum.q1 is None else spectrum.q1)
     slope, height = float(rf.rms_slope(spectrum)), float(rf.roughness.rms_height(spectrum))
     return f"In the scene: q1 = {q1:.4g} 1/m, rms height {height:.3g} m, rms slope {slope:.3g}.\n"
@@ -211,7 +211,7 @@ def _cutoffs(scene):
 
 
 def run_table(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
-    """Tabulate the friction of a fit or of a scene, write it for a program; return the exit status."""
+    """Tabulate the friction of a fit or a scene, write it for other software; return the exit status."""
     del interrupts
     show(f"reading {arguments.fit}")
     axes: Any = [_one_or_two(getattr(arguments, name)) for name in ("velocity", "pressure", "temperature")]

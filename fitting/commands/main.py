@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with arguments `argv`, and return the exit status.
 
-    `argv` None: the arguments of the process, which signals can end (`rubberfric.commands.interrupts`).
+    If `argv` is None, use the arguments of the process. Signals can then end the process
+    (`rubberfric.commands.interrupts`).
     """
     if argv is None:
         leave_at_once(PROGRAM)

@@ -14,7 +14,7 @@
 The exit status refers to the fit on which the design is based, as for `rubberfric-fit`.
 
 `calibration` tests the error bars that a job would give. True parameters are drawn from the priors of the
-job, which must be Gaussian for every free number. Data are drawn from the scenes with these parameters, at
+job, which must be Gaussian for every free parameter. Data are drawn from the scenes with these parameters, at
 the conditions and with the errors of the job's data. The measured values are not used. The exit status is as
 for `rubberfric-fit`, and 3 if the error bars or the draws of an identified parameter are wrong.
 """
@@ -82,13 +82,13 @@ def run_design(arguments: argparse.Namespace, interrupts: Interrupts, show: Prog
         raise failure
     if result.verdict.explains is False:
         return complain(
-            "rubberfric-fit design", "the scene does not explain the data: rubberfric-fit says why", 3
+            "rubberfric-fit design", "the scene does not explain the data: run rubberfric-fit for details", 3
         )
     return 0
 
 
 def read_design(path: StrPath, content: Any, scene: rf.Scene) -> dict[str, Any]:
-    """Return arguments of `fitting.design` from the table [design]; ValueError for invalid ones."""
+    """Return arguments of `fitting.design` from the table [design]. Raise ValueError if one is invalid."""
     path = Path(path)
     toml.check_keys(path, "design", content, KEYS, ("velocity", "pressure", "n"))
     options: dict[str, Any] = {"candidates": _grid(path, "design", content, scene), "n": content["n"]}

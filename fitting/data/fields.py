@@ -15,27 +15,28 @@ _T = TypeVar("_T")
 
 
 def unit_rule(text: str, test: Callable[[np.ndarray], np.ndarray]) -> ValueRule:
-    """Return a rule for plausible values; values that break it are noise or in a wrong unit."""
+    """Return a rule for plausible values. A value that violates the rule is noise or in a wrong unit."""
     return (f"{text} (check_units=False accepts it)", test)
 
 
 class Field(NamedTuple):
     """Description of a field of measured data."""
 
-    column: str  # its name in tables
+    column: str  # name of the column in tables
     unit: str
-    rule: ValueRule = FINITE  # always
-    plausible: tuple[ValueRule, ...] = ()  # unless check_units=False
+    rule: ValueRule = FINITE  # always applied
+    plausible: tuple[ValueRule, ...] = ()  # applied unless check_units=False
 
 
 def numbers(value: ArrayLike) -> np.ndarray:
     """Return a float64 array of real numbers.
 
-    ValueError if it is anything else, or empty. The caller puts the name of the value before the message.
+    Raise ValueError for any other value, and for an empty one. The caller puts the name of the value before
+    the message.
     """
     try:
         array = np.asarray(value)
-        # a mask would be lost without a word
+        # a mask would be lost without an error
         if array.dtype.kind not in "fiu" or np.ma.is_masked(value):
             raise TypeError
         array = array.astype(float)
@@ -47,7 +48,7 @@ def numbers(value: ArrayLike) -> np.ndarray:
 
 
 class GivenArray:
-    """Annotation of a field: an array that must be given.
+    """Annotation of a field whose array must be given.
 
     For type checkers: the constructor takes an ArrayLike (`__set__`), the data hold an array (`__get__`).
     """
@@ -57,49 +58,49 @@ class GivenArray:
 
 
 class OptionalArray:
-    """Annotation of a field: an array, or None."""
+    """Annotation of a field that holds an array or None."""
 
     def __get__(self, instance: object, owner: type) -> np.ndarray | None: ...
     def __set__(self, instance: object, value: ArrayLike | None) -> None: ...
 
 
 def array(about: Field, *, default: Any = dataclasses.MISSING, kw_only: bool = False) -> Any:
-    """Return the field of a `measurement` that is annotated as Numbers or OptionalNumbers.
+    """Return the field of a `measurement` that is annotated as GivenArray or OptionalArray.
 
     Parameters
     ----------
-    about : its column, unit and rules
-    default, kw_only : as of `dataclasses.field`
+    about : column, unit and rules of the field
+    default, kw_only : as in `dataclasses.field`
     """
     return dataclasses.field(default=default, kw_only=kw_only, metadata={"about": about})
 
 
 @dataclass_transform(field_specifiers=(array, dataclasses.field), frozen_default=True, eq_default=False)
 def measurement(cls: type[_T]) -> type[_T]:
-    """Class decorator of the kinds of measured data: a frozen dataclass."""
+    """Decorate a kind of measured data, which becomes a frozen dataclass."""
     return dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
 
 
 def fields_in(
     frame: Any, fields: Mapping[str, Field], needed: Collection[str], units: Mapping[str, str] | None = None
 ) -> dict[str, np.ndarray]:
-    """Return the columns of a frame in SI, by field name; other columns are left out.
+    """Return a dict of field name -> values in SI from the columns of a frame; ignore other columns.
 
     Parameters
     ----------
     frame : pandas.DataFrame, or a mapping of title to numbers
-        titles are names of columns as in files (`fitting.data.files`: v, mu, T, ...), as instruments and
-        other programs spell them (`rubberfric.io.known_name`: velocity, E', Temperature (°C), ...), or
+        A title is a name of a column in files (`fitting.data.files`: v, mu, T, ...), a name that instruments
+        and other programs use (`rubberfric.io.known_name`: velocity, E', Temperature (°C), ...), or
         "name [unit]".
-    fields : of the kind of data
+    fields : fields of the kind of data, by name
     needed : fields that must be present
-    units : units of titles without one, such as {"v": "mm/s"}; others are in SI
+    units : units of columns whose titles state no unit, such as {"v": "mm/s"}; the default is SI
 
     Raises
     ------
     ValueError
-        one line: a column is missing, occurs twice, or holds no numbers; a unit is unknown; a key of `units`
-        is not a column.
+        A column is missing, occurs twice, or holds no numbers, a unit is unknown, or a key of `units` is not
+        a column. The message is one line.
     """
     units = dict(units or {})
     wanted = {about.column: name for name, about in fields.items()}

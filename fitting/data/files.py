@@ -54,16 +54,17 @@ def read(
     pressure, temperature, body, relative : as in the constructors
         Values that the file lacks. Friction and area need a pressure [Pa], in the file or here. A CSV file
         never contains the body.
-    normalisation, hurst : of the spectrum in a CSV file, see `rubberfric.roughness.normalisation`
-        Required for a spectrum; "C" for a file of `write`. A spectrum along a line also requires H and is
-        converted as for a self-affine surface.
-    poisson : Poisson's ratio [-], needed for a table of shear moduli, E = 2 (1 + poisson) G; a "storage
-        modulus" is one of E without it.
+    normalisation, hurst : normalisation, and H, of a spectrum in a CSV file
+        See `rubberfric.roughness.normalisation`. The normalisation is required for a spectrum, and is "C" for
+        a file of `write`. A spectrum along a line also requires H and is converted as for a self-affine
+        surface.
+    poisson : Poisson's ratio [-], needed for a table of shear moduli, E = 2 (1 + poisson) G
+        A "storage modulus" is read as E' if `poisson` is None, and as G' otherwise.
     columns : list of "name [unit]", or None
         Columns of a table without names, "-" for a column that is not read.
-    kind : "friction", "area", "modulus" or "spectrum"; needed for a table that holds several
+    kind : "friction", "area", "modulus" or "spectrum"; needed for a table that contains several kinds
     check_units : bool
-        True: values of a table that look like values in another unit are errors.
+        If True, raise ValueError for values of a table that look like values in another unit.
     bad_rows : "error", or "drop" to leave out rows of an export with an empty, missing or invalid value
         A warning names their lines.
 
@@ -75,8 +76,8 @@ def read(
     Raises
     ------
     ValueError
-        one line naming the file, the fault and the rule. An argument that the file already contains, or that
-        its kind of data does not have, is an error as well.
+        The message is one line that names the file, the fault and the rule. An argument that the file already
+        contains, or that its kind of data does not have, is an error as well.
     """
     path = as_path(path)
     given = _present(pressure=pressure, temperature=temperature, body=body, relative=relative)
@@ -111,7 +112,7 @@ def read(
             values[name] = np.asarray(spectrum_from(normalisation, values["q"], values[name], hurst))
     try:
         if "pressure" in names and "pressure" not in {*values, *given}:
-            raise ValueError("no column p: the table must have one, or pressure=... be given [Pa]")
+            raise ValueError("no column p: add it to the table, or give pressure=... [Pa]")
         return _made(cls, values, given, check_units)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
@@ -123,7 +124,7 @@ def write(path: StrPath, data: Measured) -> None:
     Raises
     ------
     ValueError
-        one line: `data` is not measured data, or as `Measured.write`.
+        `data` is not measured data, or `Measured.write` raises ValueError. The message is one line.
     """
     if type(data) not in KINDS.values():
         kinds = ", ".join(cls.__name__ for cls in KINDS.values())
@@ -134,10 +135,10 @@ def write(path: StrPath, data: Measured) -> None:
 def read_group(group: h5py.Group | h5py.Dataset | h5py.Datatype, **given: Any) -> Measured:
     """Return the measured data that `Measured.write_group` stored; `given` adds missing values as in `read`.
 
-    ValueError in one line if the group holds no such data.
+    Raise ValueError, with a message of one line, if the group does not contain such data.
     """
     if not isinstance(group, h5py.Group):
-        raise ValueError(f"{group.name}: is a dataset: must be a group")
+        raise ValueError(f"{group.name}: must be a group, not a dataset")
     kind = hdf5.plain(group.attrs.get("kind"))
     if not isinstance(kind, str) or kind not in KINDS:
         raise ValueError(f"{group.name}: kind = {kind!r}: {closest(kind, tuple(KINDS))}")
@@ -165,7 +166,7 @@ def _refuse(path, arguments, why):
 
 
 def _spectrum_columns(path, names, normalisation, hurst):
-    """Return the column of every field of a spectrum in a normalisation."""
+    """Return the column names of the fields of a spectrum that has the given normalisation."""
     if normalisation is None:
         raise ValueError(f"{path}: normalisation is missing: {NORMALISATION_RULE}")
     try:
@@ -193,7 +194,7 @@ def _made(cls, values, given, check_units):
 
 
 def _kind(path, columns, poisson, kind):
-    """Return the class of data in a table, by its column of measured values, or by its name."""
+    """Return the class of the data in a table, from `kind` or from the columns of measured values."""
     if kind is not None:
         if not isinstance(kind, str) or kind not in KINDS:
             raise ValueError(f"{path}: kind = {shown(kind)}: {closest(kind, tuple(KINDS))}")
@@ -208,16 +209,16 @@ def _kind(path, columns, poisson, kind):
         return found.pop()
     near = [(name, match) for name in names for match in difflib.get_close_matches(name, telling, n=1)]
     hint = f"{near[0][0]!r}: did you mean {near[0][1]!r}? " if near and not found else ""
-    several = "; or kind must say which" if len(found) > 1 else ""
+    several = "; or give kind" if len(found) > 1 else ""
     kinds = "; ".join(f"{cls.quantity} has {', '.join(_spellings(cls))}" for cls in KINDS.values())
     raise ValueError(
-        f"{path}: columns {', '.join(names)}: {hint}must be those of one kind of data: {kinds}{several}"
+        f"{path}: columns {', '.join(names)}: {hint}must be the columns of one kind of data: {kinds}{several}"
         f"{'' if found or columns else column_hint(path)}"
     )
 
 
 def _spellings(cls):
-    """Return the names that tables may use for each column that a kind of data needs."""
+    """Yield, for each column that a kind of data needs, a text of the names that tables may use."""
     for name in cls.needed():
         column = cls.fields()[name].column
         yield " or ".join(

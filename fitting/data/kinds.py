@@ -94,7 +94,7 @@ class FrictionData(Measured):
     pressure : nominal contact pressure, > 0 [Pa]; must be given
     temperature : > 0 [K], or None: the reference temperature of the materials
     relative : standard deviation of ln(friction), > 0 [-], or None
-        0.03 stands for 3 %. Given instead of sigma; with neither the errors are unknown.
+        0.03 stands for 3 %. Give either `relative` or `sigma`. If both are None, the errors are unknown.
     name : text on one line, for reports and legends
     check_units : bool
         False accepts values that look like values in another unit.
@@ -102,7 +102,7 @@ class FrictionData(Measured):
     Raises
     ------
     ValueError
-        one line naming field, index, value and rule.
+        The message is one line that names field, index, value and rule.
     """
 
     quantity: ClassVar[str] = "friction"
@@ -120,8 +120,6 @@ class FrictionData(Measured):
 @measurement
 class AreaData(Measured):
     """Relative contact areas A/A0 measured in steady sliding.
-
-    The other fields are those of `FrictionData`.
 
     Parameters
     ----------
@@ -156,7 +154,7 @@ class ModulusData(Measured):
     temperature : > 0 [K], or None: the reference temperature of the material
     relative : standard deviation of ln E' and of ln E'', > 0 [-], or None
     body : "lower", "upper" or None
-        Solid of the scene with this material.
+        Body of the scene that has this material.
     name, check_units : as in `FrictionData`
 
     Notes
@@ -192,7 +190,7 @@ class SpectrumData(Measured):
     sigma : standard deviation of `C`, > 0 [m^4], or None
     relative : standard deviation of ln C, > 0 [-], or None
     body : "lower", "upper" or None
-        Solid of the scene with this surface.
+        Body of the scene that has this surface.
     name, check_units : as in `FrictionData`
     """
 
@@ -212,7 +210,7 @@ KINDS = {cls.quantity: cls for cls in (FrictionData, AreaData, ModulusData, Spec
 
 
 def as_data_sets(data: Measured | Sequence[Measured]) -> list[Measured]:
-    """Return the data sets as a list; ValueError if there are none, or something else is among them."""
+    """Return the data sets as a list. Raise ValueError for an empty list or other objects."""
     kinds = "FrictionData, AreaData, ModulusData or SpectrumData"
     if isinstance(data, Measured):
         return [data]
@@ -232,28 +230,28 @@ DataSets = Measured | Sequence[Measured]
 def data_by_scene(
     data: DataSets | Mapping[str, DataSets], names: Collection[str] | None
 ) -> tuple[list[Measured], list[str]]:
-    """Return the data sets, and for each the name of its scene.
+    """Return all data sets, and the names of the scenes to which they belong.
 
     Parameters
     ----------
-    data : one set or several; for several scenes a dict from the name of a scene to its sets
+    data : one data set or several; for several scenes a dict of scene name -> data sets
     names : names of the scenes; None for a single scene
 
     Returns
     -------
     (data sets, names of their scenes). The name of a single scene is "". With several scenes the labels of
-    the sets begin with the name.
+    the data sets begin with the name of their scene.
 
     Raises
     ------
-    ValueError : `data` is not a dict, or does not have the names of the scenes.
+    ValueError : `data` is not a dict although there are several scenes, or its keys are not their names.
     """
     if names is None:
         sets = as_data_sets(data)  # pyright: ignore[reportArgumentType]  # or its error
         return sets, [""] * len(sets)
     if not isinstance(data, Mapping):
         known = ", ".join(f"{name!r}: ..." for name in names)
-        raise ValueError(f"data is a {type(data).__name__}: must be a dict by scenes, {{{known}}}")
+        raise ValueError(f"data is a {type(data).__name__}: must be a dict of name -> data, {{{known}}}")
     for name in data:
         if name not in names:
             raise ValueError(f"data has the name {shown(name)}, which no scene has: {closest(name, names)}")

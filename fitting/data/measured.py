@@ -36,13 +36,13 @@ _RELATIVE = Field(
 class Measured:
     """Base of the kinds of measured data, checked when constructed; see `fitting.data.kinds`.
 
-    A subclass has a field for every array, and names the measured ones.
+    A subclass has a field for every array, and lists the fields that were measured in `values`.
     """
 
     quantity: ClassVar[str]
-    conditions: ClassVar[tuple[str, ...]]  # fields at which they were measured, the one of curves first
+    conditions: ClassVar[tuple[str, ...]]  # fields of the conditions, the abscissa of curves first
     values: ClassVar[tuple[str, ...]]  # fields that were measured
-    sigmas: ClassVar[tuple[str, ...]]  # fields of their absolute errors, in the same order
+    sigmas: ClassVar[tuple[str, ...]]  # fields of the absolute errors of `values`, in order
     others: ClassVar[tuple[str, ...]] = ()  # columns of a table that give the first value, too
 
     relative: OptionalArray = array(_RELATIVE, default=None, kw_only=True)
@@ -79,7 +79,7 @@ class Measured:
             object.__setattr__(self, name, own)
 
     def _arrays(self) -> dict[str, np.ndarray]:
-        """Return the fields that are given, as float64 arrays of the shapes they came in."""
+        """Return the fields that are not None, as float64 arrays with the shapes that were given."""
         arrays = {}
         for name, about in self.fields().items():
             value = getattr(self, name)
@@ -90,7 +90,7 @@ class Measured:
         return arrays
 
     def _check_errors(self, arrays: dict[str, np.ndarray]) -> None:
-        """Raise ValueError unless there are relative errors, absolute ones of all values, or none."""
+        """Raise ValueError unless the errors are relative, absolute for all values, or not given."""
         kind = type(self).__name__
         given = [name for name in self.sigmas if name in arrays]
         if given and "relative" in arrays:
@@ -109,7 +109,7 @@ class Measured:
 
     @classmethod
     def fields(cls) -> dict[str, Field]:
-        """Return the fields that hold arrays; fields of all kinds come last."""
+        """Return the fields that hold arrays; `relative`, which all kinds have, is the last."""
         fields = sorted(dataclasses.fields(cls), key=lambda field: bool(field.kw_only))
         return {field.name: field.metadata["about"] for field in fields if "about" in field.metadata}
 
@@ -120,7 +120,7 @@ class Measured:
 
     @property
     def measured(self) -> np.ndarray:
-        """Measured values in one array, shape (n,); of a modulus, E' and then E''."""
+        """Measured values in one array, shape (n,); for a modulus, E' and then E''."""
         return np.concatenate([getattr(self, name) for name in self.values])
 
     @property
@@ -166,12 +166,12 @@ class Measured:
         Parameters
         ----------
         measured : array_like, shape (n,), in the order and units of `measured`
-            Any finite values if errors are absolute, because noise may leave the range of a quantity; > 0
-            otherwise.
+            With absolute errors, any finite values, because noise may exceed the range of a quantity.
+            Otherwise, values > 0.
 
         Raises
         ------
-        ValueError : another shape, or a value outside this range.
+        ValueError : `measured` has another shape, or a value that is not allowed.
         """
         kind = type(self).__name__
         values = _numbers(f"{kind}.measured", measured)
@@ -186,23 +186,25 @@ class Measured:
 
         Parameters
         ----------
-        frame : titles are names of columns as in files (v, mu, T, ...; `fitting.data.files`), or
-            "name [unit]"; others are left out.
-        units : units of titles without one, such as {"v": "mm/s", "p": "MPa"}; others are in SI
+        frame : data frame or mapping
+            Titles are names of columns as in files (v, mu, T, ...; `fitting.data.files`), or "name [unit]".
+            Columns with other titles are ignored.
+        units : units of columns whose titles state no unit, such as {"v": "mm/s", "p": "MPa"}; the default
+            is SI
         given : arguments of the constructor that the frame lacks or that replace its columns: pressure=3e5
 
         Raises
         ------
         ValueError
-            one line: a column is missing, occurs twice, or holds no numbers; a unit is unknown; or as in the
-            constructor.
+            A column is missing, occurs twice, or holds no numbers, a unit is unknown, or the constructor
+            raises ValueError. The message is one line.
         """
         needed = [name for name in cls.needed() if name not in given]
         found: dict[str, Any] = dict(fields_in(frame, cls.fields(), needed, units))
         return cls(**found | given)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """Return values and conditions in SI by titles "name [unit]", which `from_frame` reads."""
+        """Return a dict of title "name [unit]" -> values in SI, which `from_frame` reads."""
         given = {about: getattr(self, name) for name, about in self.fields().items()}
         return {f"{a.column} [{a.unit}]": values for a, values in given.items() if values is not None}
 
@@ -215,13 +217,13 @@ class Measured:
     def write(self, path: StrPath) -> None:
         """Write a .csv or an .h5 file completely or not at all; `fitting.read` reads it back.
 
-        A CSV file holds `name` and `body` as comments only, so that the body must be given to `read` again.
+        A CSV file contains `name` and `body` only as comments, so `read` needs the body as an argument.
 
         Raises
         ------
         ValueError
-            one line: another suffix, a missing folder, or values <= 0 caused by noise, which a CSV table must
-            not hold.
+            The suffix is another one, the folder is missing, or a CSV file would contain values <= 0, which
+            noise may cause. The message is one line.
         """
         check_writable(path, (".csv", ".h5"))
         if Path(path).suffix.lower() == ".h5":

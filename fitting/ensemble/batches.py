@@ -1,9 +1,9 @@
 r"""Batches of an ensemble: one compiled step for many fits, distributed over the devices of a mesh.
 
-Each device has a batch of members and takes one step of every fit in it per call. A processor takes these
-steps one after the other: one fit keeps a core busy, its working set stays in the cache, empty places take no
-time, and the results are bit-identical for every size of the batch. An accelerator, which one fit would not
-keep busy, takes all steps of a batch in one vectorised function.
+Each device has a batch of members. In one call, it takes one step of every fit in its batch. A processor
+takes these steps one after the other: one fit keeps a core busy, its working set stays in the cache, empty
+places of the batch take no time, and the results are bit-identical for every size of the batch. An
+accelerator, which one fit would not keep busy, takes all steps of a batch in one vectorised function.
 
 Devices do not exchange data in a step. The results of a step, a few numbers for each member, go to all
 processes. Each process keeps the state of the whole ensemble.
@@ -33,7 +33,7 @@ Program = Callable[[Numbers, Targets, Iterate], Iterate]
 
 
 class Batch(NamedTuple):
-    """Compiled functions that start and step a number of members."""
+    """Compiled functions that start the fits of one batch of members, or take one step of each fit."""
 
     mesh: jax.sharding.Mesh
     size: int  # members of each device
@@ -61,8 +61,9 @@ def make_batch(
     ----------
     members : Members
     devices : list of devices
-    size : number of members of each device; None: as many as there is work and memory for
-    vectorised : True if a device computes its members simultaneously; None: True unless it is a processor
+    size : number of members per device; None: chosen from the number of members and the memory
+    vectorised : True if a device computes its members simultaneously; None: True unless the device is a
+        processor
     max_memory : largest memory of a device for a step [B]
 
     Raises
@@ -84,7 +85,7 @@ def make_batch(
         if tried == 1 or size:
             raise ValueError(
                 f"max_memory = {max_memory}: a step of a batch of {tried} takes {peak} bytes on each device;"
-                " must be at least that"
+                " raise max_memory to at least this number"
             )
         tried = max(1, min(tried - 1, int(tried * max_memory / peak)))
     start = _compiled(*program, stepping=False)
@@ -93,7 +94,10 @@ def make_batch(
 
 
 def blank_iterate(members: Members) -> Iterate:
-    """Return the iterate of every member as arrays of zeros with a leading axis, x at the starts."""
+    """Return the iterates of all members before their first step, with a leading axis of members.
+
+    All arrays are zero, except x at the starts and the status RUNNING.
+    """
     targets, x = jax.tree.map(lambda a: a[0], (members.targets, members.starts))
     shapes = jax.eval_shape(functools.partial(_begin, members), members.problem.numbers, targets, x)
     blank = jax.tree.map(lambda s: np.zeros((len(members), *s.shape), s.dtype), shapes)
@@ -110,7 +114,7 @@ def _begin(members, numbers, targets, x):
 def advance_members(
     batch: Batch, program: Program, members: Members, iterate: Iterate, which: np.ndarray
 ) -> Iterate:
-    """Return the rows `which` of the ensemble's iterate after one call of a function, as NumPy arrays.
+    """Return the iterates of the members `which` after one call of `program`, as NumPy arrays.
 
     Parameters
     ----------
@@ -136,7 +140,10 @@ def advance_members(
 
 @functools.lru_cache(maxsize=8)  # a second ensemble of the same kind compiles nothing
 def _compiled(solver, structure, mesh, vectorised, tree, shapes, stepping):
-    """Compile the step or the start of a batch for arguments of given shapes; results go to every device."""
+    """Compile the step or the start of a batch for arguments of given shapes.
+
+    Every device gets the results of all members.
+    """
 
     def one(numbers, targets, iterate):
         objective = solver_objective(structure, numbers, targets)

@@ -1,4 +1,4 @@
-r"""Simulation-based calibration: tests error bars by fits of data drawn from known scenes.
+r"""Simulation-based calibration, which tests error bars by fitting data drawn from known scenes.
 
 True parameters theta (truths) are drawn from the prior. Data are drawn from the scenes with these parameters,
 and each data set is fitted with the same prior. The rank of the truth in the normal approximation of the
@@ -95,7 +95,7 @@ class Calibration:
         return np.flatnonzero(doubtful(self.effective, self.tail, self.draws))
 
     def on_normal(self) -> "Calibration":
-        """Return the calibration of the same fits with their normal approximations."""
+        """Return the calibration of the same fits, with normal approximations of the posteriors."""
         if self.normal is None:
             return self
         bare = {"normal": None, "draws": 0, "effective": None, "tail": None}
@@ -106,19 +106,19 @@ class Calibration:
         return np.minimum((self.place * (draws + 1)).astype(int), draws)
 
     def coverage(self, level: float = 0.95) -> np.ndarray:
-        """Return the share of the truths within the intervals of a level, shape (size,)."""
+        """Return the share of the truths within central intervals of probability `level`, shape (size,)."""
         check_options(level=level)
         return np.mean(np.abs(self.place - 0.5) < 0.5 * level, 0)
 
     def distribution(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the points between 0 and 1, and the share of u below each of them, shape (points, size)."""
+        """Return points between 0 and 1, and the share of fits with u below each point, (points, size)."""
         at = np.arange(1, _POINTS) / _POINTS
         return at, np.mean(self.place[:, None] < at[:, None], 0)
 
     def envelope(self, level: float = 0.99) -> tuple[np.ndarray, np.ndarray]:
         """Return lower and upper limits of `distribution`.
 
-        A uniform u is within the limits at all points with the probability `level`.
+        The distribution of a uniform u is within the limits at all points with the probability `level`.
         """
         check_options(level=level)
         count, at = len(self.place), np.arange(1, _POINTS) / _POINTS
@@ -146,12 +146,12 @@ class Calibration:
             self.names, self.coverage(0.68), self.coverage(0.95), self.inside(), self.identified, strict=True
         )
         for name, middle, most, inside, known in columns:
-            remark = ("calibrated" if inside else "NOT CALIBRATED") + ", hardly identified" * (not known)
+            remark = ("calibrated" if inside else "NOT CALIBRATED") + ", poorly identified" * (not known)
             lines.append(f"{name}: {100 * middle:.1f} %, {100 * most:.1f} %: {remark}")
         return "\n".join(lines) + "\n"
 
     def doubts(self) -> str:
-        """Return a one-line warning about unreliable draws, or ""."""
+        """Return a one-line warning about unreliable draws, or "" if all draws are reliable."""
         rows = self.doubtful
         if not rows.size:
             return ""
@@ -162,7 +162,7 @@ class Calibration:
         )
 
     def _posterior(self):
-        """Describe the representation of the posterior."""
+        """Return text on the representation of the posterior and the quality of its draws."""
         if self.effective is None or self.tail is None:
             return "normal approximation"
         middle, least = np.median(self.effective), self.effective.min()
@@ -171,7 +171,7 @@ class Calibration:
         return said + f", {self.doubtful.size} doubtful" * bool(self.doubtful.size)
 
     def plot(self, ax: style.Axes | None = None) -> style.Axes:
-        """Draw the share of u below each point minus the expected one, and the 99 % envelope.
+        """Draw the share of u below each point minus the expected share, and the 99 % envelope.
 
         If there are more than eight lines, only lines that leave the envelope have a name and a colour.
         """
@@ -223,9 +223,9 @@ def calibration(
         representation of the posterior: the normal approximation of the error bars, or weighted draws, which
         take `draws` evaluations of the residuals for each fit
     draws : number of draws from each posterior
-    discrepancy : as for `fitting.fit`, with a given amplitude and width; the data are drawn with it
-    callback : as for `fitting.run_ensemble`; with "samples" it is called a second time, from 0, during the
-        draws
+    discrepancy : as for `fitting.fit`, with a given amplitude and width; the data include this model error
+    callback : as for `fitting.run_ensemble`; with "samples", the number of fits done
+        is counted a second time, from 0, during the draws
 
     Returns
     -------
@@ -233,7 +233,7 @@ def calibration(
 
     Raises
     ------
-    ValueError : as `fitting.fit`, data without errors, or a free number without a Gaussian prior.
+    ValueError : as in `fitting.fit`, and for data without errors or a free number without a Gaussian prior.
 
     Warns
     -----
@@ -249,7 +249,7 @@ def calibration(
     for one in data:
         if one.error is None:
             raise ValueError(
-                f"data {one.label!r}: have no errors: must have errors, because data are drawn with them"
+                f"data {one.label!r} have no errors; give errors, because simulated data are drawn with them"
             )
     problem = make_problem(scene, data, free, prior, quadrature=quadrature)
     if discrepancy is not None:
@@ -301,7 +301,10 @@ def _twins(problem: Problem, members: int, key: jax.Array) -> tuple[np.ndarray, 
     known = [i for elements, *_ in drawn for i in elements]
     bare = [name for i, name in enumerate(problem.names) if i not in known]
     if bare:
-        raise ValueError(f"prior: {bare[0]} has none: must be a Gaussian, because truths are drawn from it")
+        raise ValueError(
+            f"{bare[0]} has no Gaussian prior; every free parameter needs one, because true values are drawn"
+            " from it"
+        )
     draw_truth, draw_noise = jax.random.split(key)
     x = np.empty((members, len(known)))
     mean, sigma = (np.concatenate([np.asarray(one[k]) for one in drawn]) for k in (1, 2))
@@ -314,13 +317,16 @@ def _twins(problem: Problem, members: int, key: jax.Array) -> tuple[np.ndarray, 
 
 @functools.partial(jax.jit, static_argnums=0)
 def _models(structure, numbers, x):
-    """Return predictions at every x in sequence, because one evaluation keeps a core busy."""
+    """Return predictions at every x, computed one after the other, because each keeps a core busy."""
     return jax.lax.map(lambda x: predictions(structure, numbers, x)[0], x)
 
 
 @functools.partial(jax.jit, static_argnums=0)
 def _precisions(structure, numbers, targets, x):
-    """Return J^T J at every x, priors included; of the data it depends on the errors only."""
+    """Return J^T J at every x, with the rows of the priors.
+
+    The result depends on the errors of the data, but not on the measured values.
+    """
     one = jax.tree.map(lambda a: a[0], targets)
 
     def precision(x):

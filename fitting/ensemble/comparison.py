@@ -37,12 +37,12 @@ class Variant(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Comparison:
-    """Fits of the same data; made by `fitting.compare`.
+    """Result of comparing fits of the same data, made by `fitting.compare`.
 
     Attributes
     ----------
     variants : tuple of `Variant`, the lowest loo first
-    words : interpretation of the differences, lines of text
+    words : interpretation of the differences, as lines of text
     """
 
     variants: tuple[Variant, ...]
@@ -50,20 +50,20 @@ class Comparison:
 
     @property
     def best(self) -> str:
-        """Name of the simplest variant that the data do not distinguish from the best prediction."""
+        """Name of the simplest variant that the data do not distinguish from the one with the lowest loo."""
         return min(self.alike, key=lambda one: one.parameters).name
 
     @property
     def alike(self) -> tuple[Variant, ...]:
-        """Return the variants that the data do not distinguish from the best one."""
+        """Variants that the data do not distinguish from the one with the lowest loo."""
         return tuple(one for one in self.variants if not is_distinguishable(one))
 
     def __getitem__(self, name: str) -> Variant:
-        """Return the variant of a name."""
+        """Return the variant with the given name."""
         return next(one for one in self.variants if one.name == name)
 
     def report(self) -> str:
-        """Return the table and words, as text of several lines."""
+        """Return the table of the variants and its interpretation, as text of several lines."""
         rows = [HEADINGS, *self._table()]
         widths = [max(len(row[k]) for row in rows) for k in range(len(HEADINGS))]
         lines = []
@@ -73,7 +73,7 @@ class Comparison:
         return "\n".join([*lines, "", *self.words]) + "\n"
 
     def to_dataframe(self) -> Any:
-        """Return the variants as a pandas.DataFrame (which must be installed), by their names."""
+        """Return the variants as a pandas.DataFrame indexed by name. Pandas must be installed."""
         import pandas
 
         return pandas.DataFrame([one._asdict() for one in self.variants]).set_index("name")
@@ -103,7 +103,7 @@ class Comparison:
 
 
 def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Comparison:
-    r"""Compare fits of several scenes to the same data: with or without heat, shear, softening.
+    r"""Compare fits of several scenes to the same data, for example with and without contact shear.
 
     The comparison uses chi-square, AIC, AICc, BIC and LOO, the leave-one-out deviance
 
@@ -219,7 +219,7 @@ def _amplitudes(fit):
 
 
 def _place(fit, k):
-    """Return the position of a value in the order of the data."""
+    """Return text with the data set and the conditions of value k, counted through all data sets."""
     for one in fit.data:
         if k < len(one):
             return f"{one.label!r} at {one.place(k)}"
@@ -232,7 +232,7 @@ def _prior_text(fit):
 
 
 def _named(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> dict[str, FitRecord]:
-    """Return the fits by their names."""
+    """Return a dict of name -> fit. Fits in a list are named after the optional parts of their scenes."""
     if isinstance(results, Mapping):
         named = dict(results)
     elif isinstance(results, list | tuple):
@@ -247,7 +247,7 @@ def _named(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> dict[str, 
         if not isinstance(one, FitRecord):
             raise ValueError(f"{name}: is a {type(one).__name__}: must be a FitResult")
     if len(named) < 2:
-        raise ValueError(f"results: has {len(named)} fits: must have at least two")
+        raise ValueError(f"results has {len(named)} fits; there must be at least two")
     return named
 
 
@@ -285,7 +285,7 @@ def _check_same(name: str, fit: FitRecord, other_name: str, other: FitRecord) ->
 
 
 def _same(one: Measured, other: Measured) -> bool:
-    """Return True if data sets hold the same numbers."""
+    """Return True if two data sets have the same kind and body, and equal numbers."""
     if type(one) is not type(other) or getattr(one, "body", None) != getattr(other, "body", None):
         return False
     pairs = [(getattr(one, name), getattr(other, name)) for name in one.fields()]

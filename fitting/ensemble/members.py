@@ -46,7 +46,7 @@ _COUNTS = ("status", "nfev", "njev")
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class EnsembleResult:
-    """Results of all members of an ensemble, one row for each.
+    """Results of all members of an ensemble, with one row per member.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class EnsembleResult:
     nfev, njev : evaluations of the residuals and of their Jacobian, shape (members,)
     seconds : wall time without compilation, summed over all runs that a checkpoint joins
     devices : number of devices in the (last) run
-    batch : number of members of each device that took a step together; 0 if nothing was left to do
+    batch : number of members per device that took a step together; 0 if no step was left to take
     peak : memory of each device for a step, as stated by the compiler [B]
     """
 
@@ -99,7 +99,7 @@ class EnsembleResult:
         return int(np.argmin(np.where(np.isfinite(self.cost), self.cost, np.inf)))
 
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-        """Return the lower and upper quantile of the values of the converged members, shape (size,) each."""
+        """Return the lower and upper quantiles of the converged members' values, each of shape (size,)."""
         check_options(level=level)
         if not self.good.any():
             raise ValueError("no member converged, so there are no quantiles")
@@ -129,7 +129,7 @@ class EnsembleResult:
         return "\n".join(lines) + "\n"
 
     def save(self, path: StrPath) -> None:
-        """Write an HDF5 file (.h5), whole or not at all."""
+        """Write the results to an HDF5 file (.h5), completely or not at all."""
         check_writable(path, (".h5",))
         with replacing(path) as temporary, hdf5.creating(temporary, _FORMAT) as file:
             for name, kind in _ATTRIBUTES.items():
@@ -143,7 +143,7 @@ class EnsembleResult:
 
     @classmethod
     def load(cls, path: StrPath) -> Self:
-        """Read back what `save` wrote; ValueError, one line, for anything else."""
+        """Load results from a file written by `save`; raise ValueError if the file is invalid."""
         with hdf5.reading(path, _FORMAT) as file:
             shown = ("format", "format_version", "rubberfric_version", *_ATTRIBUTES)
             hdf5.check_names(file, ("report", "names", *_UNITS, *_COUNTS), shown)
@@ -159,14 +159,14 @@ class EnsembleResult:
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Members:
-    """Fits to be run; made by `multi_start`, `bootstrap_members` or `profile_members`.
+    """The fits of an ensemble, made by `multi_start`, `bootstrap_members` or `profile_members`.
 
     Attributes
     ----------
     kind : "starts", "bootstrap" or "profile"
     problem : Problem, whose structure and numbers all members share
     starts : shape (members, size)
-    targets : `Targets` with a leading axis, of one entry for each member or one entry for all
+    targets : `Targets` with a leading axis, which has one entry per member or one entry for all
     solver : solver as for `fitting.solvers.runs.run_fits`
     max_steps : largest number of steps of a member
     parameter : index of the parameter that is fixed at its start, -1 for none, shape (members,)
@@ -196,19 +196,21 @@ class Members:
         return self.problem.names
 
     def bootstrap(self, ensemble: EnsembleResult) -> Bootstrap:
-        """Return the bootstrap from a run of these members."""
+        """Return the `Bootstrap` that follows from the results of these members."""
         if self.kind != "bootstrap" or self.source is None:
-            raise ValueError(f"members are of kind {self.kind!r}: must be 'bootstrap'")
+            raise ValueError(
+                f"members are of kind {self.kind!r}: must be 'bootstrap', from bootstrap_members"
+            )
         return self.source.bootstrap_of(ensemble.x, ensemble.status)
 
     def profiles(self, ensemble: EnsembleResult) -> dict[str, LikelihoodProfile]:
-        """Return the profiles from a run of these members, by the names of the parameters.
+        """Return the profiles that follow from the results of these members, as a dict by parameter name.
 
         Further fits are made until the threshold is reached, as in `FitResult.profile`. A warning reports a
-        minimum below the fit.
+        minimum with a lower cost than the fit, or an interval of several parts.
         """
         if self.kind != "profile" or self.source is None:
-            raise ValueError(f"members are of kind {self.kind!r}: must be 'profile'")
+            raise ValueError(f"members are of kind {self.kind!r}: must be 'profile', from profile_members")
         found = {}
         for i in dict.fromkeys(self.parameter.tolist()):
             name, own = self.names[i], self.parameter == i
@@ -253,7 +255,7 @@ def multi_start(
     ----------
     starts : number of starts (the first is the scene's, the others random), or start vectors of
         shape (members, size) in the variables of the solver
-    others : as for `fitting.fit`
+    other arguments : as for `fitting.fit`
 
     Returns
     -------
@@ -263,7 +265,7 @@ def multi_start(
     -----
     Every member is a single run of the solver. `fitting.fit` does more for each of its few starts: robust
     losses begin with least squares, and a fit that drove a parameter towards zero is repeated. To finish,
-    call it with the scene of the best member.
+    call `fitting.fit` with the scene of the best member.
     """
     count = starts if isinstance(starts, int) else 1
     check_options(method=method, starts=count, key=key, prior=prior)
@@ -288,17 +290,17 @@ def bootstrap_members(
     key: jax.Array | None = None,
     tolerance: float | None = None,
 ) -> Members:
-    """Return `Members` for a parametric bootstrap: data are drawn from a fitted model with their errors.
+    """Return `Members` for a parametric bootstrap, which fits data drawn from a fitted model.
 
-    Each fit starts at the minimum of `result`.
+    The data are drawn with the errors that the fit used. Each fit starts at the minimum of `result`.
 
     Parameters
     ----------
     result : FitResult
     count : number of data sets
-    key : jax.random.key, or None for key(0): the data sets of `FitResult.bootstrap`
+    key : jax.random.key, or None for key(0); the data sets are the same as in `FitResult.bootstrap`
     tolerance : tolerance of the solver; None: its default. With 1e-6 a member ends within 1/50 of a
-        standard error of its minimum, after two thirds of the steps
+        standard error of its minimum, and takes two thirds of the steps
     """
     check_options(count=count)
     starts, targets = result.bootstrap_fits(count, key)
@@ -312,7 +314,7 @@ def profile_members(
     level: float = 0.95,
     points: int = 8,
 ) -> Members:
-    """Return `Members` for profiles: one parameter at a time is fixed at each of 2 points + 1 values.
+    """Return `Members` for profiles: each parameter is fixed in turn at 2 * `points` + 1 values.
 
     Parameters
     ----------
@@ -332,7 +334,7 @@ def profile_members(
 
 
 def _members(kind, problem, starts, targets, solver, max_steps=None, parameter=None, source=None, level=0.95):
-    """Return `Members` in the dtype of the problem."""
+    """Return `Members` whose arrays have the dtype of the problem."""
     dtype = problem.start.dtype
     targets = jax.tree.map(lambda a: np.asarray(a, dtype), targets)
     parameter = np.full(len(starts), -1) if parameter is None else parameter

@@ -4,8 +4,9 @@ A checkpoint contains the state of a run, from which it continues with identical
 
     /               attributes format = "rubberfric ensemble checkpoint", format_version = 1,
                     rubberfric_version, fingerprint (of the job, `Members.fingerprint`), seconds
-    /begun, steps   of every member: whether its start was evaluated, and its steps since
-    /iterate/0, 1 ... arrays of the solver's iterate, a row a member, in the order of its fields
+    /begun, steps   for every member: True if its start was evaluated, and its number of steps
+    /iterate/0, 1 ... arrays of the solver's iterate, one row per member, in the order of the
+                    iterate's fields
 
 A file has its full size from the first write on. It is written under another name, synchronised with the disk
 and renamed, so that one complete checkpoint exists at any moment. It is assembled in memory, so that a full
@@ -36,16 +37,16 @@ _FORMAT = "rubberfric ensemble checkpoint"
 
 
 class Checkpoint(NamedTuple):
-    """State of an ensemble between two steps: arrays over its members, changed in place."""
+    """State of an ensemble between two steps. The arrays have one row per member and change in place."""
 
     begun: np.ndarray  # bool: True if the start of the member was evaluated
-    steps: np.ndarray  # number of steps taken since
+    steps: np.ndarray  # number of steps taken since the start was evaluated
     iterate: Iterate
     seconds: np.ndarray  # wall time so far, shape ()
 
 
 def write_checkpoint(path: StrPath, fingerprint: str, checkpoint: Checkpoint) -> None:
-    """Write a checkpoint completely or not at all; OSError says why it could not be written."""
+    """Write a checkpoint completely or not at all. Raise OSError if it cannot be written."""
     image = io.BytesIO()
     with hdf5.creating(image, _FORMAT) as file:
         file.attrs.update(fingerprint=fingerprint, seconds=float(checkpoint.seconds))
@@ -57,30 +58,31 @@ def write_checkpoint(path: StrPath, fingerprint: str, checkpoint: Checkpoint) ->
 
 
 def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Checkpoint:
-    """Return the checkpoint that a file holds.
+    """Read a checkpoint from a file.
 
     Parameters
     ----------
     fingerprint : fingerprint of the job to be continued
-    blank : checkpoint of that job before its first step, which gives the shapes
+    blank : checkpoint of that job before its first step; the file must have the same shapes
 
     Raises
     ------
     ValueError
-        one line naming the file, which is truncated, not a checkpoint, or from another job or version.
+        the file is truncated, is not a checkpoint, or is from another job or version. The message is one line
+        and names the file.
     """
     with hdf5.reading(path, _FORMAT) as file:
         found = hdf5.plain(file.attrs.get("rubberfric_version"))
         if found != VERSION:
             raise ValueError(
-                f"written by version {found}, but this is {VERSION}, whose steps may differ; both must be"
-                " equal"
+                f"written by version {found}, but this is version {VERSION}, whose steps may differ; resume"
+                f" with version {found}, or remove the file to begin again"
             )
         if file.attrs.get("fingerprint") != fingerprint:
             held = file.get("steps")
             if isinstance(held, h5py.Dataset) and held.size != blank.steps.size:
                 raise ValueError(
-                    f"has {held.size} members: must have {blank.steps.size}; resume with the same number"
+                    f"has {held.size} members: must have {blank.steps.size}, as many as this run"
                 )
             raise ValueError(
                 "belongs to another job; scene, data, free parameters, starts and solver must be the same"
@@ -98,7 +100,7 @@ def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Check
 
 
 def _same(file: h5py.File, name: str, like: np.ndarray) -> np.ndarray:
-    """Return an array of the file; ValueError unless it has the shape and dtype of `like`."""
+    """Return an array of a file; raise ValueError unless it has the shape and dtype of `like`."""
     data = file[name]
     array = np.asarray(data[()] if isinstance(data, h5py.Dataset) else None)
     if array.shape != like.shape or array.dtype != like.dtype:
@@ -109,12 +111,12 @@ def _same(file: h5py.File, name: str, like: np.ndarray) -> np.ndarray:
 
 
 def check_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint, resume: bool) -> Checkpoint:
-    """Return the first checkpoint of a run, after a test that checkpoints can be written.
+    """Return the first checkpoint of a run, after checking that checkpoints can be written.
 
     Raises
     ------
     ValueError
-        one line: the path cannot be written to, or the file there cannot be continued.
+        one line: the path cannot be written to, or the run cannot be continued from the existing file.
     """
     check_writable(path, (".h5",))
     if Path(path).exists() and not resume:
@@ -152,13 +154,13 @@ def run_ensemble(
     resume : True continues from the checkpoint, with the results of an uninterrupted run, or begins if the
         file does not exist. False refuses to overwrite a file.
     max_memory : bytes of each device that a step may take [B]
-    batch : number of members of each device that take a step together, before results are examined;
-        None: as many as there is work and memory for
+    batch : number of members per device that take a step together, before their results are examined;
+        None: chosen from the number of members and the memory
     vectorised : True: the members of a batch are computed simultaneously; False: one after the other;
         None: simultaneously unless the device is a processor
     callback : called as callback(members done, members) after every step of the batch, or None
-        KeyboardInterrupt, from it or the keyboard, ends the run with the values reached, and
-        a checkpoint.
+        A KeyboardInterrupt, raised by the callback or from the keyboard, ends the run. The values reached
+        are returned, and written to the checkpoint.
 
     Returns
     -------
@@ -175,16 +177,17 @@ def run_ensemble(
     Warns
     -----
     RuntimeWarning
-        a checkpoint could not be written (for example, the disk is full). The run continues, keeps the
-        previous checkpoint, and writes the next one at its time.
+        a checkpoint could not be written (for example, the disk is full). The run continues with
+        the previous checkpoint, and tries to write again after `every` seconds.
 
     Notes
     -----
     To use the cores of a processor as devices of JAX, begin the script with
-    ``jax.config.update("jax_num_cpu_devices", n)``. To use several processes, run the same script in each. It
-    begins with ``jax.distributed.initialize(address, processes, id)``, which this library never
-    calls, and calls this function with the same members. Every process gets the result; the first one
-    reads and writes the checkpoint. If a process dies, all end, and a new start with `resume` continues.
+    ``jax.config.update("jax_num_cpu_devices", n)``. To use several processes, run the same script in each.
+    The script must begin with ``jax.distributed.initialize(address, processes, id)``, which this library
+    never calls, and call this function with the same members. Every process gets the result; the first
+    process reads and writes the checkpoint. If one process dies, all processes end, and a new run with
+    `resume` continues.
 
     To the last bit, the results of a member do not depend on the other members and, unless `vectorised`, on
     the size of the batch. A resumed run therefore gives the results of an uninterrupted one. The number of
@@ -246,7 +249,7 @@ def run_ensemble(
 
 
 class _Record:
-    """Checkpoint of a run in memory, and its file."""
+    """The checkpoint of a run in memory, and the file to which it is written."""
 
     def __init__(self, members, path, every, together):
         self.path, self.every, self.together = path, every, together
@@ -259,7 +262,7 @@ class _Record:
         self.written, self.changed, self.pending = time.monotonic(), False, None
 
     def begin(self, resume):
-        """Read or make the checkpoint; all processes raise the error if it cannot be used."""
+        """Read or make the checkpoint. If it cannot be used, all processes raise an error."""
         error = None
         if self.path is not None and self.writes:
             try:
@@ -276,14 +279,14 @@ class _Record:
             raise error
 
     def keep(self, which, new, stepped, seconds):
-        """Add the iterates of some members after a step or a start; write the file every `every` seconds."""
+        """Store the iterates of some members after a step or a start, and write the file every `every` s."""
         self.pending = which, new, self.checkpoint.steps[which] + stepped, seconds
         self._take_in()
         if time.monotonic() - self.written >= self.every:
             self.write()
 
     def _take_in(self):
-        """Copy the pending rows into the checkpoint; repeated if an interrupt stopped it half-way."""
+        """Copy the pending rows into the checkpoint. The next call repeats a copy that was interrupted."""
         if self.pending is None:
             return
         which, iterate, steps, seconds = self.pending
@@ -303,15 +306,15 @@ class _Record:
             write_checkpoint(self.path, self.fingerprint, self.checkpoint)
             self.changed = False
         except OSError as error:
-            text = f"{self.path}: checkpoint not written, the last one is kept: {error.strerror or error}"
+            text = f"{self.path}: checkpoint not written, the previous one is kept: {error.strerror or error}"
             warnings.warn(text, RuntimeWarning, stacklevel=2)
         self.written = time.monotonic()
 
 
 def _several_processes(devices):
-    """Return True if the devices belong to all of several processes.
+    """Return True if there are several processes and the devices belong to all of them.
 
-    False if they belong to this process only; ValueError for any other set.
+    Return False if the devices belong to this process only; raise ValueError for any other set.
     """
     owners = {device.process_index for device in devices}
     if owners != {jax.process_index()} and owners != set(range(jax.process_count())):
@@ -323,7 +326,7 @@ def _several_processes(devices):
 
 
 def _from_first(checkpoint):
-    """Return the checkpoint of the first process in every process."""
+    """Send the checkpoint of the first process to all processes, and return it."""
     leaves, tree = jax.tree.flatten(checkpoint)
     # Sent as bytes, because a sum over processes would change the bits of a NaN.
     sent = [multihost_utils.broadcast_one_to_all(_bytes(leaf)) for leaf in leaves]

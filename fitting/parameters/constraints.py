@@ -32,7 +32,7 @@ class Positive:
     Parameters
     ----------
     start : number, or None to start at the scene's value
-        one number for all elements, or one for each.
+        A number for all elements, or a sequence with a number for each element.
     """
 
     start: Start = None
@@ -40,7 +40,7 @@ class Positive:
 
 @dataclasses.dataclass(frozen=True)
 class Bounded:
-    """A value between two bounds, fitted in the logit of its relative position between them.
+    """A value between two bounds, fitted in the logit of its relative position between the bounds.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class Free:
     Parameters
     ----------
     start : as for `Positive`
-    scale : size of a considerable change, > 0; None: absolute start value, or 1 if it is 0
+    scale : size of a considerable change, > 0; None: absolute start value, or 1 if the value is 0
     """
 
     start: Start = None
@@ -81,9 +81,9 @@ class Tied:
 
     Parameters
     ----------
-    to : key path of the other parameter, which must not be tied itself; it has one element, or as many as
-        this one
-    ratio : this value over the other one [-]; None: the ratio of the start values
+    to : key path of the other parameter
+        It must not be tied itself, and must have one element, or as many elements as this parameter.
+    ratio : ratio of this value to the value of `to` [-]; None: the ratio of the start values
     """
 
     to: str
@@ -98,7 +98,7 @@ class Tied:
 class RmsSlope:
     """A cut-off wavevector q1 that is determined by the rms slope of the roughness below it.
 
-    Use it for key paths that end in .q1. The other numbers of the spectrum may be free or fixed. When q1
+    Use it for key paths that end in .q1. The other parameters of the spectrum may be free or fixed. When q1
     changes, a self-affine spectrum keeps its rms height, and a table keeps C(q).
 
     Parameters
@@ -133,13 +133,13 @@ def common_values(
 ) -> np.ndarray:
     """Return the values of the scene for the elements that a path names.
 
-    All scenes must have the same value of a shared element, unless the rule gives it.
+    All scenes must have the same value of a shared element, unless the rule gives a start value.
 
     Parameters
     ----------
     path, rule : key and value of an item of `free`
     paths : key paths that `path` stands for, one in each scene
-    places : leaf and elements of each of these
+    places : leaf and elements of each path in `paths`
     leaves : leaves of the scenes
     """
     values = [leaves[leaf][list(elements)] if elements else leaves[leaf][None] for leaf, elements in places]
@@ -160,7 +160,7 @@ def common_values(
 
 
 def start_values(path: str, rule: Positive | Bounded | Free, values: np.ndarray) -> np.ndarray:
-    """Return the start values of a group, from its rule or else `values` of the scene."""
+    """Return the start values of a group from its rule, or `values` of the scene if the rule has none."""
     if rule.start is None:
         return values
     try:
@@ -171,7 +171,7 @@ def start_values(path: str, rule: Positive | Bounded | Free, values: np.ndarray)
         values = np.broadcast_to(start, values.shape).copy()
     except (TypeError, ValueError):
         raise ValueError(
-            f"free[{path!r}]: start = {rule.start!r}: must be one number or {values.size} of them"
+            f"free[{path!r}]: start = {rule.start!r}: must be one number or {values.size} numbers"
         ) from None
     if not np.isfinite(values).all():
         raise ValueError(f"free[{path!r}]: start = {rule.start!r}: must be finite")
@@ -203,7 +203,7 @@ def value_range(
 
 
 def with_starts(scene: Scenes, free: Mapping[str, Constraint]) -> Scenes:
-    """Return the scene with missing optional numbers, such as the q1 of a table, set by the rules."""
+    """Return the scene with the values that the rules give to absent numbers, such as q1 of a table."""
     given = {}
     for path, rule in ((path, rule) for key, rule in free.items() for path in paths_of(scene, key)):
         owner, name = owner_of(scene, path)
@@ -227,7 +227,7 @@ def with_starts(scene: Scenes, free: Mapping[str, Constraint]) -> Scenes:
 
 
 def cutoff_of(scene: Scenes, path: str, slope: float | jax.Array) -> jax.Array:
-    """Return the q1 at which the spectrum at a key path has an rms slope; ValueError if none exists."""
+    """Return the q1 at which the rms slope of a spectrum is `slope`. Raise ValueError if none exists."""
     owner, name = owner_of(scene, path)
     if name != "q1" or not (hasattr(owner, "power_law") and name in fields_of(type(owner))):
         raise ValueError(f"free[{path!r}]: RmsSlope is for the q1 of a spectrum; must end in .q1")
@@ -238,7 +238,10 @@ def cutoff_of(scene: Scenes, path: str, slope: float | jax.Array) -> jax.Array:
 
 
 def cutoff_path(scene: Scenes, path: str | None) -> str:
-    """Return the key path of the q1 of a spectrum; None stands for the only one, else ValueError."""
+    """Return `path` if it names the q1 of a spectrum. Raise ValueError otherwise.
+
+    None stands for the q1 of the only spectrum.
+    """
     known = [
         f"{name}.{side}.spectrum.q1".lstrip(".")
         for name, one in by_name(scene).items()
@@ -249,12 +252,12 @@ def cutoff_path(scene: Scenes, path: str | None) -> str:
         return known[0]
     if path is None or any(one not in known for one in paths_of(scene, path)):
         raise ValueError(
-            f"path = {path!r}: must end in .q1 of a spectrum: {', '.join(known) or 'none exists'}"
+            f"path = {path!r}: must be the q1 of a spectrum: {', '.join(known) or 'none exists'}"
         )
     return path
 
 
 def last_wavevector(scene: Scenes, path: str) -> float:
-    """Return the largest possible q1 at a key path [1/m]: the end of a table, else inf."""
+    """Return the largest possible q1 at a key path [1/m]: the end of a table, or inf without a table."""
     ends = [getattr(owner_of(scene, one)[0], "q", None) for one in paths_of(scene, path)]
     return min((float(q[-1]) for q in ends if q is not None), default=float("inf"))

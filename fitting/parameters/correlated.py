@@ -1,4 +1,4 @@
-"""Joint normal prior of several numbers with their correlations, for example the result of another fit."""
+"""Joint normal prior of several correlated numbers of a scene, for example the result of another fit."""
 
 import dataclasses
 from typing import NamedTuple
@@ -27,8 +27,9 @@ class Correlated:
               \ln(v - low),\; v
 
     for numbers with two limits, one limit and no limit, like the variables of Bounded, Positive and Free
-    parameters. `as_prior` of a result creates it. Its key contains the paths of the numbers, separated by
-    commas. If a fit keeps some of them constant, the others have the conditional distribution.
+    parameters. `as_prior` of a result creates such a prior. The key of the prior contains the paths of the
+    numbers, separated by commas. If a fit keeps some of the numbers constant, the other numbers have the
+    conditional distribution.
 
     Parameters
     ----------
@@ -69,7 +70,7 @@ class Correlated:
             raise ValueError("Correlated: mean must be finite and between low and high")
 
     def read(self, place: PriorContext) -> list[tuple["CorrelatedRows", tuple[np.ndarray, ...]]]:
-        """Return the structure and numbers; ValueError if the prior does not apply to this scene."""
+        """Return structure and numbers of the prior. Raise ValueError if it does not apply to the scene."""
         where, chosen = place.where, place.selection(",", ", or several separated by commas")
         mean, low, high = (np.array(value) for value in (self.mean, self.low, self.high))
         if chosen.size != mean.size:
@@ -102,7 +103,7 @@ class Correlated:
         return [(CorrelatedRows(chosen), (centre, whitener(covariance), low, high))]
 
     def _check_places(self, place: PriorContext, chosen: Selection) -> None:
-        """Raise ValueError unless every element has its former abscissa."""
+        """Raise ValueError unless every element has the abscissa that `places` states."""
         if self.places is None:
             return
         before, i = np.array(self.places), 0
@@ -114,14 +115,14 @@ class Correlated:
                 if not np.allclose(here, known, rtol=_SAME, atol=0.0):
                     k = int(np.argmax(np.abs(here / known - 1)))
                     raise ValueError(
-                        f"{place.where}: {path} was at {over} = {known[k]:.6g}, but is at {here[k]:.6g};"
+                        f"{place.where}: {path} had {over} = {known[k]:.6g}, but has {here[k]:.6g};"
                         " use the material, or the table, of the fit that the prior comes from"
                     )
             i += count
 
 
 class CorrelatedRows(NamedTuple):
-    """Rows of a `Correlated`; its numbers are t(mean), C^(-1/2), low and high."""
+    """Rows of a `Correlated` prior, whose numbers are t(mean), C^(-1/2), low and high."""
 
     chosen: Selection
 
@@ -142,7 +143,7 @@ class CorrelatedRows(NamedTuple):
 
 
 def coordinates(v: Array, low: Array, high: Array) -> jax.Array:
-    """Return t of numbers; it is not finite outside their limits."""
+    """Return the transformed numbers t(v), which are not finite if v is outside the limits."""
     floor, roof = jnp.isfinite(low), jnp.isfinite(high)
     # The branch that is not selected must have a finite derivative.
     above = jnp.log(jnp.where(floor, v - jnp.where(floor, low, 0.0), 1.0))
@@ -151,7 +152,7 @@ def coordinates(v: Array, low: Array, high: Array) -> jax.Array:
 
 
 def whitener(covariance: np.ndarray) -> np.ndarray:
-    """Return W with W C W^T = 1, also if the standard deviations differ by many orders of magnitude."""
+    """Return W with W C W^T = 1, even if the standard deviations differ by many orders of magnitude."""
     size = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
     # Smaller eigenvalues are rounding, if a number is an exact function of others.

@@ -14,8 +14,8 @@ exponentials,
 whose amplitudes are averages over the posterior of amplitude and width (`fitting.uncertainty.discrepancy`).
 
 The residuals of a fit, in units of the errors sigma of the logarithms, have the covariance
-1 + cov / (sigma_i sigma_j). They are whitened by the inverse of its Cholesky factor, and error bars, bands
-and verdict follow.
+1 + cov / (sigma_i sigma_j). They are whitened by the inverse of its Cholesky factor. Error bars, bands and
+verdict follow from the whitened residuals.
 """
 
 import dataclasses
@@ -35,14 +35,14 @@ class Discrepancy:
 
     Parameters
     ----------
-    amplitude : a, its standard deviation [-], 0.25 stands for 25 %; or None
+    amplitude : a, the standard deviation of the error [-], 0.25 stands for 25 %; or None
         None: averaged over its posterior. The prior is half lognormal (median 0.5, a factor of 1.6 up and
         down) and half flat in ln a between 0.001 and 2.
-    width : w, the range of ln v over which it changes [-], 2.3 is a decade; or None
+    width : w, the range of ln v over which the error changes [-], 2.3 is a decade; or None
         None: averaged over the posterior of widths from a tenth of a decade to 1.6 decades.
     shared : correlation between the errors of different curves at the same v a_T, 0 ... 1
-        A curve is one data set at one pressure and temperature. 1: all have the same error; 0: the errors
-        are independent.
+        A curve is one data set at one pressure and temperature. 1: all curves have the same error; 0: the
+        errors are independent.
     estimated : True if the amplitude was estimated from the data; set by a fit
     parts : (amplitude, width) of every squared exponential of an estimated width; set by a fit
     remark : reason why the discrepancy may not suit the data, "" if none was found; set by a fit
@@ -65,7 +65,8 @@ class Discrepancy:
     the estimated amplitudes, 0.37, 0.38 and 0.43, are larger than 0.2, because prior and kernel favour wide
     intervals.
 
-    Limits: linear loss, errors of the friction given. The shift a_T is taken from the scene at its start.
+    Limits: the loss must be linear, and the friction data must have errors. The shift a_T is taken from the
+    scene at the start of the fit.
     Intervals of the moduli of solids with one relaxation time contain the truth in five of six cases. Where
     friction alone determines the moduli, fit and truth lie along a curved valley. Most moduli then get no
     interval, and the others can miss the truth; `FitResult.profile` follows the valley.
@@ -96,22 +97,28 @@ class Discrepancy:
 
 
 def rational_quadratic(x: np.ndarray, width: float) -> np.ndarray:
-    """Return the correlation of errors at x of one curve with a given width, (n, n)."""
+    """Return the correlation of the errors of one curve at x for a given width, shape (n, n)."""
     return 1 / (1 + 0.5 * ((x[:, None] - x) / width) ** 2)
 
 
 def squared_exponential(x: np.ndarray, width: float) -> np.ndarray:
-    """Return the correlation of errors at x of one curve for one of several widths, (n, n)."""
+    """Return the correlation of the errors of one curve at x for one of several widths, shape (n, n)."""
     return np.exp(-0.5 * ((x[:, None] - x) / width) ** 2)
 
 
 def between_curves(near: np.ndarray, curve: np.ndarray, shared: float) -> np.ndarray:
-    """Return the correlation of errors across curves, (n, n); `near` is that of one curve."""
+    """Return the correlation of the errors of all curves, shape (n, n).
+
+    `near` is the correlation if all points belong to one curve.
+    """
     return np.where(curve[:, None] == curve, near, shared * near)
 
 
 def covariances(x: np.ndarray, curve: np.ndarray, discrepancy: Discrepancy) -> np.ndarray:
-    """Return the covariance of the theory's errors at x of curves, both of shape (n,); (n, n)."""
+    """Return the covariance of the theory's errors, shape (n, n).
+
+    `x` and `curve`, of shape (n,), are the abscissa and the curve of every point.
+    """
     amplitude, width = discrepancy.amplitude, discrepancy.width
     if amplitude is None or width is None:
         raise ValueError("Discrepancy: amplitude and width must be numbers, or be estimated first")
@@ -126,7 +133,7 @@ def covariances(x: np.ndarray, curve: np.ndarray, discrepancy: Discrepancy) -> n
 def text_of(discrepancy: Discrepancy) -> str:
     """Describe a discrepancy in a report."""
     if discrepancy.amplitude is None or discrepancy.width is None:
-        return "the theory may be off, by how much was not estimated"
+        return "the theory may be off; the size of its error was not estimated"
     source = "estimated from the data" if discrepancy.estimated else "as given"
     decades = discrepancy.width / math.log(10)
     about = "about " if discrepancy.parts else ""

@@ -46,7 +46,7 @@ class Gaussian:
                 object.__setattr__(self, name, tuple(map(float, each)))
 
     def read(self, place: PriorContext) -> list[tuple["GaussianRows", tuple[np.ndarray, np.ndarray]]]:
-        """Return the structure and numbers; ValueError unless the key is a free parameter."""
+        """Return structure and numbers of the prior. Raise ValueError unless its key is a free parameter."""
         find(place.scene, place.key)  # raises an error with similar paths
         group, variables, constants = place.group(), place.variables, place.constants
         if group is None or group.kind in FOLLOWING:
@@ -64,7 +64,7 @@ class Gaussian:
 
 
 class GaussianRows(NamedTuple):
-    """Rows of a `Gaussian`; numbers are its mean and sigma in x."""
+    """Rows of a `Gaussian` prior, whose numbers are the mean and the sigma of x."""
 
     elements: tuple[int, ...]  # in x
 
@@ -86,7 +86,7 @@ class GaussianRows(NamedTuple):
 
 
 def _x_of_mean(where, group, mean, low, width):
-    """Return x at the mean of every element of a group."""
+    """Return the variables x that correspond to the prior means of the elements of a group."""
     if group.kind == "Positive" and not (mean > 0).all():
         raise ValueError(f"{where}: mean = {mean.min():g}: must be > 0, because the parameter is Positive")
     inside = (low < mean) & (mean < low + width)
@@ -109,7 +109,7 @@ class Smooth:
 
     Examples are E of a Prony series over tau, E' and E'' of a table over omega, C over q, and the factors of
     a softening over the strain. For a_T and b_T over the temperature, u = T / 10 K. The key is the path
-    of a whole vector, or of several vectors separated by commas; each then has its own prior.
+    of a whole vector, or of several vectors separated by commas; each vector then has its own prior.
 
     Parameters
     ----------
@@ -123,7 +123,10 @@ class Smooth:
             raise ValueError(f"Smooth: sigma = {self.sigma!r}: must be a finite number > 0")
 
     def read(self, place: PriorContext) -> list[tuple["SmoothRows", float]]:
-        """Return structure and numbers of every vector; ValueError unless it is free with three entries."""
+        """Return the structure and sigma of every vector.
+
+        Raise ValueError unless each vector has at least three elements, all > 0, and some of them are free.
+        """
         found = []
         for path in (path.strip() for path in place.key.split(",")):
             leaf, elements = find(place.scene, path)
@@ -151,7 +154,7 @@ class Smooth:
 
 
 class SmoothRows(NamedTuple):
-    """Rows of a `Smooth` vector; its number is sigma."""
+    """Rows of a `Smooth` prior of one vector, whose only number is sigma."""
 
     leaf: int
     over: int
@@ -210,7 +213,7 @@ class Sum:
             raise ValueError(f"Sum: sigma = {self.sigma!r}: must be a finite number > 0")
 
     def read(self, place: PriorContext) -> list[tuple["SumRows", tuple[float, float, float]]]:
-        """Return the structure and numbers; ValueError unless the sum is > 0 and a fit changes it."""
+        """Return structure and numbers of the prior. Raise ValueError unless the sum is > 0 and not fixed."""
         chosen = place.selection("+", " or a sum with some")
         start = float(np.sum(np.asarray(chosen.of(place.start))))
         if not start > 0:
@@ -221,7 +224,7 @@ class Sum:
 
 
 class SumRows(NamedTuple):
-    """The row of a `Sum`; its numbers are ln low, ln high and sigma."""
+    """Row of a `Sum` prior, whose numbers are ln low, ln high and sigma."""
 
     chosen: Selection
 
@@ -248,7 +251,7 @@ PRIORS: dict[str, type[Prior]] = {cls.__name__: cls for cls in (Gaussian, Smooth
 
 
 class PriorStructure(NamedTuple):
-    """Structure of the priors; hashable."""
+    """Hashable structure of all priors of a fit."""
 
     terms: tuple[Rows, ...]
 
@@ -264,7 +267,7 @@ PriorNumbers = tuple[Any, ...]
 def read_priors(
     scene: Scenes, variables: Variables, constants: Constants, prior: Mapping[str, Prior] | None
 ) -> tuple[PriorStructure, PriorNumbers]:
-    """Return the structure and numbers of the priors of a fit; ValueError naming the path that is wrong."""
+    """Return the structure and numbers of the priors of a fit. A ValueError names the key that is wrong."""
     terms, numbers = [], []
     for key, rule in (prior or {}).items():
         where = f"prior[{key!r}]"
@@ -279,12 +282,12 @@ def read_priors(
 def prior_residuals(
     structure: PriorStructure, numbers: PriorNumbers, scene: Scenes, x: jax.Array
 ) -> jax.Array:
-    """Return the rows of the priors at x, shape (rows,), in the order in which they were given."""
+    """Return the rows of all priors at x, in the order of the priors, shape (rows,)."""
     leaves = jax.tree.leaves(scene) if structure.terms else []
     rows = [term.rows(own, leaves, x) for term, own in zip(structure.terms, numbers, strict=True)]
     return jnp.concatenate(rows) if rows else jnp.zeros(0, x.dtype)
 
 
 def prior_size(structure: PriorStructure) -> int:
-    """Return the number of rows that are informative everywhere, which excludes sums."""
+    """Return the number of rows without the rows of `Sum`, which are zero within the limits."""
     return sum(term.size for term in structure.terms if not isinstance(term, SumRows))

@@ -1,9 +1,9 @@
 """Scenes of a fit (one, or several by name), key paths in them, and the required order of their numbers.
 
-A key path names a number, "upper.material.E[3]". In several scenes it begins with the name of one,
-"R20.shear.tau_f0", or with "*" for a number that all of them share: "*.shear.tau_f0". Scenes are a dict,
-which is a pytree like a single scene. Some numbers keep an order, such as q0 <= qr <= q1; objects declare it
-by `rising`.
+A key path names a number, "upper.material.E[3]". With several scenes a key path begins with the name of a
+scene, "R20.shear.tau_f0", or with "*" for a number that all scenes share: "*.shear.tau_f0". Scenes are a
+dict, which is a pytree like a single scene. Some numbers must keep an order, such as q0 <= qr <= q1, which
+objects declare in `rising`.
 """
 
 import itertools
@@ -37,7 +37,7 @@ _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 
 
 def as_scenes(scene: rf.Scene | Mapping[str, rf.Scene]) -> Scenes:
-    """Return a scene, or a dict of several scenes; ValueError for anything else."""
+    """Return a scene, or a dict of scenes. Raise ValueError for anything else."""
     if isinstance(scene, rf.Scene):
         return scene
     if not isinstance(scene, Mapping):
@@ -56,7 +56,7 @@ def as_scenes(scene: rf.Scene | Mapping[str, rf.Scene]) -> Scenes:
 
 
 def by_name(scenes: _S | dict[str, _S]) -> dict[str, _S]:
-    """Return a dict of scenes, or of objects of scenes, by name; a single scene has the name ""."""
+    """Return scenes, or one object for each scene, as a dict by scene name. A single scene is named ""."""
     return scenes if isinstance(scenes, dict) else {"": scenes}
 
 
@@ -66,7 +66,7 @@ def each_scene(scenes: Scenes, names: Sequence[str]) -> list[rf.Scene]:
 
 
 def chosen_scene(scenes: Scenes, name: str | None) -> rf.Scene:
-    """Return the only scene of a fit, or the one of a name; ValueError if the name is wrong or missing."""
+    """Return the only scene of a fit, or the scene `name`. Raise ValueError for a wrong or missing name."""
     if name is None and isinstance(scenes, rf.Scene):
         return scenes
     if isinstance(scenes, rf.Scene):
@@ -77,7 +77,7 @@ def chosen_scene(scenes: Scenes, name: str | None) -> rf.Scene:
 
 
 def paths_of(scenes: Scenes, path: Any) -> list[str]:
-    """Return the key paths that a path stands for: with "*" one for each scene."""
+    """Return the key paths that a path stands for: one for each scene if the path begins with "*"."""
     if isinstance(scenes, dict) and isinstance(path, str) and path.startswith(ALL):
         return [f"{name}.{path.removeprefix(ALL)}" for name in scenes]
     return [path]
@@ -95,14 +95,14 @@ def scene_paths(scene: Scenes) -> list[str]:
 
 
 def find(scene: Scenes, path: str) -> tuple[int, tuple[int, ...] | None]:
-    """Return the index of the leaf that a key path names, and the elements of it (None for a scalar).
+    """Return the index of the leaf that a key path names, and the named elements (None for a scalar).
 
-    For shared parameters it is the leaf of the first scene.
+    For shared parameters, return the index of the leaf of the first scene.
 
     Raises
     ------
     ValueError
-        the path is unknown (the message suggests similar ones), names a static field or an object, or has
+        the path is unknown (the message suggests similar paths), names a static field or an object, or has
         elements that do not exist.
     """
     parsed = parse_key_path(paths_of(scene, path)[0])
@@ -114,7 +114,7 @@ def find(scene: Scenes, path: str) -> tuple[int, tuple[int, ...] | None]:
 
 
 def owner_of(scene: Scenes, path: str) -> tuple[Any, str]:
-    """Return the object that holds the number of a key path, or None, and the name of the number."""
+    """Return the object that contains the number at a key path, or None, and the name of the number."""
     *steps, name = parse_key_path(paths_of(scene, path)[0]).names
     owner: Any = scene
     for step in steps:
@@ -123,9 +123,9 @@ def owner_of(scene: Scenes, path: str) -> tuple[Any, str]:
 
 
 def path_over(scene: Scenes, path: str) -> str | None:
-    """Return the key path of the abscissa of a vector; None if it has none.
+    """Return the key path of the abscissa of a vector, or None if the vector has no abscissa.
 
-    E of a Prony series has the abscissa tau, a column of a table has the first column.
+    E of a Prony series has the abscissa tau. A column of a table has the first column as abscissa.
     """
     owner, name = owner_of(scene, path)
     field = fields_of(type(owner)).get(name) if isinstance(owner, PhysicalObject) else None
@@ -149,7 +149,7 @@ def _why_not(scene, name, names):
     if isinstance(scene, dict):
         if steps[0] not in scene:
             known = ", ".join(scene)
-            return f"must begin with the name of a scene, {known}, or with * for a number of all"
+            return f"must begin with the name of a scene, {known}, or with * for a number of all scenes"
         names = [other for other in names if other.startswith(f"{steps[0]}.")]
         value = scene[steps.pop(0)]
     for step in steps:
@@ -160,7 +160,7 @@ def _why_not(scene, name, names):
             return "is a static field, an option of the scene; only numbers can be fitted"
         value = getattr(value, step)
         if value is None:
-            return f"the scene has no {step}; it must be there at the start of a fit"
+            return f"the scene has no {step}; add one before the fit"
     return f"unknown key path; {closest(name, tuple(names))}"
 
 
@@ -198,7 +198,7 @@ def ordered_pairs(scene: Scenes) -> tuple[OrderedPair, ...]:
 
 
 def in_order(pairs: tuple[OrderedPair, ...], leaves: Any) -> Any:
-    """Return True, as a scalar, if low <= high in all pairs, given the leaves of a scene."""
+    """Return True, as a scalar array, if low <= high in all pairs of the leaves of a scene."""
     found = True
     for low, high in dict.fromkeys((pair.low.leaf, pair.high.leaf) for pair in pairs):
         own = [pair for pair in pairs if (pair.low.leaf, pair.high.leaf) == (low, high)]

@@ -11,9 +11,9 @@ from fitting.parameters.variables import Array, Constants, Group, Variables
 
 
 class Rows(Protocol):
-    """Structure of one prior, hashable: the rows that it adds to the residuals.
+    """Hashable structure of one prior, which computes the rows that the prior adds to the residuals.
 
-    Its numbers are a separate pytree, so that other numbers need no compilation.
+    The numbers of the prior are a separate pytree, so a change of the numbers needs no compilation.
     """
 
     @property
@@ -31,11 +31,11 @@ class Rows(Protocol):
 
 
 class Selection(NamedTuple):
-    """Numbers of a scene that a prior's key names, as elements of leaves in their order; hashable."""
+    """Numbers of a scene that the key of a prior names, as elements of leaves; hashable."""
 
     paths: tuple[str, ...]
     leaves: tuple[int, ...]
-    elements: tuple[tuple[int, ...] | None, ...]  # None: a number
+    elements: tuple[tuple[int, ...] | None, ...]  # None: a scalar leaf
 
     @property
     def size(self) -> int:
@@ -61,7 +61,7 @@ class Selection(NamedTuple):
         return self._replace(leaves=tuple(to[leaf] for leaf in self.leaves))
 
     def changing(self, variables: Variables) -> np.ndarray:
-        """Return True for elements that a fit changes, because they are free or tied, shape (size,)."""
+        """Return a mask, shape (size,), that is True for elements that a fit changes (free or tied)."""
         free = {(group.leaf, chosen) for group in variables.groups for chosen in group.elements or (None,)}
         pairs = zip(self.leaves, self.elements, strict=True)
         return np.array([(leaf, one) in free for leaf, chosen in pairs for one in chosen or (None,)])
@@ -86,7 +86,7 @@ class PriorContext(NamedTuple):
         return next((group for group in self.variables.groups if group.path == self.key), None)
 
     def selection(self, separator: str, separated: str) -> Selection:
-        """Return the elements that the key names; ValueError unless a fit changes some of them."""
+        """Return the elements that the key names. Raise ValueError unless the fit changes at least one."""
         paths = tuple(path.strip() for path in self.key.split(separator))
         found = [find(self.scene, path) for path in paths]
         chosen = Selection(paths, tuple(leaf for leaf, _ in found), tuple(one for _, one in found))

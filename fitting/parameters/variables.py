@@ -2,14 +2,14 @@
 
 A parameter is named by its key path in the scene: "gamma", "lower.spectrum.hurst", "upper.material.E" (all
 elements), "upper.material.E[3]", "upper.material.E[4:]". Its rule determines its allowed values. With several
-scenes (`fitting.parameters.scenes`), "*.shear.tau_f0" is one number for all of them. Solvers use one vector x
+scenes (`fitting.parameters.scenes`), "*.shear.tau_f0" is one number for all scenes. Solvers use one vector x
 of unconstrained numbers, one for each free element. A step of 1 in x changes a value by about its own size:
 
 =============  ========================================  =======================
 rule           value                                     x
 =============  ========================================  =======================
 Positive       e^x                                       ln value
-Bounded        low + (high - low) / (1 + e^-x)           logit of its place
+Bounded        low + (high - low) / (1 + e^-x)           logit of its position
 Free           scale x                                   value / scale
 =============  ========================================  =======================
 """
@@ -65,7 +65,7 @@ class Group(NamedTuple):
 
 
 class Variables(NamedTuple):
-    """Structure of a set of free parameters; hashable, so that functions of it compile once."""
+    """Hashable structure of a set of free parameters. A function is compiled once for each structure."""
 
     tree: Hashable  # structure of the scene, as jax.tree flattens it
     groups: tuple[Group, ...]
@@ -74,12 +74,12 @@ class Variables(NamedTuple):
 
     @property
     def own(self) -> list[Group]:
-        """Return the groups with elements in x; groups that are tied to others have none."""
+        """Return the groups that have elements in x, which excludes Tied, RmsSlope and Shared groups."""
         return [group for group in self.groups if group.kind not in FOLLOWING]
 
 
 class Constants(NamedTuple):
-    """Numbers that complete a `Variables` structure: leaves, ranges and ratios; a pytree."""
+    """Pytree of the numbers that complete a `Variables` structure: leaves, ranges and ratios."""
 
     leaves: tuple[Array, ...]  # leaves of the scene at the start
     low: Array  # lower bound, 0 for unbounded elements, shape (size,)
@@ -92,7 +92,7 @@ def free_parameters(scene: Scenes, free: Mapping[str, Constraint]) -> tuple[Vari
 
     Parameters
     ----------
-    scene : Scene, or several by their names, cast to one dtype
+    scene : Scene, or dict of name -> Scene, cast to one dtype
     free : dict of key path -> Positive, Bounded, Free, Tied or RmsSlope
 
     Returns
@@ -150,7 +150,7 @@ def free_parameters(scene: Scenes, free: Mapping[str, Constraint]) -> tuple[Vari
 
 
 def _take(path, places, taken):
-    """Record the elements that a path frees; ValueError if another path frees one of them."""
+    """Record the elements that a path frees. Raise ValueError if another path frees one of them."""
     for leaf, elements in places:
         for element in elements or (None,):
             if (leaf, element) in taken:
@@ -161,7 +161,7 @@ def _take(path, places, taken):
 
 
 def to_x(kind: str, low: Array, width: Array, values: Any) -> Any:
-    """Return x of elements of one kind from their values; the inverse of `from_x`."""
+    """Return the variables x from the values of elements with the rule `kind`; inverse of `from_x`."""
     xp = jnp if isinstance(values, jax.Array) else np
     if kind == "Positive":
         return xp.log(values)
@@ -170,7 +170,7 @@ def to_x(kind: str, low: Array, width: Array, values: Any) -> Any:
 
 
 def from_x(kind: str, low: Array, width: Array, x: Any) -> Any:
-    """Return the values of elements of one kind from their x."""
+    """Return the values of elements with the rule `kind` from their variables x."""
     xp, sigmoid = (jnp, jax.nn.sigmoid) if isinstance(x, jax.Array) else (np, scipy.special.expit)
     if kind == "Positive":
         with np.errstate(over="ignore"):  # inf, as XLA has it: the model is not finite there
@@ -179,7 +179,7 @@ def from_x(kind: str, low: Array, width: Array, x: Any) -> Any:
 
 
 def slopes_of(kind: str, width: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return d value / d x of elements of one kind at their x, on the host; see `slopes`."""
+    """Return d value / d x for elements with the rule `kind`, as a NumPy array; see `slopes`."""
     if kind == "Positive":
         return np.exp(x)
     far = np.exp(-np.abs(x))
@@ -228,7 +228,7 @@ def to_values(variables: Variables, constants: Constants, x: Array) -> Array:
 
 
 def _by_slot(variables, constants, x) -> dict[tuple[int, int], Array]:
-    """Return a dict of slot -> values, each from its own part of x only, which keeps derivatives sparse."""
+    """Return a dict of slot -> values, which depend only on this slot of x, so derivatives are sparse."""
     xp = np if isinstance(x, np.ndarray) else jnp
     low, width, parts = xp.asarray(constants.low), xp.asarray(constants.width), {}
     for group in variables.own:
@@ -238,7 +238,7 @@ def _by_slot(variables, constants, x) -> dict[tuple[int, int], Array]:
 
 
 def to_scene(variables: Variables, constants: Constants, x: Array) -> Any:
-    """Return the scene, or the scenes by name, with the free elements at x."""
+    """Return the scene, or the scenes by name, with the values of the free elements at x."""
     values = _by_slot(variables, constants, x)
     leaves, ratios, cut = list(constants.leaves), iter(constants.ratios), []
     for group in variables.groups:
@@ -298,7 +298,7 @@ def unconstrained(
 
 
 def slopes(variables: Variables, constants: Constants, x: np.ndarray) -> np.ndarray:
-    """Return d value / d x of every free element, on the host."""
+    """Return d value / d x of every free element, as a NumPy array."""
     width = np.asarray(constants.width)
     parts = [slice(*group.slot) for group in variables.own]
     return np.concatenate(

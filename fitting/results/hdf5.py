@@ -7,8 +7,8 @@
     /report             the report as text
     /scene              the fitted scene, as in scene files (`rubberfric.io.hdf5`); missing if
                         the scene's constructors refuse the fitted values
-    /scene_at_start     the scene that the fit was given; with several scenes, /scene and /scene_at_start
-                        hold a group for each, by its name
+    /scene_at_start     the scene that was given to the fit; with several scenes, /scene and /scene_at_start
+                        have a subgroup for each scene, by name
     /data/0, 1, ...     the data sets, as in data files (`fitting.data.files`)
     /data_scenes        name of the scene of each data set, "" for a single scene
     /free/0, 1, ...     attributes path and rule, and the fields of the rule: low, high, start, to, ...
@@ -100,7 +100,7 @@ def write_scenes(parent: h5py.Group, name: str, scenes: Scenes) -> None:
 
 
 def read_scenes(group: h5py.Group) -> Any:
-    """Read what `write_scenes` wrote: a scene, or a dict of several."""
+    """Return the scene, or the dict of name -> scene, that `write_scenes` wrote to a group."""
     if "kind" in group.attrs:
         return read_object(group)
     return {name: read_object(one) for name, one in group.items()}
@@ -120,7 +120,7 @@ def write_rules(group: h5py.Group, rules: Mapping[str, Constraint | Prior]) -> N
 
 
 def read_rules(group: h5py.Group, classes: Mapping[str, type[RuleOrPrior]]) -> dict[str, RuleOrPrior]:
-    """Return key path -> rule or prior as stored by `write_rules`; ValueError names an invalid group."""
+    """Return a dict of key path -> rule or prior from a file; a ValueError names an invalid group."""
     rules = {}
     for one in numbered(group):
         found = {name: _python(value) for name, value in one.attrs.items()}
@@ -202,7 +202,7 @@ def read_minima(group: h5py.Group, size: int) -> tuple[Minimum, ...]:
 
 
 def numbered(group: h5py.Group) -> Iterator[h5py.Group]:
-    """Return the groups "0", "1", ... that a group holds, in this order."""
+    """Return the subgroups "0", "1", ... of a group, in this order."""
     return (hdf5.subgroup(group, str(i)) for i in range(len(group)))
 
 
@@ -217,9 +217,9 @@ def save(
     title: str = "",
     samples: Callable[[h5py.Group], None] | None = None,
 ) -> None:
-    """Write a fit as an HDF5 file (.h5), whole or not at all; `load` reads it back.
+    """Write a fit to an HDF5 file (.h5), completely or not at all.
 
-    `samples` writes the draws from its posterior to their group.
+    `samples` is a function that writes the draws from the posterior of the fit to a group, or None.
 
     Raises
     ------
@@ -263,15 +263,15 @@ def save(
 
 
 def load(path: StrPath, cls: type[ResultType]) -> ResultType:
-    """Return the fit that `save` wrote, as a `fitting.FitResult` or another class of records.
+    """Load a fit from a file written by `save`, as an object of `cls`, such as `fitting.FitResult`.
 
-    Numbers are equal to the last bit with the precision of the fit (float64 becomes
+    Numbers are equal to the last bit if they are loaded in the precision of the fit (float64 becomes
     float32 unless JAX's x64 mode is on).
 
     Raises
     ------
     ValueError
-        one line naming the file, the fault and the rule.
+        the file is invalid. The message is one line with the file, the fault and the rule.
     """
     with hdf5.reading(path, FIT_FORMAT) as file:
         hdf5.check_names(
@@ -283,7 +283,7 @@ def load(path: StrPath, cls: type[ResultType]) -> ResultType:
 
 
 def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
-    """Return the fields of the record."""
+    """Return the fields of the `FitRecord` in a file."""
     found, options = hdf5.attributes(file, FIELDS), hdf5.attributes(file, OPTIONS)
     if found["status"] not in MESSAGES:
         raise ValueError(f"status = {found['status']!r}: must be one of {', '.join(map(str, MESSAGES))}")

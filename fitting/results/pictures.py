@@ -88,7 +88,7 @@ def measured_points(result: FitRecord, quantity: str) -> PlottedPoints:
 
 
 def fitted_curves(points: PlottedPoints) -> list[PlottedCurve]:
-    """Return the curves, ordered by body, temperature and pressure; a modulus has curves of E' and E''."""
+    """Return the curves by scene, body, temperature and pressure; E' and E'' have separate curves."""
     columns = (points.scene, points.body, points.temperature, points.pressure)
     keys = sorted(set(zip(*(column.tolist() for column in columns), strict=True)))
     if len(keys) <= _CURVES:
@@ -110,7 +110,7 @@ def fitted_curves(points: PlottedPoints) -> list[PlottedCurve]:
 
 
 def _text(key, several):
-    """Return a curve's conditions; the body only if there are several."""
+    """Return the conditions of a curve as text, with the body only if there are several bodies."""
     scene, body, temperature, pressure = key
     texts = [scene] * bool(scene) + [body] * several
     if pressure != _ABSENT:
@@ -123,7 +123,7 @@ def _text(key, several):
 def lines(
     result: FitRecord, quantity: str, points: PlottedPoints, curves: list[PlottedCurve], level: float
 ) -> list[tuple[np.ndarray, Band] | None]:
-    """Return (x, Band) of every curve; None for one without a line.
+    """Return (x, Band) for every curve, or None for a curve without a line.
 
     The bands are linear in the logarithm of positive quantities, as in `FitResult.band`.
     """
@@ -173,8 +173,9 @@ def _compiled(result, block, columns, x):
 def plot_correlation(result: Any, ax: style.Axes | None = None) -> style.Axes:
     """Draw the correlation matrix of a fit's free parameters.
 
-    Cells hold numbers; with more than 14 parameters, the signs of correlations beyond +-0.5. Cells are
-    hatched if an error bar is withheld.
+    Each cell shows its correlation as a number. With more than 14 parameters, cells show only the signs of
+    correlations beyond +-0.5, and with more than 40 parameters no text. Cells are hatched if an error bar is
+    withheld.
 
     Parameters
     ----------
@@ -210,7 +211,7 @@ def plot_correlation(result: Any, ax: style.Axes | None = None) -> style.Axes:
 
 
 def _write(axes, correlation):
-    """Write numbers or signs into the cells, so that signs are visible in grey."""
+    """Write numbers or signs into the cells, so that the signs can be read without colours."""
     count = len(correlation)
     if count > _SIGNS:
         return

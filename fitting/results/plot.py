@@ -33,7 +33,7 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
         Velocities <= 0 have no logarithm and are left out. Data at more than ten conditions have no
         lines: small crosses are fitted values.
     ax : sequence of matplotlib axes, or None
-        A panel and one for its residuals for each quantity among the data, in the order friction, area,
+        Two for each quantity among the data, a panel and its residuals, in the order friction, area,
         modulus, spectrum. None: axes of a new figure, `ax[0].figure`, which pyplot does not know.
 
     Returns
@@ -43,7 +43,7 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
     Raises
     ------
     ValueError
-        `ax` has another number of axes.
+        `ax` has the wrong number of axes.
     """
     if not isinstance(result, FitRecord):
         raise ValueError(f"result is a {type(result).__name__}: must be of class FitResult")
@@ -64,7 +64,7 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
 
 
 def plot_profile(profile: LikelihoodProfile, ax: style.Panels | None = None) -> style.Panels:
-    """Draw the cost over a parameter with its interval, and the other parameters below.
+    """Draw the rise of chi-square over a parameter with its interval, and the other parameters below.
 
     Parameters
     ----------
@@ -101,12 +101,12 @@ def plot_profile(profile: LikelihoodProfile, ax: style.Panels | None = None) -> 
 
 
 def save_plot(path: StrPath, result: FitRecord, title: str = "") -> None:
-    """Draw a fit to a file, whole or not at all."""
+    """Write the plot of a fit to a file, completely or not at all."""
     save_figure(path, plot_fit(result, _new_axes(_present(result), title))[0].figure)
 
 
 def _present(result):
-    """Return the quantities among the data."""
+    """Return the names of the measured quantities, in the order of `LABELS`."""
     return [name for name in LABELS if any(one.quantity == name for one in result.data)]
 
 

@@ -1,4 +1,4 @@
-"""Record of a fit, which reports, files and plots use."""
+"""The record of a fit, from which reports, files and plots are made."""
 
 import dataclasses
 import functools
@@ -30,7 +30,7 @@ class Minimum(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """Value, error and start of a free number, or arrays of these for the elements of an array."""
+    """Value, standard error and start value of a free number, or arrays with an entry per element."""
 
     value: Any
     stderr: Any  # NaN where withheld
@@ -108,7 +108,7 @@ class FitRecord(SolvedProblem):
         return dataclasses.replace(self, free=free, problem=problem, x=problem.start, uncertainty=known)
 
     def _shared(self, path):
-        """Return the name of the parameter at a key path of one scene, or its name shared by all scenes."""
+        """Return the shared name of a parameter if all scenes share it, otherwise the given key path."""
         scene, _, below = path.partition(".")
         shared = f"{ALL}{below}"
         known = {name.split("[")[0] for name in self.names}
@@ -179,20 +179,20 @@ class FitRecord(SolvedProblem):
 
     @functools.cached_property
     def residuals(self) -> tuple[np.ndarray, ...]:
-        """Residuals (model - measured) / error of every data set, with the given errors or estimated ones."""
+        """Residuals (model - measured) / error of every data set, with the given or the estimated errors."""
         rows = residual_rows(self.problem, self.x)
         sets = zip(self.problem.order, self.estimated, strict=True)
         return tuple(rows[where] * (self.error_scale if scale is None else 1.0) for where, scale in sets)
 
     @functools.cached_property
     def verdict(self) -> Verdict:
-        """Result of the tests whether the scene explains the data, see `fitting.uncertainty.verdict`."""
+        """Result of the tests of whether the scene explains the data; see `fitting.uncertainty.verdict`."""
         loss, known = self.problem.structure.loss, self.uncertainty.parameters
         return verdict(self.data, self.residuals, known, self.estimated, loss)
 
     @functools.cached_property
     def valleys(self) -> tuple[Valley, ...]:
-        """Closely correlated parameters, and whether their error bars hold."""
+        """Closely correlated parameters, with a check of their error bars."""
         return valleys(self)
 
     @functools.cached_property

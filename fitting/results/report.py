@@ -6,15 +6,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from fitting.data.kinds import AreaData, FrictionData
 from fitting.parameters.constraints import FOLLOWING, RmsSlope, Tied
 from fitting.parameters.correlated import Correlated
 from fitting.parameters.discrepancy import text_of
 from fitting.parameters.priors import Smooth, Sum
-from fitting.parameters.scenes import Scenes, leaf_names, owner_of, paths_of
+from fitting.parameters.scenes import Scenes, each_scene, leaf_names, owner_of, paths_of
 from fitting.parameters.selection import PriorContext
 from fitting.results.record import FitRecord
 from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import ASSUMED
+from rubberfric.analysis.validity import contact_model_name, theory_error
 from rubberfric.base import unit_of
 
 # Largest number of elements listed for a key path; longer arrays show the first and the last.
@@ -60,7 +62,7 @@ def variable_rows(result: FitRecord) -> list[tuple[str, ...] | str]:
 
 
 def _by_scatter(result, error):
-    """Return the error bar from the scatter if the scene does not explain data with given errors, else ""."""
+    """Return the error bar scaled by the scatter if the verdict rejects the scene, otherwise ""."""
     if result.verdict.explains is not False or result.error_scale != 1 or not result.redchi > 1:
         return ""
     return f"[{error * np.sqrt(result.redchi):#.2g}]"
@@ -74,7 +76,7 @@ def _left_out(result, elements):
 
 
 def _digits(value, error):
-    """Format a value with as many digits as its error has at two significant digits."""
+    """Format a value so that its last digit is the second significant digit of its error."""
     if not (error > 0 and value and np.isfinite(value)):
         return f"{value:.6g}"
     digits = int(np.floor(np.log10(abs(value))) - np.floor(np.log10(error))) + 2
@@ -82,7 +84,7 @@ def _digits(value, error):
 
 
 def tied_lines(result: FitRecord) -> list[str]:
-    """Return a line for every key path tied to another: its value, and the rule."""
+    """Return a line for every key path that is tied to another one, with its value and the rule."""
     leaves, lines = jax.tree.leaves(result.scene), []
     groups = [group for group in result.variables.groups if group.kind in ("Tied", "RmsSlope")]
     rules = [
@@ -186,10 +188,33 @@ def _fit(result):
             "method": f"{result.method} ({SOLVERS[result.method].title})",
             "message": result.message,
             "data": f"{_count(len(result.data), 'set')}, {_count(values, 'value')}",
+            **_contact_model(result),
             "evaluations": f"{result.nfev} of the residuals, {result.njev} of their derivatives",
             "time": f"{result.seconds:.3g} s",
         }
     )
+
+
+def _contact_model(result):
+    """Return the contact model of the friction and area data, with its error against boundary elements."""
+    kinds = (FrictionData, AreaData)
+    scenes = [
+        scene
+        for one, scene in zip(result.data, each_scene(result.scene_at_start, result.data_scenes), strict=True)
+        if isinstance(one, kinds)
+    ]
+    if not scenes:
+        return {}
+    return {"contact": "; ".join(dict.fromkeys(map(_contact_text, scenes)))}
+
+
+def _contact_text(scene):
+    """Return the contact model of a scene, with the range of its errors in similar scenes."""
+    found = theory_error(scene)
+    if found is None:
+        return f"{contact_model_name(scene)}, of unknown error in such scenes"
+    low, high = (100 * ratio - 100 for ratio in found.friction)
+    return f"{contact_model_name(scene)}, mu within {low:+.0f} ... {high:+.0f} % of boundary elements"
 
 
 def _data(result):

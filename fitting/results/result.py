@@ -55,13 +55,14 @@ class FitResult(FitRecord):
         values: ArrayLike | None = None,
         callback: Callback | None = None,
     ) -> LikelihoodProfile:
-        """Return the profile likelihood of the cut-off q1 of a spectrum, all other parameters fitted again.
+        """Return the profile likelihood of a spectrum's cut-off q1, with all other parameters fitted again.
 
         Parameters
         ----------
         path : key path that ends in .q1, free in this fit or not; None: q1 of the only rough solid
         level : confidence level of the interval
-        values : values of q1 [1/m]; None: 0.1 to 10 times the fitted one, within the range of a table
+        values : values of q1 [1/m]; None: 0.1 to 10 times the fitted value, within the table of a
+            tabulated spectrum
 
         Returns
         -------
@@ -76,7 +77,7 @@ class FitResult(FitRecord):
         return fit.profile(path, level, callback=callback, values=values)
 
     def log_density(self, x: Array) -> jax.Array:
-        """Return the log density at x up to a constant, -cost; see `fitting.log_density`."""
+        """Return the log density at x, which is -cost up to a constant; see `fitting.log_density`."""
         return log_density(self)(x)
 
     def sample(
@@ -126,7 +127,7 @@ class FitResult(FitRecord):
 
         Parameters
         ----------
-        body : "lower" or "upper", the body in the other scene; None: the same as here
+        body : "lower" or "upper", the body in the other scene; None: the same body as in this scene
         widen : factor of all standard deviations
             To allow for model error, or for a scene that does not explain its data.
 
@@ -151,12 +152,12 @@ class FitResult(FitRecord):
         return plot_fit(self, ax)
 
     def save(self, path: StrPath) -> None:
-        """Write an HDF5 file (.h5), whole or not at all; see `fitting.results.hdf5`."""
+        """Write the fit to an HDF5 file (.h5), completely or not at all; see `fitting.results.hdf5`."""
         hdf5.save(path, self)
 
     @classmethod
     def load(cls, path: StrPath) -> Self:
-        """Read back what `save` wrote; see `fitting.results.hdf5.load`."""
+        """Load a fit from a file written by `save`; see `fitting.results.hdf5.load`."""
         return hdf5.load(path, cls)
 
     def _repr_html_(self) -> str:

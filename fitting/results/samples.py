@@ -38,8 +38,8 @@ class Samples:
     x : draws in the variables of the solver, shape (chains, draws, size)
     values : draws of the free numbers, in their units, shape (chains, draws, size)
     log_density : up to a constant, shape (chains, draws)
-    diverging, accepted, steps : True if the trajectory of a draw diverged, its mean acceptance probability,
-        and its evaluations of the density, shape (chains, draws)
+    diverging, accepted, steps : for each draw, True if its trajectory diverged, its mean acceptance
+        probability, and its number of evaluations of the density, shape (chains, draws)
     rhat : rank-normalised split R-hat of every parameter, 1 if the chains agree, shape (size,)
     ess : bulk effective sample size of every parameter, shape (size,)
     flat : variable in which parameters without a prior have a flat density, "x" or "values"
@@ -91,11 +91,11 @@ class Samples:
 
     @property
     def reliable(self) -> bool:
-        """True if R-hat < 1.01, the effective sample size exceeds 100 a chain, and no trajectory diverged."""
+        """True if R-hat < 1.01, the effective sample size is > 100 per chain, and no trajectory diverged."""
         return not self._warnings()
 
     def quantiles(self, levels: Sequence[float] | float = _QUANTILES) -> np.ndarray:
-        """Return quantiles of the values at levels 0 ... 1, shape (levels, size), or (size,) for one.
+        """Return quantiles of the values at levels 0 ... 1, shape (levels, size), or (size,) for one level.
 
         Raises
         ------
@@ -122,7 +122,7 @@ class Samples:
         draws: int = 200,
         scene: str | None = None,
     ) -> Band:
-        """Return the median prediction of the draws and the central band that holds `level` of them.
+        """Return the median prediction of the draws, and the central band that contains a share of the draws.
 
         Parameters
         ----------
@@ -158,7 +158,7 @@ class Samples:
         return pandas.DataFrame(columns | {"log_density": self.log_density.ravel()})
 
     def report(self) -> str:
-        """Return the draws as text of several lines: diagnostics, and quantiles of all parameters."""
+        """Return text of several lines with diagnostics of the draws and quantiles of all parameters."""
         chains, draws, _ = self.x.shape
         found = self._warnings()
         lines = [
@@ -187,7 +187,7 @@ class Samples:
         return f"<Samples: {chains} chains of {draws} draws, {size} numbers{said}>"
 
     def _table(self):
-        """Return the texts of every number: name, quantiles, fitted value, R-hat, effective sample size."""
+        """Return texts for every parameter: name, quantiles, fitted value, R-hat, effective sample size."""
         columns = (*self.quantiles(), self.fit.values)
         return [
             (name, *(f"{column[i]:.5g}" for column in columns), f"{self.rhat[i]:.4f}", f"{self.ess[i]:.0f}")
@@ -200,25 +200,25 @@ class Samples:
         worst = int(np.argmax(self.rhat))
         if not self.rhat[worst] < _RHAT:
             found.append(
-                f"chains disagree on {self.names[worst]}, R-hat {self.rhat[worst]:.3f}: draw more, or give it"
-                " a prior"
+                f"chains disagree on {self.names[worst]}, R-hat {self.rhat[worst]:.3f}: draw more, or give"
+                " this parameter a prior"
             )
         least = int(np.argmin(self.ess))
         if not self.ess[least] > _ESS * chains:
             found.append(
-                f"{self.names[least]} has {self.ess[least]:.0f} effective draws, must be"
+                f"{self.names[least]} has {self.ess[least]:.0f} effective draws, but needs"
                 f" {_ESS * chains:.0f}: draw more"
             )
         if count := int(self.diverging.sum()):
             found.append(
-                f"{count} trajectories diverged: the posterior has a corner that draws may miss; give a prior"
+                f"{count} trajectories diverged: draws may miss a narrow part of the posterior; give a prior"
             )
         return found
 
     def save(self, path: StrPath) -> None:
-        """Write the fit and its draws as an HDF5 file (.h5), whole or not at all.
+        """Write the fit and its draws to an HDF5 file (.h5), completely or not at all.
 
-        `Samples.load` reads it back. `FitResult.load` reads the fit alone.
+        `Samples.load` reads the fit with its draws, `FitResult.load` only the fit.
         """
         fit_files.save(path, self.fit, samples=self._write)
 
@@ -231,7 +231,7 @@ class Samples:
 
     @classmethod
     def load(cls, path: StrPath) -> Self:
-        """Read back what `save` wrote; ValueError naming the file and what in it is wrong."""
+        """Load a fit and its draws from a file written by `save`; a ValueError names the file and fault."""
         fit = fit_files.load(path, FitRecord)
         with hdf5.reading(path, fit_files.FIT_FORMAT) as file:
             group = hdf5.subgroup(file, "samples")

@@ -1,1 +1,1 @@
-"""A fit as a least-squares problem, and what solves it."""
+"""A fit as a least-squares problem, and its solvers."""

@@ -66,7 +66,7 @@ def begin_quadratic(x: np.ndarray, rows: np.ndarray, jacobian: np.ndarray) -> It
 
 
 def propose_move(iterate: Iterate, longest: float = LONGEST_STEP) -> np.ndarray:
-    """Return the next move, shape (size,): at most `longest` in any x."""
+    """Return the next move, shape (size,), within the trust radius and at most `longest` in any x."""
     model = iterate.own
     largest = np.linalg.norm(model.jacobian, 2) ** 2
 
@@ -163,14 +163,17 @@ def _promise(model, move):
 
 
 def _linear_promise(model, longest):
-    """Return the predicted gain of the linear models for a step of at most `longest` per direction."""
+    """Return the gain in cost that linear models predict for steps of at most `longest` per direction."""
     U, s, _ = np.linalg.svd(model.jacobian, full_matrices=False)
     along = np.abs(U.T @ model.rows)
     return float(np.sum(np.minimum(0.5 * along**2, along * s * longest)))
 
 
 def _least(model, damping, move):
-    """Minimise the squares of the quadratic models plus damping d^2, by damped Newton steps from a move."""
+    """Return the move d that minimises the sum of squares of the quadratic models plus damping * |d|^2.
+
+    Damped Newton steps begin at `move`.
+    """
     one = np.eye(move.size)
     (rows, jacobian), extra = _predicted(model, move), 0.0
     cost = rows @ rows + damping * move @ move

@@ -1,8 +1,8 @@
 """Predictions of a problem and their derivatives, compiled once for a whole fit.
 
-A fit needs predictions at several x, for trial steps and for several starts. At some of them it also needs
-derivatives: at every step, and for error bars, bands and figures. One compiled function serves all of this,
-or two if derivatives use reverse mode. It takes up to `PLACES` points x and computes only the given ones, one
+A fit needs predictions at several x, for trial steps and for several starts. It also needs derivatives, at
+every step and for error bars, bands and figures. One compiled function serves all these purposes, or two if
+derivatives use reverse mode. It takes up to `PLACES` points x and computes only the given ones, one
 after the other, with derivatives along the requested directions. The steps compile quickly and are separate
 functions (`fitting.solvers.levenberg_marquardt`).
 """
@@ -30,7 +30,7 @@ CALLS = 100
 def evaluate_rows(
     structure: FitStructure, numbers: Numbers, x: Array, slopes: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return `fitting.solvers.residuals.rows_of` at every row of x, and their derivatives.
+    """Return the result of `fitting.solvers.residuals.rows_of` at every row of x, and its derivatives.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def _by_forward_mode(structure, numbers):
 
 
 def takes_long(structure: FitStructure, numbers: Numbers) -> bool:
-    """Return True if any scene is solved by iteration, which takes hundreds of times as long."""
+    """Return True if any scene is solved by iteration, which takes hundreds of times as long as others."""
     scenes = _scenes(structure, numbers)
     return any(
         block.quantity in CURVE_QUANTITIES and "converged" in rf.quantities_of(scenes[block.scene])
@@ -84,7 +84,7 @@ def _scenes(structure, numbers):
 
 
 def rows(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
-    """Return the rows alone, at one x."""
+    """Return the rows at one x, without derivatives."""
     del directions
     values = rows_of(structure, numbers, x)
     return values, jnp.zeros((values.size, 0), x.dtype)
@@ -97,7 +97,7 @@ def both(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: ja
 
 
 def along(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
-    """Return the rows and their derivatives with respect to the first elements of x."""
+    """Return the rows and their derivatives with respect to the first `directions` elements of x."""
     values, push = jax.linearize(lambda x: rows_of(structure, numbers, x), x)
 
     def add(k, slopes):
@@ -107,7 +107,7 @@ def along(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: j
 
 
 def _at_places(kind):
-    """Evaluate a function at the first `count` of several x, in a loop, or vectorised on an accelerator."""
+    """Return a function of several x: a loop over the first `count`, or all at once on an accelerator."""
     # jit traces it once only.
     traced = jax.jit(kind, static_argnums=0)
 
@@ -156,19 +156,19 @@ def _rows_at(of, x):
 def at_conditions(
     problem: Problem, key: tuple[str, str | None, str], conditions: tuple[Array | None, ...], x: Array
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return predictions and their derivatives by x at other conditions, using the fit's compiled function.
+    """Return predictions and their derivatives at other conditions, with the fit's compiled function.
 
     Parameters
     ----------
     problem : Problem
     key : quantity, body and scene of a `Block`
     conditions : conditions of this kind of data, arrays of one length or None
-    x : shape (size,)
+    x : shape (size,), also the variable of the derivatives
 
     Returns
     -------
-    (values, slopes), shapes (parts n,) and (parts n, size), not of logarithms; a modulus has E' and then E".
-    None if the fit has no such data, or so few that the conditions would take many calls
+    (values, slopes), shapes (parts * n,) and (parts * n, size), never of logarithms; a modulus has E' and
+    then E". None if the fit has no such data, or so few that the conditions would take many calls
     """
     of = padded(problem)
     given = [c is not None for c in conditions]

@@ -1,4 +1,4 @@
-"""First-order solvers from optax, behind the same init and step as `LevenbergMarquardt`.
+"""First-order solvers from optax, with the same methods `init` and `step` as `LevenbergMarquardt`.
 
 They use only the gradient of the cost, computed by reverse mode. They serve for comparison, and for problems
 with more parameters than residuals. Levenberg-Marquardt is much faster for curves.
@@ -16,7 +16,7 @@ from fitting.solvers.losses import Objective
 
 
 class FirstOrder(abc.ABC):
-    """Base of the first-order solvers."""
+    """Base class of the first-order solvers."""
 
     tolerance: float
     patience: int
@@ -71,7 +71,7 @@ class LBFGS(FirstOrder):
 
     Parameters
     ----------
-    memory : number of past steps that shape the Hessian
+    memory : number of past steps from which the Hessian is estimated
     tolerance, patience : the fit ends after `patience` consecutive steps with relative gains below
         `tolerance`
     """
@@ -85,13 +85,13 @@ class LBFGS(FirstOrder):
     patience: int = 5
 
     def optimiser(self) -> Any:
-        """Return the L-BFGS with the zoom line search."""
+        """Return optax's L-BFGS with the zoom line search."""
         return _optax().lbfgs(memory_size=self.memory)
 
 
 @dataclasses.dataclass(frozen=True)
 class Adam(FirstOrder):
-    """Adam with a learning rate that decreases like a cosine.
+    """Adam with a learning rate that follows a cosine down to zero.
 
     Parameters
     ----------

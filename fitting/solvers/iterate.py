@@ -40,7 +40,7 @@ class Iterate(NamedTuple):
 
 
 def first_iterate(cost: jax.Array, x: jax.Array, own: Any) -> Iterate:
-    """Return the iterate of a fit before its first step; `own` is the solver's."""
+    """Return the iterate of a fit before its first step; `own` is the internal state of the solver."""
     status = jnp.where(jnp.isfinite(cost), RUNNING, NOT_FINITE)
     zero = jnp.asarray(0)
     return Iterate(x, cost, status, zero + 1, zero, own)

@@ -29,12 +29,12 @@ LONGEST_STEP = 3.0  # largest change of any x in a step: a factor of 20 for a Po
 
 @dataclasses.dataclass(frozen=True)
 class LevenbergMarquardt:
-    """The solver of fits; hashable.
+    """Levenberg-Marquardt solver, the default of fits; hashable.
 
     Parameters
     ----------
     tolerance : float
-        the fit ends when the predicted and the actual relative decrease of the cost are both smaller.
+        the fit ends when the predicted and the actual relative decrease of the cost are both below it.
     damping : float
         damping of the first step; smaller for fits that start near their minimum.
     """
@@ -81,7 +81,7 @@ def step(
     loss : Loss of the residuals
     tolerance : as in `LevenbergMarquardt`
     rounding : cost due to rounding, below which the data are fitted exactly
-    longest : largest allowed change of any x, because the linear model fails beyond
+    longest : largest allowed change of any x, because the linear model fails for larger changes
 
     Returns
     -------
@@ -155,7 +155,7 @@ def plan_step(
 
 
 def accelerated_move(plan: Plan, i: int | jax.Array, ahead: jax.Array) -> jax.Array:
-    """Return the move of damping i, from the residuals at PROBE times its velocity, shape (rows,)."""
+    """Return the accelerated move with damping i, from residuals `ahead` at PROBE times its velocity."""
     velocity = plan.velocities[i]
     # Second derivative of the residuals along the step, by a finite difference.
     second = 2 / PROBE * (plan.factor * (ahead - plan.plain) / PROBE - plan.jacobian @ velocity)
@@ -167,7 +167,7 @@ def accelerated_move(plan: Plan, i: int | jax.Array, ahead: jax.Array) -> jax.Ar
 
 
 def is_sufficient(plan: Plan, tried: jax.Array, iterate: Iterate, loss: Loss = SQUARES) -> jax.Array:
-    """Return True if the residuals after the step with less damping make the other trial unnecessary."""
+    """Return True if the residuals after the step with the smaller damping make the second unnecessary."""
     # (|r|^2 - |r + J v|^2) / 2 for the velocity before its length was limited. A limited velocity would
     # predict less, so that the other damping is never tried and all steps stay short.
     moved = plan.s * plan.gains[0]
@@ -186,9 +186,9 @@ def accept_better(
     rounding: ArrayLike = 0.0,
     longest: float = LONGEST_STEP,
 ) -> Iterate:
-    """Return the iterate after the better of two moves, from their residuals, shape (2, rows).
+    """Return the iterate after the better of two moves, from the residuals after both, shape (2, rows).
 
-    If the first `is_sufficient`, the second was not evaluated and is ignored.
+    If the first move `is_sufficient`, the second was not evaluated and is ignored.
     """
     x, damping = jnp.asarray(iterate.x), iterate.own
     enough = is_sufficient(plan, tried[0], iterate, loss)

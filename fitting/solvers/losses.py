@@ -57,14 +57,14 @@ def factors(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, j
 
 
 class Loss(NamedTuple):
-    """Loss of the first rows, which are data. The other rows, of the priors, enter by their squares."""
+    """Loss of the residuals of data, which are the first `rows`; residuals of priors enter as squares."""
 
     kind: str = "linear"
     width: Scalar = 1.0
     rows: int = 0
 
     def cost(self, residuals: jax.Array) -> jax.Array:
-        """Return half the sum of rho and of the squares."""
+        """Return half the sum of rho over the data rows and of the squared residuals over the prior rows."""
         robust = rho(self.kind, self.width, residuals[: self.rows])[0]
         return 0.5 * (jnp.sum(robust) + jnp.sum(residuals[self.rows :] ** 2))
 

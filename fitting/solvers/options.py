@@ -1,4 +1,4 @@
-"""Options of fits and ensembles: names in Python and in job files, and the rule of each option."""
+"""Options of fits and ensembles in Python and in job files, with a rule that checks each option."""
 
 import numbers
 from collections.abc import Callable, Collection
@@ -63,7 +63,7 @@ OPTION_RULES: dict[str, OptionRule] = FILE_OPTIONS | {
     ),
     "prior": _or_none(
         _rule(
-            "a dict of key path -> Gaussian, Smooth, Sum or Correlated, or None; of a fit its .as_prior()",
+            "a dict of key path -> Gaussian, Smooth, Sum or Correlated, or None; for a fit, fit.as_prior()",
             lambda value: isinstance(value, dict),
         )
     ),
@@ -81,14 +81,14 @@ OPTION_RULES: dict[str, OptionRule] = FILE_OPTIONS | {
 
 
 def check_options(**options: object) -> None:
-    """Raise a ValueError that names the wrong option; `fitting.fit` describes them."""
+    """Raise a ValueError that names an invalid option; `fitting.fit` describes the options."""
     for name, value in options.items():
         if wrong := OPTION_RULES[name](value):
             raise ValueError(f"{name} = {shown(value)}: {wrong}")
 
 
 def make_solver(method: str, tolerance: float | None = None, max_steps: int | None = None) -> Solver:
-    """Return the solver of a method; the rate of Adam decreases until the last step."""
+    """Return the solver of a method; the learning rate of Adam is zero at step `max_steps`."""
     options: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
     if method == "adam" and max_steps is not None:
         options["max_steps"] = max_steps

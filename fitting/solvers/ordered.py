@@ -69,13 +69,13 @@ def _places(variables):
 
 @functools.lru_cache(maxsize=64)
 def _steps(variables: Variables) -> tuple[_Step, ...]:
-    """Return the bounded elements of x, each after its free lower neighbours."""
+    """Return the bounded elements of x, ordered so that each follows its free lower neighbours."""
     places = _places(variables)
     below: dict[int, list[_Bound]] = {}
     above: dict[int, list[_Bound]] = {}
 
     def chain(i):
-        """Return the free elements that bound an element from below, the lowest first, and the element."""
+        """Return the free elements that bound an element from below, lowest first, then the element."""
         free = [bound.element for bound in below.get(i, []) if bound.element is not None]
         return [*dict.fromkeys(k for j in free for k in chain(j)), i]
 
@@ -95,7 +95,7 @@ def _steps(variables: Variables) -> tuple[_Step, ...]:
 
 
 class _Bounds(NamedTuple):
-    """Bounds a and b of one element of x, as x of that element; yielded by `_Walk`."""
+    """Bounds a and b of one element, as values of its x; yielded by `_Walk`."""
 
     element: int
     source: _Bound | None  # the bound below
@@ -104,7 +104,7 @@ class _Bounds(NamedTuple):
 
 
 class _Walk:
-    """Iterate over the bounds of the elements; the caller fills in their `x` one by one."""
+    """Iterate over the bounds of the elements. The caller stores each x before the next bound."""
 
     def __init__(self, variables: Variables, constants: Constants, given: Array, moving: Array):
         self.xp: Any = np if isinstance(given, np.ndarray) else jnp
@@ -152,7 +152,7 @@ class _Walk:
         return self.margin * self.xp.where(finite, 1 + abs(self.xp.where(finite, end, 0.0)), 0.0)
 
     def _range(self, i):
-        """Return the lower and upper limit of element i by its own rule."""
+        """Return the lower and upper limit that the rule of element i sets for its value."""
         if self.kinds[i] == "Bounded":
             return self.constants.low[i], self.constants.low[i] + self.constants.width[i]
         return (0.0 if self.kinds[i] == "Positive" else -np.inf), np.inf
@@ -172,7 +172,7 @@ class _Walk:
         return self._times(bound, from_x(self.kinds[j], self.constants.low[j], self.constants.width[j], x[j]))
 
     def _inverse(self, i, value):
-        """Return x of element i at a value; -inf or inf if the value is outside the range of its rule."""
+        """Return x of element i at a value; -inf or inf if the element's rule does not allow the value."""
         xp, (low, high) = self.xp, self._range(i)
         within = (value > low) & (value < high)
         # A value inside the range, so that the branch that is not used has a finite derivative.
@@ -187,7 +187,7 @@ def _between(xp, a, b, z):
 
 
 def x_of(variables: Variables, constants: Constants, z: Array, moving: Array) -> Array:
-    """Return x for a solver's z, both of shape (size,); moving: 0 where an element is fixed, else 1."""
+    """Return x for a solver's z, both of shape (size,); `moving` is 0 for fixed elements, otherwise 1."""
     if not variables.order:
         return z
     walk = _Walk(variables, constants, z, moving)
@@ -200,7 +200,7 @@ def x_of(variables: Variables, constants: Constants, z: Array, moving: Array) ->
 def z_of(variables: Variables, constants: Constants, x: np.ndarray, moving: np.ndarray) -> np.ndarray:
     """Return z for start values x, on the host.
 
-    An element outside its bounds is reflected into them, an element on a bound is moved inside.
+    An element outside a bound is reflected at the bound, and an element on a bound is moved inside.
     """
     if not variables.order:
         return x
@@ -226,7 +226,7 @@ def z_of(variables: Variables, constants: Constants, x: np.ndarray, moving: np.n
 
 
 def start_z(variables: Variables, constants: Constants, x: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """Return z for several starts, shape (fits, size), by `z_of`."""
+    """Return z for the start values x of several fits, shape (fits, size)."""
     if not variables.order:
         return x
     return np.stack([z_of(variables, constants, *pair) for pair in zip(x, np.asarray(moving), strict=True)])
@@ -285,7 +285,7 @@ def put_on_bounds(
 
 
 class Edge(NamedTuple):
-    """An element of x whose value equals a neighbour's within `AT_EDGE`."""
+    """An element of x whose value equals the value of a neighbour within the relative limit `AT_EDGE`."""
 
     element: int
     side: str  # "lower" or "upper", side of the neighbour
@@ -293,7 +293,7 @@ class Edge(NamedTuple):
 
 
 def edges(variables: Variables, constants: Constants, x: np.ndarray) -> list[Edge]:
-    """Return the elements of x, shape (size,), within `AT_EDGE` of a neighbour."""
+    """Return the elements of x, shape (size,), whose values are within `AT_EDGE` of a neighbour's value."""
     if not variables.order:
         return []
     leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(to_scene(variables, constants, np.asarray(x)))]

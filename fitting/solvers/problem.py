@@ -1,8 +1,8 @@
 r"""A fit as a least-squares problem: measured values and their predictions over the free parameters.
 
 A problem consists of its structure, which is hashable and determines the compiled functions, and its
-numbers: a second fit of the same kind, a bootstrap or a profile compiles nothing new.
-`fitting.solvers.residuals` evaluates it.
+numbers. A second fit of the same kind, a bootstrap or a profile therefore compiles nothing new.
+`fitting.solvers.residuals` evaluates a problem.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,7 +35,7 @@ ASSUMED = 0.1
 
 
 class Block(NamedTuple):
-    """Rows that one call of the model predicts; hashable."""
+    """Rows of a problem that one call of the model predicts; hashable."""
 
     quantity: str  # "friction", "area", "modulus", "spectrum"
     body: str | None  # body of a modulus or spectrum
@@ -236,7 +236,7 @@ def _check_temperature(data, shifts):
 
 
 def finer(problem: Problem, x: Array, data: Sequence[Measured]) -> Problem | None:
-    """Return the problem with the quadrature for its scene at x; None if it already has as many nodes."""
+    """Return the problem with a finer quadrature if its scene at x needs one, otherwise None."""
     needed = _fitting(problem.scene(x), data, -_BEYOND)
     structure = problem.structure
     if _work(needed) <= _work(structure.quadrature):

@@ -28,7 +28,7 @@ from rubberfric.roughness import log_power_spectrum
 
 
 def objective(structure: FitStructure, numbers: Numbers, targets: Targets) -> Objective:
-    """Return the functions of x that solvers minimise."""
+    """Return the `Objective` of a problem: its residuals and Jacobian as functions of x, and its loss."""
     return Objective(
         lambda x: residuals(structure, numbers, targets, x),
         lambda x: residuals_and_jacobian(structure, numbers, targets, x),
@@ -58,12 +58,12 @@ def solver_objective(structure: FitStructure, numbers: Numbers, targets: Targets
 
 
 def loss_of(structure: FitStructure, numbers: Numbers) -> Loss:
-    """Return the loss of a problem's rows."""
+    """Return the loss of the data and prior rows of a problem."""
     return Loss(structure.loss, numbers.width, data_rows(structure))
 
 
 def predictions(structure: FitStructure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, Any]:
-    """Return the model predictions for all data, shape (rows,), and the scene, or scenes."""
+    """Return the model predictions for all data, shape (rows,), and the scene or dict of scenes."""
     scene = to_scene(structure.variables, numbers.constants, x)
     scenes, pairs = by_name(scene), zip(structure.blocks, numbers.conditions, strict=True)
     rows = [_predicted(structure, block, at, scenes[block.scene]) for block, at in pairs]
@@ -108,7 +108,7 @@ def rows_of(structure: FitStructure, numbers: Numbers, x: jax.Array) -> jax.Arra
 
 
 def rows_and_slopes(structure: FitStructure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return `rows_of` and their derivatives with respect to x, shape (rows, size)."""
+    """Return the result of `rows_of` and its derivatives with respect to x, shape (rows, size)."""
 
     def scene_of(x):
         return to_scene(structure.variables, numbers.constants, x)
@@ -165,7 +165,7 @@ def residuals_and_jacobian(
 
 
 def _whitened(numbers, rows):
-    """Multiply rows of the data, the first axis, by the whitening matrix that makes them independent."""
+    """Multiply data rows (first axis) by the whitening matrix, which makes their errors independent."""
     return rows if numbers.whitening is None else numbers.whitening @ rows
 
 
@@ -185,7 +185,7 @@ def has_arrays(variables: Variables) -> bool:
 
 
 def forward(function: Callable[[jax.Array], jax.Array], x: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return a function's value and its derivatives by x (last axis), by forward mode."""
+    """Return a function's value and its derivatives with respect to x (last axis), by forward mode."""
     jacobian, value = jax.jacfwd(lambda x: (function(x),) * 2, has_aux=True)(x)
     return value, jacobian
 
@@ -206,7 +206,7 @@ def rounding(structure: FitStructure, targets: Targets) -> jax.Array:
 
 
 class Padded(NamedTuple):
-    """A problem whose blocks are padded to standard lengths, so that problems share compiled functions."""
+    """A problem with blocks padded to standard lengths, so that problems share compiled functions."""
 
     structure: FitStructure
     numbers: Numbers
@@ -219,7 +219,7 @@ class Padded(NamedTuple):
 
 
 def padded(problem: Problem, targets: Targets | None = None) -> Padded:
-    """Pad a problem with points of zero weight, so that fits of other numbers of data reuse its functions.
+    """Pad a problem with points of zero weight, so that fits to more or fewer data share functions.
 
     Every block repeats its last conditions up to a standard length. The error of these rows is infinite, so
     their residuals and derivatives are exactly 0 for every loss. Tables without free numbers are padded to

@@ -1,4 +1,4 @@
-"""Run solvers: many fits of one structure side by side, each stopped at its minimum.
+"""Run many fits of one structure side by side. Each fit stops at its minimum.
 
 A solver is a hashable object with pure functions `init` and `step`. Fits that differ in their start, their
 data or their fixed elements run in small batches. When a fit ends, the next one takes its place. A thousand
@@ -64,7 +64,7 @@ class Runs(NamedTuple):
 
 @jax.jit
 def _choose(new, mask, old):
-    """Return rows of `new` where the mask is True, else of `old`."""
+    """Return rows of `new` where the mask is True, and rows of `old` otherwise."""
     return jax.tree.map(lambda n, o: jnp.where(mask.reshape(-1, *[1] * (n.ndim - 1)), n, o), new, old)
 
 
@@ -84,13 +84,14 @@ def run_fits(
     solver : hashable, with init(objective, x), step(objective, iterate), max_steps
     problem : Problem, whose structure and numbers the fits share
     starts : start vectors, shape (fits, size)
-    targets : Targets with a leading axis, of one entry for each fit or one entry for all;
+    targets : Targets with a leading axis, which has one entry per fit or one entry for all;
         None: the targets of the problem
     max_steps : largest number of steps of a fit; None: max_steps of the solver
     callback : called as callback(step, lowest cost) after every step of the batch, or None
-        KeyboardInterrupt, from it or the keyboard, ends the run with the values reached.
+        A KeyboardInterrupt, raised by the callback or from the keyboard, ends the run with the values
+        reached.
     batch : number of fits that run side by side; None: `FIT_BATCH`, or the number of fits if smaller
-        Another number needs another compilation.
+        Each number of fits needs its own compilation.
 
     Returns
     -------
@@ -189,7 +190,7 @@ def advance(
 
 @functools.partial(jax.jit, static_argnums=(0, 1, 2))
 def _by_solver(name, solver, structure, numbers, targets, state):
-    """Return `init` or `step` of a first-order solver, for several fits."""
+    """Call `init` or `step` of a first-order solver for several fits."""
 
     def one(targets, state):
         return getattr(solver, name)(solver_objective(structure, numbers, targets), state)
@@ -250,7 +251,7 @@ def _levenberg_marquardt_step(solver, structure, numbers, targets, iterate):
     ahead = np.asarray(ahead)  # NumPy, because slicing a JAX array compiles
 
     def trial(i, which):
-        """Return the moves with damping i of the fits `which`, and the rows after them."""
+        """Return the moves with damping i of the fits `which`, and the model's rows after these moves."""
         rows, _ = _evaluated(*problem, ahead[:, i], which)
         move, there = _accelerated_move(*problem, iterate, plan, np.full(len(x), i), rows)
         return np.asarray(move), _evaluated(*problem, there, which)[0]
@@ -274,7 +275,7 @@ def _use_brown_dennis(structure, numbers, targets, x):
 
 
 def _brown_dennis_step(solver, structure, numbers, targets, iterate):
-    """Return iterates after one step of Brown and Dennis, with one evaluation each."""
+    """Return iterates after one step of Brown and Dennis, with one evaluation of every running fit."""
     problem, running = (structure, numbers, targets), np.flatnonzero(iterate.status == RUNNING)
     each = [jax.tree.map(lambda a, i=i: np.asarray(a)[i], iterate) for i in range(len(iterate.status))]
     moves = {i: brown_dennis.propose_move(each[i]) for i in running}
@@ -313,7 +314,7 @@ def _at_bounds(solver, structure, numbers, targets, before, after):
 
 
 def _evaluated(structure, numbers, targets, z, which=None, slopes=False):
-    """Return rows of the model and their derivatives by z; zero except for the fits `which`."""
+    """Return the model's rows and their derivatives with respect to z for the fits `which`, 0 for others."""
     variables, constants, z = structure.variables, numbers.constants, np.asarray(z)
     which = np.arange(len(z)) if which is None else which
     pairs = list(zip(z[which], np.asarray(targets.moving)[which], strict=True))

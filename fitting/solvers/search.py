@@ -2,8 +2,8 @@
 
 Two problems occur with least squares in logarithms:
 
-- Far from the minimum a robust loss treats all data as outliers and has many local minima. Its fits therefore
-  begin at the minimum of least squares, computed with the same loss of a much larger width.
+- Far from the minimum a robust loss treats all data as outliers and has many local minima. Robust fits
+  therefore begin at the minimum of least squares, computed with a much larger width of the same loss.
 - One bad step may drive a Positive parameter towards zero, or a Bounded one to a bound. It then tends to stay
   there, because its neighbours compensate for it. Such fits are repeated with additional rows, which keep the
   elements of an array smooth, and whose weight is reduced to zero in steps. The lower of both minima is kept.
@@ -117,7 +117,7 @@ def _smoothed(solver, problem, starts, max_steps, callback, batch):
 
 
 def _escaped(problem, x, start):
-    """Return True for elements near zero or at a bound, whose value hardly depends on x; shape of x."""
+    """Return a mask with the shape of x: True near zero or at a bound, where values barely depend on x."""
     kinds = np.empty(x.shape[1], object)
     for group in problem.variables.own:
         kinds[slice(*group.slot)] = group.kind
@@ -188,7 +188,10 @@ def confirm_minimum(
 
 
 def _to_fit(problem, cost, costs, drawn, inner):
-    """Return the indices of points to fit from although their cost is not lower: none if fits are slow."""
+    """Return indices of points at which further fits begin although their cost is not lower.
+
+    There are none if fits are slow.
+    """
     if takes_long(problem.structure, problem.numbers):
         return []
     far = 2 * cost > _FAR * problem.targets.measured.size
@@ -227,9 +230,9 @@ def _moves(problem, x):
 
 
 def _places_to_try(problem, end):
-    """Return points to try, rows of x in the order of the scene, and two lists of their indices.
+    """Return points to try, as rows of x that obey the order of the scene, and two lists of indices.
 
-    The lists are the random points, and the points farthest inside a bound of the order.
+    The first list has the random points, the second one the points farthest inside a bound of the order.
     """
     x, variables, constants = np.asarray(end.x), problem.variables, problem.numbers.constants
     places, drawn, inner = [], np.arange(0), []

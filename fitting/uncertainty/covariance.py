@@ -5,9 +5,9 @@ included), the covariance of x is V diag(1/s^2) V^T. A direction V_k whose stand
 exceeds one - a factor e in Positive parameters - is not identified, and linear error bars along it are
 meaningless. A parameter whose standard deviation in x exceeds one gets no error bar.
 
-The value of a parameter at a bound, or driven to zero, hardly changes with its x. The Jacobian would be zero
-there, and correlated parameters would look well determined. The column is therefore scaled to a change of
-the value by a quarter of its range, or by its start value.
+The value of a parameter at a bound, or driven to zero, barely changes with its x. The parameter's
+column of the Jacobian would be zero there, and correlated parameters would look well determined. The column
+is therefore scaled to a change of the value by a quarter of its range, or by its start value.
 
 For robust losses the covariance is the sandwich A^-1 B A^-1 of M-estimators, A = J^T J with
 the curvature of the loss, B from the squared slopes.
@@ -91,7 +91,7 @@ class Part(NamedTuple):
 
 
 def describe_direction(variables: Variables, loadings: np.ndarray, deviation: float) -> str:
-    """Return a line on a direction: the changes of parameters, their size within the errors, and advice."""
+    """Describe a direction in one line: the parameters that change, how far they may change, and advice."""
     parts = _parts(variables, loadings)
     leaves = {part.leaf for part in parts}
     # Advice on trade-offs needs several parameters.
@@ -106,7 +106,7 @@ def describe_direction(variables: Variables, loadings: np.ndarray, deviation: fl
     elif scaled and far < 100:
         reach = f"within one standard error up to λ = {np.exp(far):.2g}"
     else:
-        reach = "by far within one standard error"
+        reach = "over a wide range within one standard error"
     said = ", ".join(_change(part, part.loading / leading) for part in parts)
     hint = next((text for test, alike, text in HINTS if several and test(leaves) and same >= alike), None)
     if hint is None and len(parts) == 1:
@@ -163,7 +163,7 @@ class Direction(NamedTuple):
 
 
 class Uncertainty(NamedTuple):
-    """Uncertainty of a solution, as in the module's docstring; arrays over the free elements."""
+    """Uncertainty of a solution, as in the module's docstring, with one entry per free element."""
 
     deviation: np.ndarray  # of x; NaN where withheld
     covariance: np.ndarray  # of the values; NaN rows and columns where withheld
@@ -177,12 +177,12 @@ class Uncertainty(NamedTuple):
     spread: np.ndarray  # covariance of y = x / stretch; deviations above OPEN are set to OPEN, (size, size)
     x: np.ndarray  # point of linearisation: the solution, moved a little inside its bounds
     stretch: np.ndarray  # 1, larger for parameters at a bound or at zero, see the module's docstring
-    parameters: float  # effective number that the data determine
+    parameters: float  # effective number of parameters that the data determine
     chisqr: float  # sum of squares of the data's residuals
 
 
 class Linearised(NamedTuple):
-    """Predictions and derivatives at a solution, independent of the data's errors; all rows of `padded`."""
+    """Predictions and derivatives at a solution, not divided by errors of data, for rows of `padded`."""
 
     at: np.ndarray  # at the solution, (rows,)
     inside: np.ndarray  # at the point of linearisation, a little inside the bounds
@@ -207,7 +207,7 @@ def data_residuals(problem: Problem, model: Linearised) -> np.ndarray:
 
 
 def weighted_rows(problem: Problem, model: Linearised) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return residuals and Jacobian of a model, each times the factors of the loss."""
+    """Return the residuals, their factors from the loss, and the Jacobian times its factors."""
     of = padded(problem)
     found = _weighted(of.structure, of.numbers, of.targets, model.inside, model.slopes)
     plain, of_rows, jacobian = map(of.kept, map(np.asarray, found))
@@ -223,7 +223,7 @@ def _weighted(structure, numbers, targets, rows, slopes):
 
 
 def uncertainty(problem: Problem, x: np.ndarray, model: Linearised | None = None) -> Uncertainty:
-    """Return the uncertainty of a solution x, shape (size,); `model` is its linearisation if known."""
+    """Return the uncertainty of a solution x, shape (size,); `model` is its linearisation, or None."""
     structure, numbers = problem.structure, problem.numbers
     withheld, inside, stretch = _at_bounds(problem, x)
     model = linearised(problem, x) if model is None else model
@@ -267,7 +267,7 @@ def from_jacobian(
     slope : d value / d (x / stretch), shape (size,)
     chisqr, x, stretch : as in `Uncertainty`; stretch None: 1
     withheld : name -> reason for a missing error bar of a parameter at a bound
-    influence : residuals times the slope of a robust loss, shape (rows,); None: least squares
+    influence : residuals times their factors from a robust loss, shape (rows,); None: least squares
     """
     names, withheld = element_names(variables), dict(withheld or {})
     # V is needed in full even with fewer rows than columns; U is not.
@@ -318,7 +318,7 @@ def from_jacobian(
 
 
 def _spread(jacobian, count, rows, V, deviations, parameters):
-    """Return the covariance of x, deviations limited to OPEN, and the deviations along the directions."""
+    """Return the covariance of x / stretch, limited to OPEN, and the deviations along the directions."""
     length = np.minimum(deviations, OPEN)
     if rows is None:
         return (V * length**2) @ V.T, deviations

@@ -6,20 +6,20 @@ r"""Predictive accuracy of a fit: likelihood, information criteria, and leave-on
 r_i are residuals in units of their errors e_i. Their leverages h_i are the diagonal of J (J^T J)^-1 J^T, with
 the rows of the priors in J^T J. The second equation is exact for a model that is linear in its parameters
 [Allen, Technometrics 16 (1974) 125; Vehtari, Mononen, Tolvanen, Sivula & Winther, J. Mach. Learn. Res. 17
-(2016) 103, sec. 3.2, arXiv:1412.7461], and for others it is the Laplace approximation. With a robust loss the
-approximation is the same, Newton's step away from the value that is left out, and the density of that value
-under the loss is averaged over it.
+(2016) 103, sec. 3.2, arXiv:1412.7461], and for others it is the Laplace approximation. With a robust loss,
+one Newton step gives the fit without the value. The density of the value under the loss is then averaged over
+the normal distribution of its prediction.
 
-Where errors are correlated (`Discrepancy`), with rows whitened by W and H = J (J^T J)^-1 J^T of those,
-1 - h_i is the diagonal of Q = W^T (1 - H) W, and r_i / (1 - h_i) is (W^T r)_i / Q_ii [Sundararajan &
+If errors are correlated (`Discrepancy`), W whitens the rows, and H = J (J^T J)^-1 J^T of the whitened rows.
+Then 1 - h_i is the diagonal of Q = W^T (1 - H) W, and r_i / (1 - h_i) is (W^T r)_i / Q_ii [Sundararajan &
 Keerthi, Neural Comput. 13 (2001) 1103; Buerkner, Gabry & Vehtari, Comput. Stat. 36 (2021) 1243,
 arXiv:1810.10559].
 
 AIC = -2 ln L + 2 k [Akaike, IEEE Trans. Autom. Control 19 (1974) 716],
 AICc = AIC + 2 k (k + 1) / (n - k - 1) [Hurvich & Tsai, Biometrika 76 (1989) 297],
 BIC = -2 ln L + k ln n [Schwarz, Ann. Stat. 6 (1978) 461];
-k is the effective number of parameters that the data determine, plus the number of estimated errors. It
-counts all parameters if all are identified and there are no priors.
+k is the effective number of parameters that the data determine, plus the number of estimated errors. All
+parameters count if all are identified and there are no priors.
 """
 
 from typing import NamedTuple

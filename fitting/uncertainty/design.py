@@ -97,11 +97,11 @@ class Design:
         return "\n".join(lines) + "\n"
 
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
-        """Draw the information of one measurement at each candidate, and the chosen measurements."""
+        """Draw the gain of one measurement at each candidate, and the chosen measurements."""
         return plot_design(self, ax)
 
     def write(self, path: StrPath) -> None:
-        """Write the conditions to measure at as a CSV table with the columns v, p and T."""
+        """Write the conditions of the measurements to a CSV table with the columns v, p and, if used, T."""
         table = {"v": self.velocity, "p": self.pressure}
         table |= {} if self.temperature is None else {"T": self.temperature}
         write_table(path, table, f"{self.index.size} measurements to make ({self.criterion}), in this order")
@@ -145,7 +145,7 @@ def design(
     draws : number of draws from the prior information over which the criterion is averaged
         1: only the present values. None: 16 for a scene, 1 for a fit. Logarithms of D, A and predictions are
         averaged.
-    reach : largest change of a draw along a direction, 0.3 is 30 %
+    reach : largest standard deviation of the draws along a direction; 0.3 is 30 %
         This limits draws of parameters without prior information.
     key : jax.random.key of the draws, or None for key(0)
     already : a Design from the same candidates, whose measurements will be made as well
@@ -162,12 +162,11 @@ def design(
 
     Notes
     -----
-    Errors follow from the model linearised at the scene, with exact derivatives, and are as good as the
-    scene. If the scene is uncertain, give a `prior` with this uncertainty; the design is then only slightly
-    worse. A design is most useful for predictions outside the range of the candidates. Inside the range,
-    errors depend on the number of measurements more than on their conditions
-    (`tests/fitting/uncertainty/test_design_twins.py` has
-    numbers for both).
+    Errors follow from the model linearised at the scene, with exact derivatives, and are only as accurate as
+    the scene. If the scene is uncertain, give a `prior` with this uncertainty; the design is then only
+    slightly worse. A design is most useful for predictions outside the range of the candidates. Inside the
+    range, errors depend on the number of measurements more than on their conditions
+    (`tests/fitting/uncertainty/test_design_twins.py` has numbers for both).
     """
     known = known_of(source, free, prior, quadrature)
     at = _points(candidates)
@@ -234,7 +233,7 @@ def _cost(cost, at):
     try:
         values = np.broadcast_to(np.ravel(np.asarray(values, float)), at[0].shape)
     except (TypeError, ValueError):
-        raise ValueError(f"cost: must be a number, or {at[0].size} of them, one for each candidate") from None
+        raise ValueError(f"cost: must be a number, or {at[0].size} numbers, one for each candidate") from None
     check_values("cost", values, POSITIVE)
     return values
 
@@ -267,7 +266,7 @@ def _percent(error: float) -> str:
 
 
 def plot_design(design: Any, ax: style.Panels | None = None) -> style.Panels:
-    """Draw the gain of one measurement over log10 v and temperature or pressure, and the chosen ones.
+    """Draw the gain of one measurement over log10 v and temperature or pressure, and the chosen candidates.
 
     With several temperatures there is a panel for each pressure. The number in a circle is the number of
     measurements at this candidate. If only the velocity varies, the gain is a line.

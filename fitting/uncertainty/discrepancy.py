@@ -9,9 +9,9 @@ among the rows [Patterson & Thompson, Biometrika 58 (1971) 545],
 plus the logarithm of the prior of the amplitude, half lognormal and half log-uniform. All widths
 are equally likely.
 
-Errors that are smooth over the whole range of the data can hardly be told from a change of parameters. The
-most likely amplitude is then too small, and intervals are too short. The fit is therefore weighted with the
-posterior mean of C.
+Errors that are smooth over the whole range of the data are difficult to distinguish from a change of
+parameters. The most likely amplitude is then too small, and intervals are too short. The fit is therefore
+weighted with the posterior mean of C.
 """
 
 import dataclasses
@@ -39,11 +39,15 @@ from rubberfric.scene import shifts
 
 # Amplitudes of the grid. Above the last the theory is useless, below the first its error has no effect.
 _AMPLITUDES = np.geomspace(1e-3, 2.0, 39)
-# Median of the prior of an amplitude, and the standard deviation of its logarithm. Friction differs
-# systematically from boundary elements, by 0.3 to 0.4. With an amplitude of 0.5 intervals contain the truth.
-_MEDIAN, _DEVIATION = 0.5, 0.5
-# Amplitude and width of the first fit where they are to be estimated.
-_GUESS = 0.3, math.log(10)
+# Median of the prior of an amplitude for each contact model, and the standard deviation of its logarithm. The
+# paper's friction differs systematically from boundary elements, by 0.3 to 0.4; with an amplitude of 0.5
+# intervals contain the truth. The law differs by 0.06, and by 0.1 in the least favourable scenes.
+_MEDIANS, _DEVIATION = {"paper": 0.5, "boundary_elements": 0.1}, 0.5
+# The law is extrapolated beyond this q1/q0. There its median grows by 0.1 in a factor of ten, which at 1e4 is
+# half of the difference between law and paper.
+_TESTED = 64.0
+# Amplitude over the median, and width, of the first fit where they are to be estimated.
+_GUESS = 0.6, math.log(10)
 # Larger amplitudes, errors of more than a factor of two, are implausible.
 _LARGE = math.log(2)
 # Difference of log likelihoods above which the given amplitude and width are doubted.
@@ -84,7 +88,7 @@ def with_discrepancy(
 ) -> Problem:
     """Return the problem with the whitening of a discrepancy; None removes it.
 
-    The errors in the targets must be final. `data` are the data sets, `scenes` has the scene of each.
+    The errors in the targets must be final. `scenes` has the scene of each data set.
     """
     whitening = None
     if discrepancy is not None and discrepancy.amplitude:
@@ -96,12 +100,28 @@ def with_discrepancy(
     return problem._replace(numbers=problem.numbers._replace(whitening=whitening))
 
 
-def first_guess(discrepancy: Discrepancy) -> Discrepancy:
+def median_amplitude(scenes: Sequence[rf.Scene]) -> float:
+    """Return the median of the prior of the amplitude [-], the largest one if scenes differ."""
+    return max(_median(scene) for scene in scenes)
+
+
+def _median(scene):
+    """Return the median of the prior of the amplitude for one scene."""
+    median = _MEDIANS[scene.contact_model]
+    if scene.contact_model == "paper":
+        return median
+    spectra = [body.spectrum for body in (scene.lower, scene.upper) if body.spectrum is not None]
+    ends = [spectrum.power_law().q for spectrum in spectra]
+    decades = max((math.log10(q[-1] / q[0] / _TESTED) for q in ends), default=0.0)
+    return median + 0.1 * max(0.0, decades)
+
+
+def first_guess(discrepancy: Discrepancy, scenes: Sequence[rf.Scene]) -> Discrepancy:
     """Return the discrepancy of the first fit, before amplitude and width are estimated."""
     amplitude, width = discrepancy.amplitude, discrepancy.width
     return dataclasses.replace(
         discrepancy,
-        amplitude=_GUESS[0] if amplitude is None else amplitude,
+        amplitude=_GUESS[0] * median_amplitude(scenes) if amplitude is None else amplitude,
         width=_GUESS[1] if width is None else width,
     )
 
@@ -112,13 +132,14 @@ def is_open(discrepancy: Discrepancy) -> bool:
 
 
 def with_remark(discrepancy: Discrepancy, asked: Discrepancy, judged: tuple | None) -> Discrepancy:
-    """Add a remark, after a fit, on given numbers or on numbers that could not be estimated.
+    """Add a remark, after a fit, on a given amplitude and width, or on estimates that failed.
 
+    discrepancy, asked : as used in the last fit, and as given by the user
     judged : arguments of `averaged`; None if the fit did not converge
     """
     if judged is None and is_open(asked):
         remark = "amplitude and width are assumed, not estimated, because the fit did not succeed"
-        return dataclasses.replace(first_guess(asked), remark=remark)
+        return dataclasses.replace(discrepancy, remark=remark)
     if judged is None or is_open(asked) or not asked.amplitude:
         return discrepancy
     return dataclasses.replace(discrepancy, remark=averaged(*judged).remark)
@@ -135,10 +156,10 @@ def averaged(
 
     Parameters
     ----------
-    problem : problem of the fit, with any whitening
-    model : its model, linearised at the solution
-    scenes, data : data sets, and the scene of each
-    discrepancy : as given to the fit; `remark` of the result has the reason why it may not suit the data
+    problem : problem of the fit, with or without whitening
+    model : model of the problem, linearised at the solution
+    scenes, data : scene of each data set, and the data sets
+    discrepancy : as given to the fit; `remark` of the result states why it may not suit the data
     """
     likelihood = _Likelihood(problem, model, scenes, data, discrepancy.shared)
     amplitude, width = discrepancy.amplitude, discrepancy.width
@@ -160,7 +181,7 @@ def averaged(
         )
     posterior = found
     if amplitude is None:
-        posterior = found + np.log(_prior(amplitudes))
+        posterior = found + np.log(_prior(amplitudes, median_amplitude(scenes)))
     weight = np.exp(posterior - posterior.max())
     weight /= weight.sum()
     variances, of_width = weight @ amplitudes**2, weight.sum(1)
@@ -183,9 +204,9 @@ def averaged(
     )
 
 
-def _prior(amplitudes):
+def _prior(amplitudes, median):
     """Return the prior density of ln a: half normal, half flat. The flat half allows for an exact theory."""
-    lognormal = scipy.stats.norm.pdf(np.log(amplitudes), np.log(_MEDIAN), _DEVIATION)
+    lognormal = scipy.stats.norm.pdf(np.log(amplitudes), np.log(median), _DEVIATION)
     return 0.5 * lognormal + 0.5 / np.log(_AMPLITUDES[-1] / _AMPLITUDES[0])
 
 

@@ -10,18 +10,19 @@ Its tails exceed any posterior with Gaussian priors, so the weights are bounded.
 which costs a fifth of the draws and covers posteriors that deviate from the normal one.
 
 m and C are the fit's minimum and covariance. If a pilot run shows that they are a poor proposal, the mean and
-covariance of its weighted draws replace them in part, by their effective sample size [population Monte
-Carlo: Cappé, Guillin, Marin & Robert, J. Comput. Graph. Stat. 13 (2004) 907]. Pilot draws are discarded.
+covariance of its weighted draws replace them in part. This part grows with the effective sample size
+[population Monte Carlo: Cappé, Guillin, Marin & Robert, J. Comput. Graph. Stat. 13 (2004) 907]. Pilot draws
+are discarded.
 
 The effective sample size of weights is
 
 .. math:: n_\mathrm{eff} = \Big(\sum_s w_s\Big)^2 \Big/ \sum_s w_s^2
 
-A rare large weight can invalidate it. The index k of a generalised Pareto distribution of the largest weights
-measures this risk, which is too high above 0.7 [Vehtari, Simpson, Gelman, Yao & Gabry, J. Mach. Learn. Res.
-25 (2024) 72, arXiv:1507.02646; Zhang & Stephens, Technometrics 51 (2009) 316]. A hundred draws give k to 0.4
-only, so two standard errors of k are allowed for. Weights are stored as logarithms, up to a constant for each
-fit, shape (fits, draws).
+A rare large weight can invalidate this number. The index k of a generalised Pareto distribution of the
+largest weights measures this risk, which is too high above 0.7 [Vehtari, Simpson, Gelman, Yao & Gabry, J.
+Mach. Learn. Res. 25 (2024) 72, arXiv:1507.02646; Zhang & Stephens, Technometrics 51 (2009) 316]. A hundred
+draws give k to 0.4 only, so two standard errors of k are allowed for. Weights are stored as logarithms, up to
+a constant for each fit, shape (fits, draws).
 
 In a calibration the true x is drawn from the prior, so it is itself a draw from the posterior. Among the true
 x and the draws, each is the true one with a probability proportional to its weight. Therefore
@@ -62,7 +63,7 @@ _POINTS = 256
 
 
 def relative(log_weight: np.ndarray) -> np.ndarray:
-    """Return the weights, scaled so that the largest of each fit is 1."""
+    """Return the weights, scaled so that the largest weight of each fit is 1."""
     largest = np.max(log_weight, 1, keepdims=True)
     # All weights are 0 if the model is finite at no point.
     return np.exp(log_weight - np.where(np.isfinite(largest), largest, 0.0))
@@ -76,7 +77,7 @@ def effective(log_weight: np.ndarray) -> np.ndarray:
 
 
 def tail_index(log_weight: np.ndarray) -> np.ndarray:
-    """Return k of the largest weights of every fit, shape (fits,); -inf if all weights are equal."""
+    """Return the tail index k of the weights of every fit, shape (fits,); -inf if all are equal."""
     rows = log_weight.shape[1]
     count = _tail(rows)
     ordered = np.sort(relative(log_weight), 1)
@@ -100,7 +101,7 @@ def _tail(draws):
 def _pareto_shape(excess):
     """Return the shape of the generalised Pareto distribution of increasing values > 0.
 
-    Regularised as if ten more values had a shape of 1/2 (Vehtari et al.).
+    The estimate is regularised as if ten more values had a shape of 1/2 (Vehtari et al.).
     """
     if not excess[-1] > _EVEN:
         return -np.inf
@@ -125,7 +126,7 @@ class Proposal(NamedTuple):
 
     @classmethod
     def of(cls, centre: np.ndarray, covariance: np.ndarray) -> "Proposal":
-        """Return the proposal with mean m and covariance C, widened as described above."""
+        """Return the proposal with mean m and covariance C, widened as in the module's docstring."""
         variance, directions = np.linalg.eigh(covariance)
         wider = 1 + 1 / centre.shape[1]
         return cls(np.array(centre), directions * np.sqrt(wider * variance)[:, None])
@@ -143,7 +144,7 @@ class Proposal(NamedTuple):
         return -0.5 * (freedom + 1) * np.sum(np.log1p(z**2 / freedom), 1)
 
     def some(self, rows: np.ndarray) -> "Proposal":
-        """Return the proposal for some of the fits."""
+        """Return the proposals of the fits `rows`."""
         return Proposal(self.centre[rows], self.axes[rows])
 
 
@@ -160,7 +161,7 @@ def guided(
     Parameters
     ----------
     problem : Problem, whose structure and numbers all fits share
-    targets : Targets with a leading axis, of one entry for each fit or one entry for all
+    targets : Targets with a leading axis, which has one entry per fit or one entry for all
     centre, covariance : minimum and covariance of each fit, shapes (fits, size) and (fits, size, size)
     count : number of draws in the final run
     """
@@ -199,7 +200,7 @@ def log_weights(
     x: np.ndarray,
     callback: Callable[[int, int], object] | None = None,
 ) -> np.ndarray:
-    """Return ln w up to a constant of each fit, shape (fits, rows); -inf if not finite.
+    """Return ln w up to a constant for each fit, shape (fits, rows); -inf where ln w is not finite.
 
     Parameters
     ----------
@@ -233,7 +234,7 @@ def log_weights(
 
 
 def places(x: np.ndarray, log_weight: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Return u of the module's docstring, shape (fits, size); the last row of x is the truth."""
+    """Return u as in the module's docstring, shape (fits, size); the last row of x is the truth."""
     weight = relative(log_weight)
     below = np.einsum("fs,fsi->fi", weight, x < x[:, -1:])
     own = weight[:, -1:] * random.random(below.shape)
@@ -241,7 +242,7 @@ def places(x: np.ndarray, log_weight: np.ndarray, random: np.random.Generator) -
 
 
 def _some(targets, rows):
-    """Return the targets for some of the fits."""
+    """Return the targets of the fits `rows`."""
     return jax.tree.map(lambda a: a[rows] if len(a) > 1 else a, targets)
 
 

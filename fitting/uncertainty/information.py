@@ -11,11 +11,11 @@ information M_0, the n measurements with
 .. math:: \max_i \; \frac1K \sum_k \phi\Big(M_0 + \sum_i a_{ik} a_{ik}^T\Big),\qquad
           \phi_D = \ln\det M,\quad \phi_L = -\ln\mathrm{tr}(L\, M^{-1})
 
-are found by adding the best ones in turn, and then exchanging single measurements until no exchange improves
-[Fedorov, Theory of Optimal Experiments, Academic Press 1972; Atkinson, Donev & Tobias, Optimum Experimental
-Designs, Oxford 2007, chapter 12]. K sets of rows, from draws of the prior information, make the design
-robust. Logarithms are averaged [Chaloner & Larntz, J. Stat. Plan. Inference 21, 191 (1989)], so that a large
-variance gives a draw no more weight. One more row changes both criteria by
+are found by adding the best candidates in turn, and then exchanging single measurements until no exchange
+improves the criterion [Fedorov, Theory of Optimal Experiments, Academic Press 1972; Atkinson, Donev & Tobias,
+Optimum Experimental Designs, Oxford 2007, chapter 12]. K sets of rows, from draws of the prior information,
+make the design robust. Logarithms are averaged [Chaloner & Larntz, J. Stat. Plan. Inference 21, 191 (1989)],
+so that draws with a large variance do not dominate. One more row changes both criteria by
 
 .. math:: \Delta\phi_D = \ln(1 + a^T M^{-1} a),\qquad
           \Delta\phi_L = -\ln\Big(1 - \frac{1}{\mathrm{tr}(L\, M^{-1})}
@@ -154,7 +154,7 @@ def exchange(
     cost: np.ndarray | None = None,
     target: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the indices of the candidates to measure, most useful first; repetitions appear several times.
+    """Return the indices of the candidates to measure, most useful first; repeated ones appear several times.
 
     Parameters
     ----------
@@ -187,13 +187,13 @@ def exchange(
 
 
 def information(rows: np.ndarray, base: np.ndarray, chosen: list[int] | np.ndarray) -> np.ndarray:
-    """Return M of every draw, shape (draws, size, size)."""
+    """Return the information M with the chosen candidates for every draw, shape (draws, size, size)."""
     some = rows[:, np.asarray(chosen, int)]
     return base + np.swapaxes(some, 1, 2) @ some
 
 
 def criterion(information: np.ndarray, target: np.ndarray | None) -> float:
-    """Return phi, the mean over the draws."""
+    """Return the criterion phi, averaged over the draws."""
     if target is None:
         return float(np.mean(np.linalg.slogdet(information)[1]))
     return -float(np.mean(np.log(variance(information, target))))
@@ -228,7 +228,7 @@ def _filled(rows, base, budget, cost, target, chosen):
 
 
 def _ordered(rows, base, cost, target, chosen):
-    """Return the chosen candidates in the order of gain per cost."""
+    """Return the chosen candidates in decreasing order of gain per cost."""
     left, order = list(chosen), []
     while left:
         gains = gain(rows[:, left], information(rows, base, order), target) / cost[left]

@@ -57,7 +57,7 @@ class Bootstrap(NamedTuple):
     failed: int  # fits that did not converge
 
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-        """Return the lower and upper quantile of the fitted values, shape (size,) each."""
+        """Return the lower and upper quantiles of the fitted values, each of shape (size,)."""
         tail = 50 * (1 - level)
         return np.percentile(self.values, tail, axis=0), np.percentile(self.values, 100 - tail, axis=0)
 
@@ -71,7 +71,10 @@ class Band(NamedTuple):
 
 
 def quantile(level: float, freedom: float = np.inf) -> float:
-    """Return the two-sided quantile: normal, or Student's with `freedom` degrees of freedom."""
+    """Return the two-sided quantile of the normal distribution, or of Student's if `freedom` is finite.
+
+    `freedom` is the number of degrees of freedom.
+    """
     check_options(level=level)
     if not np.isfinite(freedom):
         return float(scipy.special.ndtri(0.5 + 0.5 * level))
@@ -84,9 +87,9 @@ class SolvedProblem:
 
     Attributes
     ----------
-    problem : Problem, with estimated errors of data without given ones
+    problem : Problem, whose errors are estimated for data without given errors
     x : the solution, shape (size,)
-    cost : half the sum of squares of data and priors (rho of them, with a robust loss)
+    cost : half the sum of the squared residuals of data (rho with a robust loss) and priors
     estimated : estimated relative error of every data set, None if errors were given
     error_scale : factor by which given errors were multiplied, 1 unless they were scaled
     uncertainty : uncertainty of the solution
@@ -110,12 +113,12 @@ class SolvedProblem:
         return self.problem.targets.measured.size - self.uncertainty.parameters
 
     def quantile(self, level: float) -> float:
-        """Return the two-sided quantile: Student's if errors were estimated from the scatter, else normal."""
+        """Return the two-sided quantile: Student's if errors come from the scatter, otherwise normal."""
         estimated = self.error_scale != 1 or any(scale is not None for scale in self.estimated)
         return quantile(level, max(self.freedom, 0.5) if estimated else np.inf)
 
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-        """Return lower and upper ends of the intervals of all values, linear in x; NaN if withheld."""
+        """Return the lower and upper ends of the intervals of all values, symmetric in x; NaN if withheld."""
         reach = self.quantile(level) * self.uncertainty.deviation
         return self.problem.values(self.x - reach), self.problem.values(self.x + reach)
 
@@ -130,7 +133,7 @@ class SolvedProblem:
     ) -> Band:
         """Return the prediction of the fitted scene and its confidence band.
 
-        Linear in the logarithm of the quantity (in the quantity itself where it is not > 0). Unidentified
+        The band is linear in the logarithm of the quantity, or in a quantity that is not > 0. Unidentified
         directions widen the band only as far as the prediction depends on them.
 
         Parameters
@@ -167,7 +170,7 @@ class SolvedProblem:
         return self.widened(value, slope, level)
 
     def widened(self, value: np.ndarray, slope: np.ndarray, level: float) -> Band:
-        """Return the band of a prediction (...) from its derivatives by x, shape (..., size)."""
+        """Return the band of a prediction, shape (...), from its slopes d value / d x, shape (..., size)."""
         known = self.uncertainty
         slope = slope * known.stretch
         reach = self.quantile(level) * np.sqrt(np.einsum("...i,ij,...j->...", slope, known.spread, slope))
@@ -188,7 +191,7 @@ class SolvedProblem:
     ) -> LikelihoodProfile:
         """Return the profile likelihood of one parameter, on both sides of its fitted value.
 
-        The cost is taken as -ln likelihood, also of a robust loss. Values are added on each side until
+        The cost is taken as -ln likelihood, also with a robust loss. Values are added on each side until
         chi-square has risen by the threshold, or the parameter is a factor of 1e6 from the fit or a millionth
         of its range from a bound. `ends` of the result says which.
 
@@ -256,7 +259,7 @@ class SolvedProblem:
     def profile_of(
         self, name: str, level: float, runs: Runs, extend: bool = True, callback: Callback | None = None
     ) -> LikelihoodProfile:
-        """Return the profile, given the results of the fits of `profile_fits` in their order."""
+        """Return the profile from the results of the fits that `profile_fits` prepared, in their order."""
         anchor, q = Anchor(self.problem, self.x, self.cost), self.quantile(level)
         return profile_from(anchor, self.names.index(name), q, runs, extend, callback)
 
@@ -284,7 +287,7 @@ class SolvedProblem:
         return np.tile(self.x, (count, 1)), targets
 
     def bootstrap_of(self, x: np.ndarray, status: np.ndarray) -> Bootstrap:
-        """Return the bootstrap, given the results of the fits of `bootstrap_fits`."""
+        """Return the bootstrap from the results of the fits that `bootstrap_fits` prepared."""
         good = succeeded(status)
         return Bootstrap(self.names, self.problem.values(x[good]), int((~good).sum()))
 
@@ -301,7 +304,7 @@ def drawn_errors(problem: Problem, count: int, key: jax.Array) -> np.ndarray:
 
 
 class Valley(NamedTuple):
-    """A parameter that is closely correlated with another, with the cost at the ends of its interval."""
+    """A parameter closely correlated with another one, and the cost at the ends of its interval."""
 
     name: str
     other: str
@@ -333,9 +336,9 @@ class Valley(NamedTuple):
 def valleys(solved: SolvedProblem) -> tuple[Valley, ...]:
     """Check the linear intervals of the (at most two) pairs of parameters with correlations above 0.98.
 
-    Uses the compiled function of the fit, with six to ten evaluations of rows and derivatives per parameter.
-    The result is empty for robust losses, whose cost is not a likelihood. Parameters are left out if the
-    model is not finite at the ends of their intervals.
+    The check uses the compiled function of the fit, with six to ten evaluations of rows and derivatives per
+    parameter. The result is empty for robust losses, whose cost is not a likelihood. Parameters are left out
+    if the model is not finite at the ends of their intervals.
     """
     known, names = solved.uncertainty, solved.names
     size = np.triu(np.abs(known.correlation), 1)

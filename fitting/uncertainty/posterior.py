@@ -3,7 +3,7 @@ r"""The posterior of a fit: its log density, draws by the No-U-Turn sampler, and
 .. math:: \ln p(x \,|\, data) = -\frac12 \sum_i \rho(r_i^2) - \frac12 \sum_k p_k^2 + const
 
 over the unbounded variables x of the fit (`fitting.parameters.variables`). Any sampler that takes an
-unconstrained log density and its gradient can use it, such as numpyro's NUTS or blackjax.
+unconstrained log density and its gradient can use this density, such as numpyro's NUTS or blackjax.
 
 `run_chains` draws by the No-U-Turn sampler [Hoffman & Gelman, J. Mach. Learn. Res. 15 (2014) 1593,
 arXiv:1111.4246; numpyro: Phan, Pradhan & Jankowiak, arXiv:1912.11554]. The sampler works in z, with
@@ -90,8 +90,8 @@ def log_density(result: SolvedProblem, flat: str = "x") -> LogDensity:
     result : FitResult
         fit whose data, errors (given or estimated), loss and priors are used.
     flat : "x" or "values"
-        the variable in which a parameter without a prior is uniform: the fit's variable (for a
-        Positive one its logarithm, for a Bounded one its logit), or the value itself. With "x"
+        the variable in which a parameter without a prior is uniform: the fit's variable (the
+        logarithm of a Positive parameter, the logit of a Bounded one), or the value itself. With "x"
         the density is highest at the fit, and its Gaussian approximation has the covariance of the fit.
 
     Returns
@@ -106,9 +106,9 @@ def log_density(result: SolvedProblem, flat: str = "x") -> LogDensity:
     Notes
     -----
     The integral of the density may be infinite: along unidentified directions (`result.unidentified`) it does
-    not decrease, and a sampler diverges. Give such parameters a Gaussian prior, or fix them. Bounded ones
-    have a finite integral with "values". For a robust loss the width of exp(-cost) differs from the fit's
-    standard errors, which treat outliers differently.
+    not decrease, and a sampler diverges. Give such parameters a Gaussian prior, or fix them. For Bounded
+    parameters the integral is finite with "values". For a robust loss the width of exp(-cost) differs from
+    the fit's standard errors, which treat outliers differently.
     """
     if flat not in FLAT:
         raise ValueError(f"flat = {flat!r}: must be one of {', '.join(FLAT)}")
@@ -208,11 +208,11 @@ def check_proper(solved: SolvedProblem, flat: str) -> None:
 
 
 def diagnosed(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return R-hat and bulk effective sample size of every parameter by arviz-stats, shape (size,) each.
+    """Return R-hat and bulk effective sample size of every parameter, each of shape (size,).
 
-    R-hat is the larger of rank-normalised split R-hat and its folded version, which compares the spread of
-    the chains [Vehtari, Gelman, Simpson, Carpenter & Buerkner, Bayesian Anal. 16 (2021) 667,
-    arXiv:1903.08008].
+    Both are computed by arviz-stats. R-hat is the larger of rank-normalised split R-hat and its folded
+    version, which compares the spread of the chains [Vehtari, Gelman, Simpson, Carpenter & Buerkner, Bayesian
+    Anal. 16 (2021) 667, arXiv:1903.08008].
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def diagnosed(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _chain(fixed, number, key, draws, warmup, callback):
-    """Return one chain: z, potential energy, diverging, acceptance and steps of its draws."""
+    """Run one chain; return z, energy, divergence, acceptance probability and steps of its draws."""
     static, numbers = fixed
     to_start, to_run = jax.random.split(key)
     z = jax.random.normal(to_start, numbers[-1].centre.shape, numbers[-1].centre.dtype)
@@ -247,7 +247,7 @@ def _chain(fixed, number, key, draws, warmup, callback):
 
 
 def _installed(package: str, module: str) -> Any:
-    """Return the module of a package of the extra `sampling`."""
+    """Import a module of an optional package, from the extra `sampling`."""
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError:
@@ -265,7 +265,7 @@ _potential = jax.jit(_energy, static_argnums=(0, 1))
 
 
 def _kernel(infer, structure, flat, warmup, numbers, targets, laplace, key, z):
-    """Return the sampler and its state at z; built while tracing, so other numbers compile nothing."""
+    """Return the sampler and its state at z, built while tracing so that other numbers compile nothing."""
     kernel = infer.NUTS(
         potential_fn=lambda z: _energy(structure, flat, numbers, targets, laplace, z), dense_mass=True
     )
@@ -344,7 +344,7 @@ def joint_prior(
 
 
 def _moved(paths, body):
-    """Return the key paths in a scene in which the solid is the body `body`."""
+    """Return the key paths for a scene in which the fitted solid is the body `body`."""
     if body is None:
         return paths
     if not isinstance(body, str) or body.split(".")[-1] not in _BODIES:
@@ -354,6 +354,8 @@ def _moved(paths, body):
     named = {".".join(one[: i + 1]) for one, i in zip(steps, at, strict=True) if i is not None}
     if len(named) != 1:
         what = " and ".join(sorted(named)) or "none"
-        raise ValueError(f"body = {body!r}: the fit's numbers are of {what}: must be of one body")
+        raise ValueError(
+            f"body = {body!r}: the fit has parameters of {what}, but all must belong to one body"
+        )
     pairs = zip(paths, steps, at, strict=True)
     return [path if i is None else ".".join([body, *one[i + 1 :]]) for path, one, i in pairs]

@@ -1,4 +1,4 @@
-r"""Profile likelihood of one parameter: the cost over its values, all other parameters fitted again.
+r"""Profile likelihood of one parameter: the cost over its values, with all others fitted again.
 
 The interval is where twice the cost is less than q^2 above its minimum, q being the normal (or Student's)
 quantile. A profile begins as a row of fits about the solution. Three things follow:
@@ -127,7 +127,7 @@ class _Trace:
         self._sort()
 
     def _with_anchor(self):
-        """Insert the solution itself as a value, also if a fit from there did not converge."""
+        """Insert the solution itself, also in place of a fit at its value that did not converge."""
         k = int(np.argmin(np.abs(self.at - self.anchor.x[self.i])))
         if self.at[k] != self.anchor.x[self.i]:
             self.x = np.concatenate([self.x, self.anchor.x[None]])
@@ -157,11 +157,11 @@ class _Trace:
         return np.sqrt(np.where(self.good, rise, np.nan))
 
     def little(self, cost):
-        """Return the difference of costs that is negligible."""
+        """Return the largest negligible difference from a cost."""
         return NEGLIGIBLE * max(1.0, cost)
 
     def add(self, starts, free=False):
-        """Run fits from starts with the element fixed, or free if `free`; return the runs."""
+        """Run fits from `starts` with the element fixed, or with all elements free; return the results."""
         problem, size = self.anchor.problem, self.x.shape[1]
         moving = np.ones((1, size)) if free else (np.arange(size) != self.i).astype(float)[None]
         targets = problem.targets._replace(
@@ -228,7 +228,7 @@ class _Trace:
         return np.array([loss.cost(errors_of_rows(of.structure, of.numbers, of.targets, r)) for r in rows])
 
     def descend(self):
-        """Fit all parameters from the best value if it is below the known minimum; return True if it is."""
+        """Fit all parameters from the best value, and return True, if its cost is below the known minimum."""
         known = self.anchor.cost if self.better is None else self.better[1]
         k = self.best
         if self.stopped or not self.good.any() or self.cost[k] >= known - self.little(known):
@@ -242,7 +242,7 @@ class _Trace:
         return True
 
     def range(self):
-        """Return the range of x of the element for a profile."""
+        """Return the lowest and highest x of the element that a profile may reach."""
         problem, here = self.anchor.problem, float(self.anchor.x[self.i])
         group = next(g for g in problem.variables.own if g.slot[0] <= self.i < g.slot[1])
         if group.kind == "Bounded":
@@ -254,7 +254,7 @@ class _Trace:
 
 
 def _outermost(trace, side, q):
-    """Return the indices of the last value below the threshold on a side, and of the next value or None."""
+    """Return the indices of the last value below the threshold on a side and of the next value, or None."""
     order = np.arange(trace.best, len(trace.x)) if side > 0 else np.arange(trace.best, -1, -1)
     order = order[trace.good[order]]
     below = np.flatnonzero(trace.root()[order] < q)
@@ -306,9 +306,10 @@ def _ahead(trace, inner, side, target):
 
 
 def _crossing(trace, side, q):
-    """Return x where the root reaches q, from a parabola through three values and from a line through two.
+    """Return two estimates of x where the root reaches q: from a parabola and from a line.
 
-    With two values only, the result is the line's x, and inf.
+    The parabola goes through three values, the line through two. If there are only two values, the estimates
+    are from the line, and inf.
     """
     inner, outer = _outermost(trace, side, q)
     root, x = trace.root(), trace.at
@@ -325,7 +326,7 @@ def _crossing(trace, side, q):
 
 
 def _approach(trace, side, q):
-    """Add values near the threshold until interpolation finds its x, and return it."""
+    """Add values near the threshold until interpolation finds x at the threshold, and return this x."""
     last = np.inf
     for turn in range(_NEARER):
         curve, line = _crossing(trace, side, q)

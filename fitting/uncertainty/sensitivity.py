@@ -63,7 +63,7 @@ def sensitivity(
     The result is 0 for theta_k = 0, and by definition for Q = 0, such as friction at rest. The function
     supports jit, vmap and grad. Points are evaluated in blocks, so only the result grows with points times
     parameters. The derivatives by all parameters together take as long as a few evaluations; with a
-    TabulatedModulus each derivative takes one.
+    TabulatedModulus each derivative takes one evaluation.
     """
     known = [name for name in rf.Solution._fields if name != "converged"]  # a flag
     if quantity not in known:
@@ -108,7 +108,7 @@ def _paths(parameters):
 
 
 def _rows(scene, path):
-    """Return (leaf, element) of every number that a key path names; element None of a scalar leaf."""
+    """Return (leaf, element) of every number that a key path names; element is None for a scalar leaf."""
     leaf, elements = find(scene, path)
     return [(leaf, element) for element in elements or (None,)]
 
@@ -119,7 +119,7 @@ def _sensitivity(scene, velocity, pressure, temperature, *, rows, quantity, quad
     leaves, tree = jax.tree_util.tree_flatten(scene)
 
     def moved(x):
-        """Multiply every named number by e^x of its row; a number that is named twice, by both."""
+        """Multiply every named number by e^x of its row, or by both factors if it is named twice."""
         exponents = {}
         for leaf in dict.fromkeys(leaf for leaf, _ in rows):
             own = [k for k, row in enumerate(rows) if row[0] == leaf]

@@ -92,7 +92,7 @@ def verdict(
     if reasons:
         return Verdict(False, "THE SCENE DOES NOT EXPLAIN THE DATA", tuple(reasons))
     if not given:
-        text = "nothing speaks against it; but without errors of the data their scatter was taken for them"
+        text = "nothing contradicts it; but the data have no errors: their scatter was used instead"
         return Verdict(None, text, ())
     total, freedom = sum(np.sum(one.rows**2) for one in given), sum(one.freedom for one in given)
     if robust:
@@ -103,7 +103,7 @@ def verdict(
         text = f"explains the data: chi-square {total:.4g}"
     text += f" for {freedom:.4g} degrees of freedom"
     if not robust and scipy.special.gammainc(freedom / 2, total / 2) < _SIGNIFICANCE:
-        text += ", so few by chance in less than one of 1000: the errors given are too large"
+        text += ", less than chance gives once in 1000: the given errors are too large"
     return Verdict(True, text, ())
 
 
@@ -153,7 +153,7 @@ def _order(one):
             what = f" of {name}" * (parts > 1)
             found.append(
                 f"data {data.label!r}: residuals{what} change their sign {changes} times in {signs.size}"
-                f" values along {data.conditions[0]}, so seldom by chance once in {1 / chance:.2g}"
+                f" values along {data.conditions[0]}, chance gives so few changes once in {1 / chance:.2g}"
             )
     return found
 
@@ -177,7 +177,7 @@ def _far(sets):
 def _lines(far):
     """Return a line for each of the worst outliers."""
     lines = [_named(*one) for one in far[:_WORST]]
-    return lines + [f"and {len(far) - _WORST} values more that are too far off"] * (len(far) > _WORST)
+    return lines + [f"and {len(far) - _WORST} further outliers"] * (len(far) > _WORST)
 
 
 def _without(sets, far):
@@ -235,7 +235,7 @@ def rescaled_errors(
 
 
 def common_ratio(before: Problem, after: Problem) -> float | None:
-    """Return the common factor of all errors if it does not move the minimum; None if it may.
+    """Return the factor of all errors if it is common and does not move the minimum, otherwise None.
 
     A common factor of all errors scales a sum of squares as a whole. A second estimate of the errors would
     then equal the first.

@@ -1,4 +1,4 @@
-"""Analyses based on the theory: maps, profiles, interface, adhesion, accuracy; boundary elements."""
+"""Analyses based on the theory (maps, profiles, interface, adhesion, accuracy), and boundary elements."""
 
 from rubberfric.base.lazy import lazily
 

@@ -50,7 +50,7 @@ _PANELS, _NODES, _LOADS, _ROUNDS = 24, 8, 32, 6
 
 
 def adhesion_of(scene: Scene) -> Adhesion:
-    """Return the adhesion of a scene, or raise ValueError."""
+    """Return the adhesion of a scene; raise ValueError if the scene has none."""
     if scene.adhesion is None:
         raise ValueError("scene.adhesion is None; it must be an Adhesion")
     return scene.adhesion
@@ -142,7 +142,7 @@ def _work_of_separation(scene, velocity, pressure, temperature, *, quadrature):
 
 
 def _under(prepared: Any, work, velocity, temperature, log_load):
-    """Return `_State` at ln p, (n,), and the argument x of P for all roughness."""
+    """Return the `_State` at ln p, (n,), and x = 1 / (2 sqrt(G)) of all roughness."""
     load = jnp.exp(log_load)
     at_rest = jnp.broadcast_to(velocity, load.shape)
     warm = None if temperature is None else jnp.broadcast_to(temperature, load.shape)

@@ -79,7 +79,7 @@ class MapBatch(NamedTuple):
         return (self.stop - self.first) * (self.high - self.low)
 
     def pieces(self, velocities: int) -> Iterator[tuple[slice, slice, slice]]:
-        """Yield the rectangles of a map that the batch fills: temperatures, velocities, pairs."""
+        """Yield the rectangles of the map that the batch fills: slices (temperatures, velocities, pairs)."""
         first = self.first
         while first < self.stop:
             T, v = divmod(first, velocities)
@@ -126,7 +126,7 @@ def plan(
 
 
 def smaller(tiling: Tiling) -> Tiling | None:
-    """Halve the pairs evaluated at once; None if there is one."""
+    """Halve the number of pairs evaluated at once; return None if it is 1."""
     if tiling.group == 1:
         return None
     group = tiling.group // 2
@@ -134,7 +134,7 @@ def smaller(tiling: Tiling) -> Tiling | None:
 
 
 def batches(tiling: Tiling) -> Iterator[MapBatch]:
-    """Yield the batches: all pairs at the first pressures, then all pairs at the next."""
+    """Yield the batches: all pairs at the first pressures, then all pairs at the next pressures."""
     for low in range(0, tiling.pressures, tiling.columns):
         high = min(low + tiling.columns, tiling.pressures)
         for first in range(0, tiling.pairs, tiling.batch):
@@ -166,14 +166,14 @@ def launch(tiling: Tiling, task: Task, batch: MapBatch) -> dict[str, jax.Array]:
 
 
 def points(conditions: Conditions, batch: MapBatch) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Return the velocities of the pairs of a batch (pairs,), its pressures, temperatures of the pairs."""
+    """Return the velocities of the pairs of a batch, its pressures, and the temperatures of the pairs."""
     T, v = np.divmod(np.arange(batch.first, batch.stop), conditions.velocity.size)
     temperature = None if conditions.temperature is None else conditions.temperature[T]
     return conditions.velocity[v], conditions.pressure[batch.low : batch.high], temperature
 
 
 def on_all(mesh: jax.sharding.Mesh, tree: Any, spec: PartitionSpec = _EVERYWHERE) -> Any:
-    """Put arrays that every process has on all devices."""
+    """Put arrays on all devices. Every process must hold these arrays."""
     sharding = NamedSharding(mesh, spec)
 
     def put(x):
@@ -233,7 +233,7 @@ def _evaluate(scene, velocity, pressure, temperature, *, mesh, group, quadrature
 
 
 def _shared(ready, quantities, pressure, pairs):
-    """Compute quantities (pressures, pairs); the pressures share all work that does not depend on them."""
+    """Compute quantities (pressures, pairs). Work that does not depend on the pressure is done once."""
     velocity, temperature = pairs
 
     def at(pressure):

@@ -7,8 +7,8 @@ In the frame of the rough surface the contact is stationary, and the rubber has 
 .. math:: \mu = \frac{\langle p\, \partial_x h\rangle}{\sigma_0}
               = \frac{1}{\sigma_0}\sum_{\mathbf q} \frac{q\, q_x}{2}\,\mathrm{Im}E_r(q_x v)\,|u(\mathbf q)|^2
 
-The second form is the heat by wavevector. Half-space and Green's function are as in the theory [Scaraggi &
-Persson, arXiv:1506.06955, eqs. (A6), (A8)]; sums run over the modes of a period.
+The second form sums the heat of all wavevectors. Half-space and Green's function are as in the theory
+[Scaraggi & Persson, arXiv:1506.06955, eqs. (A6), (A8)]. Sums run over the modes of a period.
 
 The complementarity problem is monotone, 0 = A p + N p, because Re K > 0. Douglas-Rachford splitting
 alternates a division in Fourier space and a projection in real space [Lions & Mercier, SIAM J. Numer. Anal.
@@ -67,7 +67,7 @@ class SlidingContact(NamedTuple):
     converged: bool
 
     def distribution(self, field: str = "pressure", bins: int = 50) -> tuple[np.ndarray, np.ndarray]:
-        """Return nonzero values of "pressure" or "gap", and their density among all points.
+        """Return a histogram of the nonzero values of "pressure" or "gap": bin centres and density.
 
         Returns
         -------
@@ -81,7 +81,7 @@ class SlidingContact(NamedTuple):
         return 0.5 * (edges[1:] + edges[:-1]), density * np.mean(values > 0)
 
     def heat_beyond(self, q: float) -> float:
-        """Return the share of the dissipation above q [1/m]; 0 without dissipation."""
+        """Return the share of the dissipation at wavevectors above q [1/m]; 0 without dissipation."""
         beyond = float(self.friction_by_wavevector[self.wavevector > q].sum())
         return beyond / self.friction_of_heat if self.friction_of_heat else 0.0
 
@@ -151,14 +151,14 @@ def sliding_contact(
     heights : [m], shape (n, n), n even; the half-space slides along the first axis, above the surface
     length : length of the period along either axis [m]
     material : Elastic, Prony, PronyShear, TabulatedModulus or a user-defined one
-    velocity, pressure, temperature, tolerance, most_steps, errors : as `boundary_element`
+    velocity, pressure, temperature, tolerance, most_steps : as in `boundary_element`, with the same errors
     """
     if jnp.result_type(float) != jnp.float64:
-        raise ValueError('boundary elements need double precision: jax.config.update("jax_enable_x64", True)')
+        raise ValueError('double precision is required: call jax.config.update("jax_enable_x64", True) first')
     heights = np.asarray(heights, float)
     n = heights.shape[0] if heights.ndim == 2 else 0
     if not n or n % 2 or heights.shape != (n, n):
-        raise ValueError(f"heights of shape {heights.shape}: must be (n, n), n even")
+        raise ValueError(f"heights has the shape {heights.shape}: it must be (n, n) with n even")
     check_values("heights", heights, FINITE)
     for name, value, rule in (("length", length, POSITIVE), ("pressure", pressure, POSITIVE)):
         check_values(name, value, rule)
@@ -183,7 +183,7 @@ def sliding_contact(
 
 
 def _result(heights, length, wavevectors, stiffness, pressure, scale, tolerance, found):
-    """Convert a solution in units of the pressure and of pressure / scale."""
+    """Convert a solution in units of the pressure and of pressure / scale to a `SlidingContact`."""
     qx, q = wavevectors
     n = heights.shape[0]
     p, gap = pressure * np.asarray(found.pressure), pressure / scale * np.asarray(found.gap)
@@ -236,7 +236,7 @@ def _modulus_along(material, omega, temperature):
 
 
 def _rough_and_smooth(scene):
-    """Return the spectrum of the rigid body and the material of the other, or raise ValueError."""
+    """Return the spectrum of the rigid body and the material of the other body, or raise ValueError."""
     if not isinstance(scene, Scene):
         raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
     rough = [body for body in (scene.lower, scene.upper) if not body.material.deforms]
@@ -262,7 +262,7 @@ _RISE = 1e2  # it restarts when the residual rises this far above its minimum
 
 
 class GridContact(NamedTuple):
-    """Results of `solve_contact`, in its units."""
+    """Results of `solve_contact`, in the units of its arguments."""
 
     pressure: jax.Array
     gap: jax.Array
@@ -356,7 +356,7 @@ def random_surface(spectrum: Spectrum, key: jax.Array, grid: int = 512, periods:
     if not isinstance(grid, int) or grid % 2 or grid < needed:
         raise ValueError(
             f"grid = {shown(grid)}: must be even and >= {needed}, {_COARSEST} points per shortest wavelength"
-            f" with {periods:g} longest ones (q1 / q0 = {q1 / q0:g}); {2 * needed} reduces the error of"
+            f" for {periods:g} longest wavelengths (q1 / q0 = {q1 / q0:g}); {2 * needed} reduces the error of"
             " friction to 1 %"
         )
     # Modes are drawn independently of the grid.

@@ -98,7 +98,7 @@ class Interpolant(NamedTuple):
     evaluations: int  # points at which the model was evaluated
 
     def places(self, log_speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the cell of each ln(v a_T) and the place in it, -1 ... 1."""
+        """Return the cell of each ln(v a_T) and the position in this cell, -1 ... 1."""
         log_speed = np.maximum(log_speed, self.first)  # -inf at rest
         cell = self.owner.take(((log_speed - self.first) / self.width).astype(np.intp), mode="clip")
         return cell, (log_speed - self.center.take(cell)) / self.half.take(cell)
@@ -174,7 +174,7 @@ def log_speeds(scene: Scene, conditions: Conditions) -> np.ndarray | None:
 
 @quick_jit()
 def _log_factors(scene, temperature):
-    """Return ln a_T for each sliding surface; None if anything else depends on the temperature."""
+    """Return ln a_T for each surface that is not static; None if temperature has other effects as well."""
     found = []
     for surface in rough_surfaces_of(scene):
         if surface.static:
@@ -196,7 +196,10 @@ def whole(found: CollapsedMap, conditions: Conditions) -> Quantities:
 
 
 def pieces(found: CollapsedMap, conditions: Conditions) -> Iterator[tuple[slice, int, Quantities]]:
-    """Yield (temperatures, index of the pressure, quantities (temperatures, velocities)) of a map."""
+    """Yield a map in pieces: (slice of temperatures, index of the pressure, quantities).
+
+    Quantities are arrays (temperatures, velocities).
+    """
     log_speed = log_speeds(found.scene, conditions)
     assert log_speed is not None
     v, T = conditions.velocity, conditions.temperature
@@ -226,7 +229,8 @@ def pieces(found: CollapsedMap, conditions: Conditions) -> Iterator[tuple[slice,
 def _on_curve(scene, quantities):
     """Return the quantities to interpolate.
 
-    These are the parts of the requested ones except contact shear, and the area if contact shear needs it.
+    These are the parts of the requested quantities except contact shear, and the area if contact shear needs
+    it.
     """
     parts = quantity_parts(quantities)
     needed = parts - {"shear_friction"}
@@ -325,7 +329,7 @@ def _over_panels(waiting, nodes, in_series, budget, evaluate):
 
 
 def _pressure_nodes(log_pressure):
-    """Return ln p of the nodes; None if there are hardly more pressures than nodes."""
+    """Return ln p of the nodes; None if there are at most 1.3 times as many pressures as nodes."""
     low, high = log_pressure.min(), log_pressure.max()
     count = math.ceil(_PRESSURES + _PRESSURES_EACH * (high - low))
     if log_pressure.size <= 1.3 * count:
@@ -334,7 +338,10 @@ def _pressure_nodes(log_pressure):
 
 
 def _difference(found, exact):
-    """Return the largest relative difference, relative to the maximum at sign changes; inf if NaN."""
+    """Return the largest relative difference; infinite for NaN.
+
+    For a quantity that changes sign, differences are relative to its largest absolute value.
+    """
     worst = 0.0
     for name, values in exact.items():
         changes = values.min() < 0 < values.max()

@@ -189,7 +189,7 @@ def _contact_stiffness(scene, velocity, pressure, temperature, *, quadrature):
 
 
 def _load_slope(x, gamma):
-    """Return s'(x)."""
+    """Return s'(x), the derivative of S P with respect to x."""
     P = contact_fraction(x)
     return TWO_OVER_ROOT_PI * jnp.exp(-x * x) * (gamma + 3 * (1 - gamma) * P * P)
 

@@ -7,9 +7,9 @@ With leaves s of the scene and leaves w of the prepared scene (meshes, weights, 
           \frac{\partial w}{\partial s_{part}}\,\frac{\partial s_{part}}{\partial x}
 
 The first factor is found by reverse mode, point by point, at the cost of a few evaluations whatever the
-number of parameters. The others are found by forward mode, once for all points. The parts are the spectra,
-the layers and all other leaves, because few parameters move the meshes, which hold most of the numbers. A
-leaf is left out only where JAX itself has a symbolic zero for its tangent.
+number of parameters. The other two factors are found by forward mode, once for all points. The parts are
+the spectra, the layers and all other leaves, because few parameters move the meshes, which hold most of the
+numbers. A leaf is left out only where JAX itself has a symbolic zero for its tangent.
 """
 
 from collections.abc import Callable, Mapping
@@ -46,7 +46,7 @@ class LinearisedTree(NamedTuple):
     push: Callable[[Any], list[jax.Array]]  # tangent of x -> tangents of the moving leaves
 
     def tree(self, others: Mapping[int, jax.Array]) -> Any:
-        """Return the pytree with some of its leaves replaced, by their indices."""
+        """Return the pytree with some leaves replaced. `others` maps indices of leaves to new leaves."""
         leaves = [others.get(i, leaf) for i, leaf in enumerate(self.leaves)]
         return jax.tree_util.tree_unflatten(self.structure, leaves)
 
@@ -162,7 +162,7 @@ def value_and_jacobian(
 
 
 def _parts(scene_of, x, prepared):
-    """Return the derivatives of the prepared scene by parts of the scene.
+    """Return the derivatives of the prepared scene with respect to each part of the scene.
 
     Returns a list of (LinearisedTree, tangents of the leaves that depend on x, shape (m, numbers), components
     of x along the m directions, shape (m, size)). The directions are the elements of those leaves, or the
@@ -191,7 +191,7 @@ def _parts(scene_of, x, prepared):
 
 
 def _part_name(path):
-    """Return which part of the scene a leaf belongs to."""
+    """Return the part of the scene that a leaf belongs to: "spectrum", "layer" or "others"."""
     names = [getattr(key, "name", "") for key in path]
     return next((name for name in ("spectrum", "layer") if name in names), "others")
 

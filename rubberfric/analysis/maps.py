@@ -58,10 +58,11 @@ def friction_map(
 ) -> FrictionMap:
     """Compute quantities at every combination of velocity, pressure and temperature.
 
-    Equals `solve` at every point, computed on all devices. Work that several pressures share is done once. A
-    large map of a scene without heating, in which velocity and temperature enter as v a_T alone, is
-    interpolated from some hundred to thousand points (`rubberfric.analysis.collapse`). The error is 2e-10,
-    less than the default quadrature has. If the series converge too slowly, each point is computed.
+    The values equal the results of `solve` and are computed on all devices. Work that several pressures share
+    is done once. A large map of a scene without heating, in which velocity and temperature enter as v a_T
+    alone, is interpolated from some hundred to thousand points (`rubberfric.analysis.collapse`). The error is
+    2e-10, less than the error of the default quadrature. If the series converge too slowly, each point is
+    computed.
 
     Memory holds at most 256 MiB of results and at most as much for the compiled functions of all devices of
     the process (`MEMORY` in `rubberfric.analysis.batches`; about 10 MB on a CPU).
@@ -93,7 +94,7 @@ def friction_map(
         interpolation has the number of evaluations and the error, or is None if every point was computed.
         Fields of the solution are NumPy arrays [temperature, pressure, velocity], with one temperature if
         none is given, and None if they were not requested. Beyond 256 MiB they are read-only memory maps of
-        the file at `path`. With a path, only the first process gets them.
+        the file at `path`. With a path, only the first process gets the arrays.
 
     Raises
     ------
@@ -117,7 +118,7 @@ def friction_map(
     if path is None and size > MOST_IN_MEMORY:
         raise ValueError(
             f"path is None, but the results take {size / 2**30:.3g} GiB and memory holds "
-            f"{MOST_IN_MEMORY / 2**30:.3g} GiB; name a file"
+            f"{MOST_IN_MEMORY / 2**30:.3g} GiB; give the path of a file"
         )
     task = batches.Task(ready, conditions, quadrature, quantities)
     work = functools.partial(_fill, task=task, devices=devices, block=block, interpolate=interpolate)
@@ -138,7 +139,7 @@ def friction_map(
 
 @contextlib.contextmanager
 def _file(path: StrPath, result: Result, dtypes: Mapping[str, np.dtype]) -> Iterator[dict[str, h5py.Dataset]]:
-    """Open the quantities in the file of a map, in the first process; the others wait for it."""
+    """Open the datasets of the quantities in the file of a map, in the first process. The others wait."""
     with contextlib.ExitStack() as stack:
         data: dict[str, h5py.Dataset] = {}
         if jax.process_index() == 0:
@@ -215,7 +216,7 @@ def _place(data: _Values, conditions: Conditions, batch: batches.MapBatch, value
 
 
 def _computed(tiling: batches.Tiling, task: batches.Task) -> Iterator[tuple[batches.MapBatch, Arrays]]:
-    """Yield (batch, its values (pressures, pairs) on the host)."""
+    """Yield each batch and its values on the host, a dict of arrays (pressures, pairs)."""
     begun = ((batch, batches.launch(tiling, task, batch)) for batch in batches.batches(tiling))
     one = next(begun, None)
     while one is not None:

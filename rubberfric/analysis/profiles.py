@@ -90,9 +90,9 @@ def profile(
 
     Returns
     -------
-    Profile. Below the range of roughness P = S = 1 and G = mu = 0, beyond it all is constant; the density is
-    0 outside the range. At the last wavevector P is `contact_area` and mu is the viscoelastic part of
-    `friction`.
+    Profile. Below the range of roughness P = S = 1 and G = mu = 0. Beyond the range these fields are
+    constant. The density is 0 outside the range. At the last wavevector P is `contact_area` and mu is the
+    viscoelastic part of `friction`.
 
     Raises
     ------
@@ -259,7 +259,7 @@ def _without_roughness(q, shape):
 
 
 class SeparationProfile(NamedTuple):
-    """Results of `separation_profile`; q has shape [q], the others [conditions..., q]."""
+    """Results of `separation_profile`; q has the shape [q], the other fields have [conditions..., q]."""
 
     q: jax.Array  # wavevectors [1/m]
     area: jax.Array  # P(q), of the plain G [-]
@@ -316,7 +316,7 @@ def separation_profile(
     q = checked_wavevectors(q, 1, conditions, scene)
     if scene.heating is not None:
         raise ValueError(
-            "scene.heating must be None, because the separation at a scale q is not defined with it"
+            "scene.heating must be None: the separation at a scale q is not defined for a heated scene"
         )
     return _separation_profile(scene, *conditions, q, quadrature=quadrature)
 
@@ -369,7 +369,7 @@ def _separations(scene, prepared, surfaces, densities, q, quadrature, points):
 
 
 def _beyond(law, q):
-    """Remove roughness below q from a law: its pieces there get no width."""
+    """Remove roughness below q from a power law: its pieces below q get zero width."""
     # At a kink the derivative with respect to q is taken from the piece above.
     q = jnp.where(q < law.q[-1], q, law.q[-1])
     above = law.q > q

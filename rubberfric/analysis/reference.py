@@ -82,7 +82,7 @@ class Errors(NamedTuple):
 
     @property
     def gradient(self) -> float | None:
-        """Largest error of their gradients; None unless all three are known."""
+        """Largest error of the gradients of area, friction and separation; None unless all are known."""
         slopes = [error for error in self[3:] if error is not None]
         return max(slopes) if len(slopes) == 3 else None
 
@@ -103,7 +103,7 @@ class Reference(NamedTuple):
 def case_of(
     scene: Scene, velocity: ArrayLike, pressure: ArrayLike, temperature: ArrayLike | None = None
 ) -> Case:
-    """Return the case in double precision; ValueError as from `solve`, or if x64 is off."""
+    """Return the `Case` in double precision. Raise ValueError as `solve` does, or if x64 is disabled."""
     if jnp.result_type(float) != jnp.float64:
         raise ValueError(
             "errors are measured in float64, which is switched off; "
@@ -160,7 +160,7 @@ def gradient_of(
 
 
 def compiled(function: Callable[..., Any], *arguments: Any) -> tuple[Compiled, float]:
-    """Compile a function for its arguments; also returns the time it took [s]."""
+    """Compile a function for its arguments; return it with the compile time [s]."""
     begin = time.perf_counter()
     ready = jax.jit(function).lower(*arguments).compile()
     return ready, time.perf_counter() - begin
@@ -173,7 +173,7 @@ def arguments(case: Case, dtype: type) -> tuple[tuple[Scene, CaseConditions], ja
 
 
 def outcome(gradient: Compiled, case: Case, dtype: type = jnp.float64) -> Outcome:
-    """Evaluate a compiled `gradient_of`: values and sensitivities."""
+    """Evaluate a compiled `gradient_of` for a case; return values and sensitivities."""
     at, ones = arguments(case, dtype)
     numbers = [np.asarray(leaf, float) for leaf in jax.tree_util.tree_leaves(at)]
     values, sensitivities = np.empty(0), []
@@ -189,7 +189,7 @@ def outcome(gradient: Compiled, case: Case, dtype: type = jnp.float64) -> Outcom
 
 
 def measured(case: Case, quadrature: Quadrature, gradients: bool = True) -> tuple[Outcome, Compiled]:
-    """Evaluate a setting in double precision; also returns the compiled function.
+    """Evaluate a setting in double precision; return the `Outcome` and the compiled function.
 
     Without gradients, sensitivities are None.
     """
@@ -208,7 +208,7 @@ def reference(case: Case, gradients: bool = True) -> Reference:
 
 
 def compare_outcomes(found: Outcome, exact: Outcome, case: Case) -> Errors:
-    """Return the errors of an outcome; without sensitivities, of the values alone."""
+    """Return the errors of an outcome; without sensitivities, only the errors of the values."""
     scale = np.abs(exact.values)
     scale[QUANTITIES.index("separation")] += _NEGLIGIBLE * case.height
     worst = _relative(np.abs(found.values - exact.values), scale)
@@ -254,7 +254,7 @@ def node_count(scene: Scene, quadrature: Quadrature) -> int:
 
 
 def check_error(error: float) -> None:
-    """Raise ValueError unless a wanted error is a number that double precision can meet, below 1."""
+    """Raise ValueError unless a requested error is a number >= 1e-15 (for double precision) and < 1."""
     if isinstance(error, bool) or not isinstance(error, int | float) or not 1e-15 <= error < 1:
         raise ValueError(f"error = {error!r}: must be a number, >= 1e-15 and < 1")
 
@@ -281,7 +281,7 @@ def quadrature_for(
         conditions at which the error must be met, or their extremes. None: velocities 1e-8 ... 1e2 m/s and
         pressures 1e3 ... 1e7 Pa, one per decade, every shift at its reference temperature.
     gradients : bool
-        if True, the gradients of the three must meet it as well.
+        if True, the gradients of these quantities must meet the error as well.
 
     Returns
     -------

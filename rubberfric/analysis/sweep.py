@@ -42,7 +42,7 @@ class Row(NamedTuple):
     compile_gradient: float | None = None  # [s]
 
     def told(self) -> str:
-        """Return one line, without run times."""
+        """Return the setting and its errors as one line of text, without run times."""
         setting = short_setting(self.setting, _KNOBS)
         errors = f"values to {self.errors.value:.0e}"
         if self.errors.gradient is not None:
@@ -66,7 +66,8 @@ class Accuracy(NamedTuple):
     def chosen(self) -> Row | None:
         """Row of the cheapest setting whose values and gradients meet the error, or None.
 
-        This is the setting with the fewest nodes, in the faster precision: run times scatter.
+        This is the setting with the fewest nodes, because run times scatter. Run times decide only between
+        equal numbers of nodes.
         """
         return self._cheapest(lambda errors: errors.worst, lambda row: row.gradient)
 
@@ -76,7 +77,7 @@ class Accuracy(NamedTuple):
         return self._cheapest(lambda errors: errors.value, lambda row: row.forward)
 
     def known(self, row: Row) -> Errors:
-        """Return the errors of a row, raised to the resolution of the reference."""
+        """Return the errors of a row, but at least the resolution of the reference."""
         bounds = {name: _KNOWN * a for name, a in self.agreement._asdict().items() if a is not None}
         errors = row.errors._asdict()
         return row.errors._replace(
@@ -162,7 +163,7 @@ class Accuracy(NamedTuple):
         yield from self._choices()
 
     def _varied(self) -> tuple[str, ...]:
-        """Return the fields of the settings; without `heat` if it is the same in all."""
+        """Return the names of the fields of the settings, without `heat` if all settings have the same."""
         settings = [row.setting for row in self.rows if row.method == "panels"]
         same = {knob for knob in ("heat",) if len({getattr(one, knob) for one in settings}) < 2}
         return tuple(knob for knob in _KNOBS if knob not in same)
@@ -249,11 +250,11 @@ def accuracy(
     """Measure errors and run times of accuracy settings on a scene, in double and single precision.
 
     Errors of area, friction and separation and of their gradients are relative to a reference that validates
-    itself (`rubberfric.analysis.reference`). Inputs are rounded to single precision before it is compared. It
-    is left out if it cannot represent the scene. Times are medians over alternating rounds of compiled calls
-    for all
-    three quantities at all points. The gradient is taken of their sum, with respect to every number of the
-    scene and the conditions, computed together with the values.
+    itself (`rubberfric.analysis.reference`). Settings in single precision are compared at inputs rounded to
+    it. Single precision is left out if it cannot represent the scene. Times are medians over alternating
+    rounds of compiled calls for all three quantities at all points. The gradient of the sum of the three
+    quantities is taken with respect to every number of the scene and the conditions. It is computed together
+    with the values.
 
     Parameters
     ----------
@@ -336,7 +337,7 @@ def in_float32(settings: Sequence[Quadrature], errors: Sequence[float]) -> list[
     """Select settings for single precision by their errors in double precision.
 
     Only every second setting is selected, because a sweep spends most of its time on compilation. The last
-    one is the first with an error below rounding.
+    selected setting is the first with an error below rounding.
     """
     tried = []
     for setting, error in zip(settings[::2], errors[::2], strict=True):

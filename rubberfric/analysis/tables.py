@@ -6,9 +6,10 @@ each axis bounds the total,
 .. math:: e = \sup \left| \frac{\tilde\mu - \mu}{\mu} \right|,\qquad
           e_{vpT} \lesssim e_v + e_p + e_T
 
-so each axis gets a share of the error. It keeps, after each point, the farthest next one that its share
-allows. The returned error is that on the fine grid, plus a quarter of the error of leaving out every second
-fine point (linear interpolation is of second order), which estimates the error between fine points.
+so each axis gets a share of the error. After each kept point of an axis, the next kept point is the farthest
+one that this share allows. The returned error is the error on the fine grid, plus a quarter of the error of
+leaving out every second fine point (linear interpolation is of second order), which estimates the error
+between fine points.
 """
 
 from collections.abc import Sequence
@@ -77,8 +78,8 @@ def friction_table(
             break
         if max(counts[k] for k in worst) >= _MOST:
             raise ValueError(
-                f"error = {error:g} is not reached: {_MOST} points of {AXES[worst[0]]} leave"
-                f" {4 * max(own):.2g}; increase it, or narrow the ranges so that mu does not jump"
+                f"error = {error:g} is not reached: {_MOST} points of {AXES[worst[0]]} leave an"
+                f" error of {4 * max(own):.2g}; increase error, or narrow the ranges so that mu does not jump"
             )
         counts = [2 * n - 1 if k in worst else n for k, n in enumerate(counts)]
     share = (error - sum(own)) / max(shares, 1)
@@ -140,7 +141,7 @@ def _halved(axis, mu, place):
 
 
 def _kept(axis, mu, place, share):
-    """Return indices of the kept points of an axis, each as far from the last as its share allows."""
+    """Return indices of the kept points of an axis, each as far from the previous one as `share` allows."""
     if axis.size == 1:
         return [0]
     values = np.moveaxis(mu, place, 0).reshape(axis.size, -1)

@@ -92,7 +92,7 @@ RATIOS = {
 
 
 class TheoryError(NamedTuple):
-    """Ratio of theory to boundary elements in nine of ten cases."""
+    """Ranges of the ratio of theory to boundary elements that contain nine of ten cases."""
 
     area: tuple[float, float]
     friction: tuple[float, float]  # viscoelastic
@@ -100,13 +100,20 @@ class TheoryError(NamedTuple):
     relaxation: str  # "narrow" or "broad"
 
 
-def theory_error(scene: Scene, area: ArrayLike) -> TheoryError | None:
+def contact_model_name(scene: Scene) -> str:
+    """Return the contact model of a scene as text."""
+    if scene.contact_model == "boundary_elements":
+        return "law fitted to boundary elements"
+    return "theory with S in G" if scene.area_correction else "theory as in the paper"
+
+
+def theory_error(scene: Scene, area: ArrayLike | None = None) -> TheoryError | None:
     """Look up the error of the theory in similar scenes, as its ratio to boundary elements.
 
     Parameters
     ----------
     scene : Scene
-    area : A/A0 by the theory at the conditions of interest, any shape [-]
+    area : A/A0 by the theory at the conditions of interest, any shape [-]; None: 0.003 ... 0.8
 
     Returns
     -------
@@ -120,7 +127,7 @@ def theory_error(scene: Scene, area: ArrayLike) -> TheoryError | None:
     """
     if not _covered(scene):
         return None
-    area = np.asarray(area).ravel()
+    area = np.sqrt(np.multiply(AREAS[1:], AREAS[:-1])) if area is None else np.asarray(area).ravel()
     bins = np.searchsorted(AREAS, area, side="right") - 1
     inside = (bins >= 0) & (bins < len(AREAS) - 1)
     if not inside.any():
@@ -292,7 +299,7 @@ def adhesion_matters(
     Returns
     -------
     AdhesionVerdict. Above a ratio of about 30 adhesion cannot pull the solids together and may be omitted.
-    Below about 1/30 it causes full contact without load. In between it determines how much of the fine
+    Below about 1/30 it causes full contact without load. In between, adhesion determines how much of the fine
     roughness is in contact. The verdict uses the smallest ratio of all points.
 
     Raises

@@ -30,7 +30,7 @@ _lock = threading.Lock()
 
 
 def as_path(path: StrPath) -> Path:
-    """Return a `Path`; ValueError in one line for another type, such as arguments in the wrong order."""
+    """Return a `Path`; ValueError for another type, which is given if arguments are in the wrong order."""
     try:
         return Path(path)
     except TypeError:
@@ -44,7 +44,7 @@ def begin(path: Path) -> None:
 
 
 def finish(path: Path) -> None:
-    """Forget a file or folder that is complete or already removed."""
+    """Unregister a file or folder that is complete or already removed."""
     with _lock:
         _begun.discard(path)
 
@@ -73,7 +73,7 @@ def _remove_folder(path: Path) -> None:
 
 @contextlib.contextmanager
 def temporary_folder(parent: StrPath) -> Iterator[Path]:
-    """Make a hidden folder in another; it is removed on leaving and by `remove_begun`."""
+    """Make a hidden folder in `parent`; the end of the `with` block or `remove_begun` removes it."""
     folder = Path(parent) / f".writing-{os.urandom(8).hex()}"
     begin(folder)  # first, so that a signal between the two lines leaves no folder
     try:
@@ -86,7 +86,7 @@ def temporary_folder(parent: StrPath) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def replacing(path: StrPath) -> Iterator[Path]:
-    """Give a path to write to; on leaving, rename it to `path`, or remove it if writing failed.
+    """Yield a temporary path to write to; at the end rename the file to `path`, or remove it on failure.
 
     The temporary file lies in a hidden folder beside `path`, so that the rename stays on
     one file system, and has the name of `path`, so that its suffix shows its format.
@@ -104,7 +104,7 @@ def replacing(path: StrPath) -> Iterator[Path]:
 
 
 def write_durably(path: StrPath, content: bytes | memoryview) -> None:
-    """Write bytes completely or not at all, synchronised with the disk; OSError says why it failed."""
+    """Write bytes completely or not at all, and wait until they are on the disk; OSError if this fails."""
     path = Path(path).resolve()  # a link is followed, not replaced
     # Always the same name: the next process overwrites the file that a killed one left.
     temporary = path.with_name(f".{path.name}.writing")
@@ -185,7 +185,7 @@ def read_text(path: StrPath, exports: bool = False) -> str:
 
     Raises
     ------
-    ValueError : one line; the file is missing, too large, not a regular file or not UTF-8.
+    ValueError : the file is missing, too large, not a regular file or not UTF-8; the message has one line.
     """
     check_readable(as_path(path), LARGEST_FILE)
     if exports and as_path(path).suffix.lower() == ".xlsx":
@@ -204,7 +204,7 @@ def read_text(path: StrPath, exports: bool = False) -> str:
 
 
 def _sheet(path: StrPath) -> str:
-    """Return the first sheet of a workbook that has numbers, as text."""
+    """Return the first sheet with numbers of a workbook as text."""
     try:
         openpyxl: Any = importlib.import_module("openpyxl")
     except ImportError:
@@ -227,7 +227,7 @@ def _sheet(path: StrPath) -> str:
 
 
 def _check_unpacked(file: IO[bytes]) -> None:
-    """Raise ValueError if a workbook, which is an archive, unpacks to more than a text file may have."""
+    """Raise ValueError if a workbook, which is an archive, unpacks to more than `LARGEST_FILE` bytes."""
     import zipfile
 
     size = sum(part.file_size for part in zipfile.ZipFile(file).infolist())
@@ -237,7 +237,7 @@ def _check_unpacked(file: IO[bytes]) -> None:
 
 
 def _rows(sheets: Iterable[Any]) -> list[list[tuple[Any, ...]]]:
-    """Return the rows of sheets; ValueError above `MOST_CELLS`, which one distant cell can cause."""
+    """Return the rows of each sheet; ValueError above `MOST_CELLS`, which one distant cell can exceed."""
     found, cells = [], 0
     for sheet in sheets:
         found.append([])
@@ -245,8 +245,8 @@ def _rows(sheets: Iterable[Any]) -> list[list[tuple[Any, ...]]]:
             cells += len(row)
             if cells > MOST_CELLS:
                 raise ValueError(
-                    f"sheet {sheet.title!r} makes more than {MOST_CELLS} cells, empty ones included: "
-                    "must have fewer; delete distant cells, or save it as .csv"
+                    f"sheet {sheet.title!r} has more than {MOST_CELLS} cells, including empty cells: "
+                    "must have fewer; delete distant cells, or save the sheet as .csv"
                 )
             found[-1].append(row)
     return found

@@ -1,4 +1,4 @@
-"""Functions of points over conditions of any shape, and standard lengths of arrays."""
+"""Evaluation of functions over conditions of any shape, and standard lengths of arrays."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -41,8 +41,8 @@ def over_points(
 def recurring_length(size: int) -> int:
     """Return the length to which `size` entries are padded: 8, 12, 16 ... 32, 40 ... 64, 80, ...
 
-    Above 16 it is at most a quarter more. A function that was compiled for one length serves all data that
-    are padded to it.
+    Above 16 the length exceeds `size` by at most a quarter. A function that was compiled for one length
+    serves all data that are padded to this length.
     """
     step = 2 ** max((size - 1).bit_length() - 3, 2)
     return max(8, -(-size // step) * step)

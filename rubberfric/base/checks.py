@@ -38,7 +38,7 @@ _PASSED = ("rubberfric", "fitting", "jax", "functools", "contextlib", "copy", "d
 
 
 def warn_caller(text: str, category: type[Warning]) -> None:
-    """Warn at the caller's line outside these packages."""
+    """Give a warning that points to the calling line outside the packages in `_PASSED`."""
     level, frame = 1, sys._getframe()
     while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _PASSED:
         level, frame = level + 1, frame.f_back
@@ -46,7 +46,7 @@ def warn_caller(text: str, category: type[Warning]) -> None:
 
 
 def shown(value: object) -> str:
-    """Return a wrong value as text: a number, or one line of limited length."""
+    """Return a value as text for an error message, on one line of at most 60 characters."""
     value = value.item() if isinstance(value, np.generic) else value
     text = " ".join(repr(value).split())  # a matrix has several lines
     return text if len(text) <= 60 else text[:57] + "..."
@@ -63,7 +63,7 @@ def is_concrete(value: object) -> bool:
 
 
 def check_values(name: str, value: Any, rule: Rule) -> None:
-    """Raise ValueError naming the first element of a concrete value that breaks the rule."""
+    """Raise ValueError for the first element of a concrete value that is not finite or breaks the rule."""
     if not is_concrete(value):
         return
     array = np.asarray(value)
@@ -116,9 +116,10 @@ def as_array(value: ArrayLike, dtype: str | type | np.dtype | None = None) -> ja
 
 
 def as_arguments(tree: Any, dtype: str | type | np.dtype) -> Any:
-    """Return a tree in one dtype for a jitted function; NumPy arrays avoid the 30 us of `as_array`.
+    """Return a tree of arguments of a jitted function in one dtype.
 
-    Differentiated arrays are converted in one operation, because each operation takes a third of a
+    Leaves that are not JAX arrays become NumPy arrays, which avoids the 30 us of `as_array`. JAX arrays,
+    which may be differentiated, are converted in one operation, because each operation takes a third of a
     millisecond.
     """
     leaves, structure = jax.tree.flatten(tree)
@@ -138,7 +139,7 @@ def _converted(values, dtype):
 
 
 def no_list(value: ArrayLike | None) -> Any:
-    """Convert a list to an array, because a jitted function takes a list as many arguments."""
+    """Convert a list or tuple to an array, because a jitted function takes each element as an argument."""
     return jnp.asarray(value) if isinstance(value, list | tuple) else value
 
 
@@ -172,4 +173,4 @@ def closest(name: object, allowed: Collection[str]) -> str:
     """Return the end of a message about an unknown name: the nearest allowed name, and all names."""
     near = difflib.get_close_matches(str(name), list(allowed), n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
-    return f"{hint}must be one of {', '.join(allowed)}" if allowed else "there must be none"
+    return f"{hint}must be one of {', '.join(allowed)}" if allowed else "no name is allowed here"

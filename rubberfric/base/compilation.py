@@ -35,27 +35,28 @@ def compilation_cache(folder: StrPath | None = None) -> Path | None:
 
         rf.compilation_cache()  # first, before anything is computed
 
-    An entry serves the same scene structure, shapes, quadrature, JAX, XLA flags and processor. Its results
-    are bit-identical. The commands use the cache unless --no-cache is given;
+    An entry serves all calls with the same scene structure, shapes, quadrature, JAX version, XLA flags and
+    processor. The results are bit-identical. The commands use the cache unless --no-cache is given;
     JAX_ENABLE_COMPILATION_CACHE=false in the environment switches it off everywhere.
 
     Parameters
     ----------
     folder : the cache folder. None: JAX_COMPILATION_CACHE_DIR, or a folder for this jaxlib version and
-        processor in the user's cache folder (XDG_CACHE_HOME, else ~/.cache; ~/Library/Caches,
-        %LOCALAPPDATA%). If all such folders together exceed 1 GiB, the oldest are removed.
+        processor in the user's cache folder: XDG_CACHE_HOME if set, otherwise ~/.cache, ~/Library/Caches on
+        macOS or %LOCALAPPDATA% on Windows. If all such folders together exceed 1 GiB, the oldest are removed.
 
     Returns
     -------
-    The folder. None if it cannot be written to, or if others may write to it, because its entries are
-    executed.
+    The folder. None if the cache is switched off, or if the folder cannot be written to. None also if other
+    users may write to the default folder, because entries are executed.
 
     Notes
     -----
     On processors with AVX-512, jax 0.10 logs two lines for each function that it loads
-    (``+prefer-no-gather is not supported``). They are harmless: they name preferences of its compiler, not
+    (``+prefer-no-gather is not supported``). They are harmless: they name preferences of XLA's compiler, not
     instructions [https://github.com/jax-ml/jax/issues/38445]. TF_CPP_MIN_LOG_LEVEL=3 in the environment hides
-    them; the commands set it. Some versions of JAX compile again instead; `rubberfric doctor` reports this.
+    them; the commands set it. Some versions of JAX compile again instead of loading an entry;
+    `rubberfric doctor` reports this.
     If a killed process or a full disk left an entry incomplete, every process compiles it again, and JAX
     warns.
     """
@@ -123,7 +124,7 @@ def _is_own(folder: Path) -> bool:
 
 
 def _remove_oldest(root: Path) -> None:
-    """Remove the folders written to least recently until all together have at most `LARGEST_CACHE` bytes."""
+    """Remove the least recently changed folders until the total size is at most `LARGEST_CACHE` bytes."""
     folders = [folder for folder in root.glob("*") if folder.is_dir()]
     sizes = {folder: sum(file.stat().st_size for file in folder.glob("*")) for folder in folders}
     for folder in sorted(folders, key=lambda one: one.stat().st_mtime):
@@ -141,9 +142,10 @@ _QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level"
 
 
 def quick_options() -> dict[str, bool | int] | None:
-    """Return options for jax.jit, or None.
+    """Return options for jax.jit that shorten compilation, or None.
 
-    None if XLA does not know them, the user has set XLA_FLAGS, or JAX_DISABLE_JIT switches compilation off.
+    None is returned if XLA does not know the options, the backend is not the CPU, the user has set XLA_FLAGS,
+    or JAX_DISABLE_JIT switches compilation off.
     """
     import jax
 
@@ -155,7 +157,7 @@ def quick_options() -> dict[str, bool | int] | None:
 
 @functools.cache
 def _are_known() -> bool:
-    """Return True if this version of XLA accepts the options."""
+    """Return True if this version of XLA accepts the options in `_QUICK`."""
     import jax
     import jax.numpy as jnp
 
@@ -170,9 +172,10 @@ def _are_known() -> bool:
 def quick_jit(
     *, static_argnums: Sequence[int] = (), static_argnames: Sequence[str] = ()
 ) -> Callable[[Callable[_Given, _Found]], Callable[_Given, _Found]]:
-    """Return jax.jit with `quick_options`, for functions that are not called within another trace.
+    """Return a decorator that applies jax.jit with `quick_options`.
 
-    The options are evaluated at each call, because the first starts JAX and XLA_FLAGS may change later.
+    It is for functions that are not called within another trace. The options are evaluated at each call and
+    not when the function is decorated, because this would start JAX, and XLA_FLAGS may change later.
     """
 
     def decorated(function: Callable[_Given, _Found]) -> Callable[_Given, _Found]:

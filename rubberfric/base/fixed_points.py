@@ -5,10 +5,10 @@ In Anderson's method the next iterate is the combination of the last few with th
 .. math:: y_{k+1} = y_k + z_k - \sum_m \gamma_m (\Delta y_m + \Delta z_m),\qquad
           \gamma = \arg\min |z_k - \sum_m \gamma_m \Delta z_m|,\qquad z = M (f(y) - y)
 
-[Walker & Ni, SIAM J. Numer. Anal. 49 (2011) 1715], M the identity or an approximate inverse of 1 - f'.
-For a linear f it is GMRES, so the same iteration solves the linear systems of the derivatives,
-(1 - f') dy = df and its transpose. `first` and `zero` find the first zero of a function of one number by
-even steps, then by secants within a bracket.
+[Walker & Ni, SIAM J. Numer. Anal. 49 (2011) 1715]. M is the identity or an approximate inverse of 1 - f'.
+For a linear f the method is equivalent to GMRES, so the same iteration solves the linear systems of the
+derivatives, (1 - f') dy = df and its transpose. For the first zero of a function of one number, `first` finds
+a bracket by even steps, and `zero` uses secants within the bracket.
 """
 
 import functools
@@ -36,11 +36,11 @@ class Inverse(NamedTuple):
     right: jax.Array  # (rank, n)
 
     def __call__(self, x: jax.Array) -> jax.Array:
-        """Apply to rows x, (points, n)."""
+        """Apply the inverse to rows x, (points, n)."""
         return x + jnp.einsum("pnm,pm->pn", self.left, x @ self.right.T)
 
     def transposed(self, x: jax.Array) -> jax.Array:
-        """Apply the transpose to rows x, (points, n)."""
+        """Apply the transpose of the inverse to rows x, (points, n)."""
         return x + jnp.einsum("pnm,pn->pm", self.left, x) @ self.right
 
 
@@ -54,7 +54,7 @@ def fixed_point(
 
     Parameters
     ----------
-    function : from an array of shape (points, n) to one of that shape; rows do not mix
+    function : maps an array of shape (points, n) to an array of the same shape, each row independently
     start : shape (points, n)
     inverse : Inverse of 1 - f' near the start, or None
     tolerance : a row takes its last step when its residual over its largest element is below this; None:
@@ -62,7 +62,7 @@ def fixed_point(
 
     Returns
     -------
-    (y, reached), shapes (points, n) and (points,). A row does not depend on the others.
+    (y, True for rows that converged), shapes (points, n) and (points,). A row does not depend on other rows.
 
     Limits: after the last step residuals are about a hundredth of the tolerance (float32: 1e-5).
     """
@@ -100,7 +100,7 @@ def linear_fixed_point(
 
     The result is the derivative of the quantity at the dy for which the residual f' dy + df - dy is zero. It
     cannot be differentiated again. The linear system is the same as in `implicit`, but one function gives the
-    residual and the quantity, so it is differentiated once.
+    residual and the quantity, so only one function is differentiated.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def _tangent_solve(inverse, tolerance, linear, right):
 
 
 def _iterate(residual, start, tolerance, inverse=None, also=None):
-    """Return the zero of a residual, True where it was reached, and the other result at the zero."""
+    """Return the zero of a residual, True for rows that converged, and the residual's other result there."""
     single = start.dtype != jnp.float64
     tolerance = 1e-5 if single else tolerance
 
@@ -249,7 +249,7 @@ def anderson(
 
 
 class Near(NamedTuple):
-    """An initial guess of a zero with a bracket that may fail."""
+    """An initial guess of a zero, with a bracket that may not contain the zero."""
 
     start: jax.Array
     low: jax.Array
@@ -289,7 +289,7 @@ def first(function: Callable[[jax.Array], jax.Array], top: jax.Array, tried: int
 def zero(
     function: Callable[[jax.Array], jax.Array], near: Near, top: jax.Array
 ) -> tuple[jax.Array, jax.Array, Near]:
-    """Find the zero of a function between 0 and top by secants in a bracket; it carries no derivatives.
+    """Find the zero of a function between 0 and top by secants in a bracket, without derivatives.
 
     Parameters
     ----------
@@ -302,7 +302,7 @@ def zero(
     -------
     (zero, whether it was found, initial guess for a similar function)
 
-    Limits: the function's absolute value is at most 1e-11 there (float32: 1e-5).
+    Limits: the function's absolute value is at most 1e-11 at the zero (float32: 1e-5).
     """
     start, low, high, slope = near
     tolerance = 1e-5 if start.dtype != jnp.float64 else 1e-11

@@ -43,14 +43,14 @@ class LazyPackage(ModuleType):
         return value
 
     def _missing(self, name):
-        """Return the message for a missing name, with its location if known."""
+        """Return the message for a missing name; it names the other package if the name is there."""
         other = self._elsewhere
         if other is not None and not name.startswith("_") and name in dir(importlib.import_module(other)):
             return f"{self.__name__} has no {name!r}, {other} has: from {other} import {name}"
         return f"module {self.__name__!r} has no attribute {name!r}"
 
     def __setattr__(self, name: str, value: object) -> None:
-        """Set an attribute; `fitting.fit` stays the function when the module of that name is imported."""
+        """Set an attribute, but keep the function `fitting.fit` when the module of that name is imported."""
         if name in self._places and isinstance(value, ModuleType):
             place = self._places[name]
             if value.__name__ == place:

@@ -26,8 +26,8 @@ def progress(label: str = "") -> "Progress":
         fitting.fit(scene, data, free, callback=rf.progress("fit"))
         result.bootstrap(callback=rf.progress("bootstrap"))
 
-    In a terminal (standard error) it replaces a line, in a notebook it moves a bar. Elsewhere, as in a
-    script whose output goes to a file, it does nothing.
+    The function replaces a line in a terminal (standard error) and moves a bar in a notebook. Elsewhere, for
+    example in a script whose output goes to a file, it does nothing.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def progress(label: str = "") -> "Progress":
 
 
 class Progress:
-    """See `progress`; silent where `place` is None."""
+    """Function that shows progress, see `progress`. It shows nothing if `place` is None."""
 
     def __init__(
         self, label: str, place: "Place | None", clock: Callable[[], float] = time.monotonic
@@ -81,7 +81,7 @@ class Progress:
 
 
 def describe(done: Any, of: float | None, seconds: float) -> tuple[str, float | None]:
-    """Return (text, share done or None) for points done, a step and its cost, or a text."""
+    """Return (text, share done or None) from the points done and in all, a step and its cost, or a text."""
     if of is None:
         return str(done), None
     if not isinstance(of, numbers.Integral):
@@ -96,7 +96,10 @@ def describe(done: Any, of: float | None, seconds: float) -> tuple[str, float | 
 
 
 class TerminalLine:
-    """A line of a terminal that replaces the previous one; at the end it stays or is removed."""
+    """Progress line of a terminal, in which each text replaces the previous one.
+
+    At the end the last text stays if `stays` is True; otherwise it is removed.
+    """
 
     def __init__(self, stream: TextIO, stays: bool = True) -> None:
         self._stream, self._stays, self._open = stream, stays, False
@@ -116,7 +119,7 @@ class TerminalLine:
 
 
 class Lines(TerminalLine):
-    """A line for each text, with the seconds since the first text."""
+    """Progress lines, one for each text, with the seconds since the beginning."""
 
     def __init__(self, stream: TextIO) -> None:
         super().__init__(stream)
@@ -133,7 +136,7 @@ class Lines(TerminalLine):
 
 
 class ClockLine(TerminalLine):
-    """A line of a terminal with a clock that shows the duration of its text."""
+    """Progress line of a terminal with a clock: the seconds since the present text appeared."""
 
     def __init__(self, stream: TextIO) -> None:
         super().__init__(stream, stays=False)
@@ -151,7 +154,7 @@ class ClockLine(TerminalLine):
             self._thread.start()
 
     def line(self, text: str) -> None:
-        """Show a line that stays instead of the progress line."""
+        """Replace the progress line by a line that stays."""
         with self._lock:
             print(f"\r\033[K{text}", file=self._stream, flush=True)
 
@@ -173,7 +176,7 @@ class ClockLine(TerminalLine):
 
 
 class _Notebook:
-    """A bar and a text in the output of a notebook's cell, which replace the previous ones."""
+    """Progress bar and text in the output of a notebook cell, which replace the previous bar and text."""
 
     def __init__(self, display, clock=time.monotonic):
         self._display, self._clock = display, clock
@@ -201,7 +204,7 @@ Place = TerminalLine | _Notebook  # where progress is shown
 
 
 class _Bar:
-    """Display of a notebook: a text, and a bar if the share is known."""
+    """Display in a notebook: a text, and a bar if the share of the work done is known."""
 
     def __init__(self, text, part):
         self._text, self._part = text, part
@@ -215,7 +218,7 @@ class _Bar:
 
 
 def _place() -> "Place | None":
-    """Return the place of the progress: notebook of this kernel, terminal, or None."""
+    """Return where progress is shown: the notebook of this kernel, the terminal, or None for nowhere."""
     # A kernel has imported IPython; otherwise it is not imported here.
     if "IPython" in sys.modules:
         from IPython import get_ipython
@@ -230,7 +233,7 @@ def _place() -> "Place | None":
 
 
 class Phases(Progress):
-    """Progress of a command, and lines that stay."""
+    """Progress of a command, and lines that stay in its output."""
 
     def __init__(self, place: "ClockLine | Lines | None") -> None:
         super().__init__("", place)
@@ -243,13 +246,14 @@ class Phases(Progress):
 
 
 def command_progress(verbose: bool = False) -> Phases:
-    """Show the phases of a command on stderr, until the end of a `with` block.
+    """Return a function that shows the phases of a command on stderr until the end of a `with` block.
 
-    In a terminal it is one line with a clock, because JAX may compile for a minute.
+    A terminal shows one line with a clock, because JAX may compile for a minute. Other outputs show nothing
+    unless `verbose` is True.
 
     Parameters
     ----------
-    verbose : True writes a line for each text, to files as well
+    verbose : True writes a line for each text, also if stderr is a file
     """
     if verbose:
         return Phases(Lines(sys.stderr))

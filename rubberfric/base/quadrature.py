@@ -27,7 +27,7 @@ class Quadrature:
 
     The defaults have errors below 1e-9 for area, friction and separation over ten decades of roughness, also
     with plateaus of nine decades. Calls without a setting choose one for the scene
-    (`rf.analysis.default_quadrature`); it has half as many nodes for roughness of two or three decades.
+    (`rf.analysis.default_quadrature`), with half as many nodes for roughness of two or three decades.
     `rf.analysis.quadrature_for` finds a setting for another error.
 
     Parameters
@@ -35,8 +35,8 @@ class Quadrature:
     order : int, 4 ... 64
         Gauss nodes of a contact panel, where P, S and Psi are evaluated.
     panels : int, 2 ... 200
-        panels over ln(q1/q0): angular panels, and contact panels without those added at kinks and by the
-        grading.
+        number of angular panels over ln(q1/q0), and of contact panels before panels are added at kinks and
+        by the grading.
     graded : int, 0 ... 40
         extra panels towards every wavevector where roughness begins. P decreases from 1 there within
         ln(q/q0) ~ 1e-4 at tyre pressures and 1e-18 at light loads.
@@ -45,7 +45,7 @@ class Quadrature:
     angular_order : int, 4 ... 64
         nodes of an angular panel, where the angular integrals of the stiffness are evaluated.
     heat : int, 40 ... 2000
-        nodes of the sum over ln k of the temperatures of a heated scene.
+        nodes of the sum over ln k that gives the temperatures of a heated scene.
     """
 
     order: int = 13
@@ -73,7 +73,7 @@ class Quadrature:
     def resolving(self, detail: float) -> "Quadrature":
         """Return a setting for angular means with finer detail over ln q than a Prony series has.
 
-        It has more panels, and fewer angular nodes in each.
+        The setting has more panels, and fewer angular nodes in each panel.
 
         Parameters
         ----------
@@ -111,14 +111,14 @@ def legendre_transform(order: int) -> np.ndarray:
 
 @functools.cache
 def nodes_between(order: int) -> np.ndarray:
-    """Return nodes on [0, 1] for integrals from 0 to every Gauss node, a few in each gap."""
+    """Return nodes on [0, 1] for integrals from 0 to every Gauss node: a few in each gap between nodes."""
     borders = np.concatenate([[0.0], gauss(order)[0]])
     return _frozen((borders[:-1, None] + np.diff(borders)[:, None] * gauss(_IN_A_GAP)[0]).ravel())
 
 
 @functools.cache
 def weights_between(order: int) -> np.ndarray:
-    """Return weights of `nodes_between` for the gap of each node, shape (order, nodes in a gap)."""
+    """Return the weights of `nodes_between` in the gap before each Gauss node, (order, nodes in a gap)."""
     gap = np.diff(np.concatenate([[0.0], gauss(order)[0]]))
     return _frozen(gap[:, None] * gauss(_IN_A_GAP)[1])
 
@@ -130,8 +130,8 @@ def cumulative(order: int) -> np.ndarray:
     .. math:: \int_0^{x_k} w f\,dx = \sum_{s i} w(y_s)\, T_{ski}\, f(x_i)
 
     x are the Gauss nodes and y the nodes of `nodes_between`. f is smooth and known at x only; w is known
-    everywhere. The rule stays accurate, and therefore positive, if w grows by 1e6 within the panel. Shape
-    (nodes between, order, order).
+    everywhere. The rule stays accurate, and therefore positive, if w grows by 1e6 within the panel. The shape
+    is (nodes between, order, order).
     """
     y = nodes_between(order)
     weight = weights_between(order).ravel()
@@ -143,7 +143,10 @@ def cumulative(order: int) -> np.ndarray:
 def chebyshev_fit(
     function: Callable[[np.ndarray], np.ndarray], low: float, high: float, degree: int
 ) -> np.ndarray:
-    """Return ascending monomial coefficients in u on [-1, 1] of the interpolant on [low, high]."""
+    """Return the coefficients of the Chebyshev interpolant of a function on [low, high], as a power series.
+
+    The powers of u ascend; u increases linearly from -1 at `low` to 1 at `high`.
+    """
     coefficients = chebyshev.chebinterpolate(
         # NumPy's stub has the wrong type for the values at all nodes.
         lambda u: function(0.5 * (high - low) * (u + 1) + low),  # pyright: ignore[reportArgumentType, reportCallIssue]

@@ -17,9 +17,9 @@ _POINTS = 60
 
 
 def run_accuracy(arguments: argparse.Namespace, show: Phases) -> tuple[str, OSError | None]:
-    """Run `rubberfric accuracy`: sweep over settings at the conditions of a file.
+    """Run `rubberfric accuracy`: compare accuracy settings at the conditions of a file.
 
-    Returns the printed text and the error, or None.
+    Return the printed text, and the error of a file that could not be written, or None.
     """
     check_error(arguments.error)
     show(f"reading {arguments.scene}")

@@ -120,7 +120,7 @@ def _add_explore(commands: "argparse._SubParsersAction[Parser]") -> None:
 
 
 def add_outputs(command: argparse.ArgumentParser, name: str, written: str, drawn: str) -> None:
-    """Add --out with the default name of its file, and --plot."""
+    """Add the options --out and --plot; `name` stands for the file of --out in the help."""
     command.add_argument("--out", metavar=name, help=written)
     command.add_argument("--plot", metavar="FILE.png", help=f"{drawn} (.png, .pdf or .svg)")
 
@@ -154,7 +154,7 @@ def check_arguments(arguments: argparse.Namespace) -> None:
 
 
 def check_devices(count: int) -> None:
-    """Raise ValueError unless JAX can use a processor as `count` devices."""
+    """Raise ValueError unless JAX can divide the processor into `count` devices."""
     if count < 1:
         raise ValueError(f"--devices {count}: must be > 0")
     if count > _MOST_DEVICES:
@@ -168,7 +168,7 @@ def check_input(path: StrPath, suffixes: tuple[str, ...]) -> None:
 
 
 def check_outputs(arguments: argparse.Namespace, *suffixes: str) -> None:
-    """Raise ValueError unless the files of --out, with one of the suffixes, and --plot can be written."""
+    """Raise ValueError unless --out has one of the suffixes and the files --out and --plot are writable."""
     if arguments.out is not None:
         check_writable(arguments.out, suffixes)
     if arguments.plot is None:
@@ -181,7 +181,7 @@ def check_outputs(arguments: argparse.Namespace, *suffixes: str) -> None:
 def write_outputs(
     show: Callable[[str], object], *outputs: tuple[str, str | None, Callable[[str], object]]
 ) -> OSError | None:
-    """Write files; an error of one does not prevent the others or the printed output.
+    """Write files; an error in one file does not prevent the other files or the printed output.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ _EVENT = "/jax/compilation_cache/cache_hits"
 
 
 def run_doctor(arguments: argparse.Namespace, show: Progress) -> tuple[str, None]:
-    """Run `rubberfric doctor`; returns its output."""
+    """Run `rubberfric doctor` and return the printed text and None, because no file is written."""
     show("trying the devices")
     return "\n".join(_lines(arguments)), None
 
@@ -47,7 +47,7 @@ def _lines(arguments: argparse.Namespace) -> Iterator[str]:
 
 
 def _version(name: str) -> str:
-    """Return the version of a package, which may be on the path without being installed."""
+    """Return the version of a package, or a text if it is missing or importable without being installed."""
     if importlib.util.find_spec(name) is None:
         return "is not installed"
     try:
@@ -67,7 +67,7 @@ def _about_cache(arguments: argparse.Namespace) -> Iterator[str]:
 
 @contextlib.contextmanager
 def _options_kept() -> Iterator[None]:
-    """Restore the options of JAX, for callers from Python."""
+    """Restore the cache options of JAX at the end of a `with` block, for callers from Python."""
     config: Any = jax.config  # its options are unknown to type checkers
     names = [
         f"jax_{name}"
@@ -87,7 +87,7 @@ def _options_kept() -> Iterator[None]:
 
 
 def _tried() -> Iterator[str]:
-    """Yield the cache folder, and whether an entry is found there again."""
+    """Yield lines with the cache folder and with the result of a test that compiles a function twice."""
     folder = compilation_cache()
     if folder is None:
         config: Any = jax.config  # whose options checkers do not know
@@ -107,7 +107,7 @@ def _tried() -> Iterator[str]:
 
 
 def _is_found() -> bool:
-    """Return True if a function is loaded from the cache instead of compiled."""
+    """Return True if a test function is loaded from the cache instead of compiled."""
     events: list[str] = []
 
     def listener(event: str, **_: object) -> None:

@@ -26,7 +26,7 @@ _SPACE = 2**31
 
 
 def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> int:
-    """Run a command; returns its exit status, also after an error.
+    """Run a command and return its exit status, also after an error.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> 
     process : as in `Interrupts`
     """
     if process and not _have_streams():
-        return complain(program, "standard output is closed: must be open, such as to /dev/null", 1)
+        return complain(program, "standard output is closed: must be open, for example as /dev/null", 1)
     with Interrupts(program, process=process) as interrupts:
         try:
             status = work(interrupts)
@@ -59,7 +59,7 @@ def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> 
 
 
 def _status(error: Exception) -> int | None:
-    """Return the exit status of an error with a one-line message; None if it needs a traceback."""
+    """Return the exit status of an error that one line can report; None for an error with a traceback."""
     # By name, so that numpy and JAX need not be imported.
     names = {cls.__name__ for cls in type(error).__mro__}
     if names & _FAILED:
@@ -75,7 +75,7 @@ def _text(error: Exception) -> str:
 
 
 def complain(program: str, error: object, status: int) -> int:
-    """Print an error on one line; returns the exit status."""
+    """Print an error on one line and return the exit status."""
     try:
         print(f"{program}: {' '.join(str(error).split())}", file=sys.stderr)
     except OSError:  # stderr takes no output
@@ -105,7 +105,7 @@ def _give_up(stream: TextIO | None) -> None:
 
 
 def _have_streams() -> bool:
-    """Make the standard streams safe to use; False if stdout is closed.
+    """Make the standard streams safe to use, and return False if stdout is closed.
 
     An opened file takes the lowest free descriptor. If this were the descriptor of a closed stream, logs of
     libraries would go into that file.

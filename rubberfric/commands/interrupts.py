@@ -1,10 +1,10 @@
 """SIGINT (Ctrl-C), SIGTERM and SIGHUP in the commands: one line, nothing half-written, status 128 + signal.
 
-If a command is a separate process, a thread that waits for signals ends it. The main thread cannot do
-it: Python runs handlers between its own instructions only, and a compiled function may run for seconds. An
-exception cannot do it either: XLA's threads would continue to compile while the interpreter shuts down, and
-the process would end with a segmentation fault. The thread therefore removes incomplete files and ends the
-process by `os._exit`, which skips that shutdown.
+If a command is a separate process, a thread that waits for signals ends the process. The main thread cannot
+end it in time: Python runs handlers between its own instructions only, and a compiled function may run for
+seconds. An exception would be unsafe: XLA's threads would continue to compile while the interpreter shuts
+down, and the process would end with a segmentation fault. The thread therefore removes incomplete files and
+ends the process by `os._exit`, which skips that shutdown.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _AGAIN = 0.02  # seconds after which a signal during compilation is raised again
 
 
 def leave_at_once(program: str) -> None:
-    """Let a signal end the process while it only imports modules."""
+    """Let a signal end the process at once, as long as the process only imports modules."""
 
     def leave(which: int, _frame: FrameType | None) -> None:
         say(program, f"interrupted; {LOST}")
@@ -43,7 +43,7 @@ def leave_at_once(program: str) -> None:
 
 
 def say(program: str, text: str) -> None:
-    """Write a line without Python's streams, which the main thread may have locked."""
+    """Write a line to stderr without Python's streams, which the main thread may have locked."""
     try:
         os.write(2, (("\r\033[K" if os.isatty(2) else "") + f"{program}: {text}\n").encode())
     except OSError:  # nowhere to say it
@@ -110,7 +110,7 @@ class Interrupts:
         self._again.start()
 
     def _wait(self, hear: Any) -> None:
-        """End the process at the first signal that is not held back; runs in the thread."""
+        """End the process at the first signal that is not held back; runs in a separate thread."""
         with hear:
             while which := hear.recv(1):
                 if which[0] not in self._before:
@@ -133,7 +133,7 @@ class Interrupts:
         remove_begun(leave)
 
     def complain(self) -> int:
-        """Print that the command was interrupted, if the process continues; returns the exit status."""
+        """Print that the command was interrupted, if the process continues, and return the exit status."""
         print(f"{self.program}: interrupted; {LOST}", file=sys.stderr)
         return self.status
 
@@ -147,7 +147,7 @@ class Interrupts:
         self._holding = True
 
     def release(self) -> None:
-        """Hold no signal back from now on."""
+        """Stop holding signals back."""
         self._holding = False
 
     def check(self) -> None:
@@ -158,7 +158,7 @@ class Interrupts:
 
 
 def _raise_in_main(thread: int, which: int) -> None:
-    """Send a signal to the main thread, where it also ends waiting."""
+    """Send a signal to the main thread, where the signal also interrupts system calls that wait."""
     if hasattr(signal, "pthread_kill"):
         signal.pthread_kill(thread, which)
     else:  # Windows

@@ -1,6 +1,6 @@
 """The command `rubberfric`.
 
-The exit status is 0 if done, 2 for bad input, with one line on stderr and nothing written, and 1 if the work
+The exit status is 0 on success, 2 for invalid input (one line on stderr, nothing written), and 1 if the work
 failed. Ctrl-C (SIGINT) gives 130, SIGTERM 143 and SIGHUP 129, within a second and with one line on stderr.
 
 Each step imports its modules late, so that signals are handled from the start and arguments are checked
@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command with arguments `argv`; returns the exit status.
+    """Run the command with arguments `argv` and return the exit status.
 
-    None: the arguments of the process, which a signal then ends (`rubberfric.commands.interrupts`).
+    If `argv` is None, the command takes the arguments of the process, and a signal ends the process
+    (`rubberfric.commands.interrupts`).
     """
     if argv is None:
         leave_at_once("rubberfric")

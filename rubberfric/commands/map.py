@@ -22,7 +22,7 @@ _SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "t
 
 
 def run_map(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
-    """Run `rubberfric map`; returns the printed text and the error, or None."""
+    """Run `rubberfric map` and return the printed text and the error of writing a file, or None."""
     make_devices(arguments.devices)  # before reading the scene, which starts JAX
     show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene, "map")
@@ -37,7 +37,7 @@ def run_map(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError
         ("transverse_friction", not has_transverse_force(scene)),
     ):
         if name in quantities and absent:
-            raise ValueError(f"{arguments.scene}: {name} is 0 in this scene; must be left out of --quantity")
+            raise ValueError(f"{arguments.scene}: {name} is 0 in this scene: leave it out of --quantity")
     if iterates(scene) and "converged" not in quantities:
         quantities.append("converged")
     points = math.prod(result_shape(conditions))
@@ -58,16 +58,18 @@ def run_map(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError
 
 
 def make_devices(count: int | None) -> None:
-    """Use each core of the processor as a device, or `count` devices.
+    """Make JAX use `count` CPU devices, or one for each core if `count` is None.
 
-    Raises ValueError if JAX already has other devices.
+    A ValueError is raised if JAX has already started with another number of devices.
     """
     try:
         jax.config.update("jax_num_cpu_devices", count or cores())
     except RuntimeError:  # JAX was started by a caller from Python
         found = jax.local_device_count("cpu")
         if count not in (None, found):
-            raise ValueError(f"--devices {count}: JAX has started with {found}; use this number") from None
+            raise ValueError(
+                f"--devices {count}: JAX has already started with {found} devices; use this number"
+            ) from None
 
 
 def summary(result: Result) -> Iterator[str]:

@@ -6,7 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rubberfric.analysis.validity import friction_outside_table, tabulated_solids, theory_error
+from rubberfric.analysis.validity import (
+    contact_model_name,
+    friction_outside_table,
+    tabulated_solids,
+    theory_error,
+)
 from rubberfric.base.compilation import quick_options
 from rubberfric.base.progress import Progress
 from rubberfric.base.quadrature import Quadrature
@@ -111,17 +116,17 @@ def extrapolation_line(result: Result) -> str:
 
 
 def model_error_line(result: Result) -> str:
-    """Return the expected error of the theory as text; "" if unknown."""
+    """Return the contact model and its expected error as text."""
     found = theory_error(result.scene, np.asarray(result.solution.area))
     if found is None:
-        return ""
+        return f"contact model: {contact_model_name(result.scene)}. Its error in such scenes is unknown"
     area, friction = (f"{100 * low - 100:+.0f} ... {100 * high - 100:+.0f} %" for low, high in found[:2])
     mu = "mu" if result.scene.shear is None else "viscoelastic mu"
     low, high = found.contact
-    paper = result.scene.contact_model == "paper"
-    what, page = ("theory", "boundary_elements") if paper else ("law", "how_true")
+    page = "boundary_elements" if result.scene.contact_model == "paper" else "how_true"
     return (
-        f"the {what} itself, against boundary elements of such scenes\n"
+        f"contact model: {contact_model_name(result.scene)}\n"
+        "its error against boundary elements of such scenes\n"
         f"(A/A0 {low:.2g} ... {high:.2g}, nine cases of ten; notebooks/{page}.md):\n"
         f"A/A0 is off by {area}, {mu} by {friction}"
     )

@@ -40,7 +40,7 @@ class Column(NamedTuple):
         return value
 
     def check(self, where: str, value: float) -> None:
-        """Raise ValueError, which begins with `where`, for an invalid value in SI."""
+        """Raise ValueError for an invalid value in SI; the message begins with `where`."""
         if not math.isfinite(value):
             raise ValueError(f"{where}: must be finite in SI units")
         if self.positive and not value > 0:
@@ -48,7 +48,7 @@ class Column(NamedTuple):
 
 
 def _log10(name: str, units: Mapping[str, float], offered: bool = False) -> Column:
-    """Return the column of logarithms; a logarithm of a pure number may have the unit "-" as well."""
+    """Return the column of log10 of a quantity; a quantity without unit may also have the unit "-"."""
     own = dict(units) if list(units) == ["-"] else {}
     logs = own | {f"log10({unit})": factor for unit, factor in units.items()}
     return Column(name, logs, log10=True, offered=offered)
@@ -192,7 +192,7 @@ _BRACKETS = re.compile(r"(.+?)\s*[\[(]([^\[\]()]*(?:\([^()]*\))?)[\])]")
 
 
 def is_foreign(title: str, name: str | None) -> bool:
-    """Return True for a title with the given `known_name` that only other programs write."""
+    """Return True if only other programs write a title; `name` is the title's `known_name`."""
     own = name in COLUMNS and COLUMNS[name].offered and name == title
     return title in _UNUSED or (name is not None and not own)
 

@@ -9,9 +9,9 @@
     rad/s               MPa               ...
     0.1                 8.97              ...
 
-A preamble, a row of names, a row of units (or units in brackets behind the names), numbers. Commas,
-semicolons or tabs separate fields; decimals have points or commas. More blocks with the same columns may
-follow. Names are spelled as in `rubberfric.io.columns`.
+A text has a preamble, a row of names, a row of units (or units in brackets behind the names) and numbers.
+Commas, semicolons or tabs separate fields; decimals have points or commas. More blocks with the same columns
+may follow. Names are spelled as in `rubberfric.io.columns`.
 """
 
 import csv
@@ -45,13 +45,13 @@ class TextTable(NamedTuple):
 
 
 def find_table(path: StrPath, text: str, generic: str = "E", incomplete: bool = False) -> TextTable | None:
-    """Return the first table of another program in a text; None if all tables are the project's.
+    """Return the first table of another program in a text; None for a table of the project or no table.
 
     Parameters
     ----------
     path : name of the file in messages
     generic : "E" or "G", the meaning of "storage modulus"
-    incomplete : True to return rows in which some cells are no numbers, too
+    incomplete : True to return also rows in which some cells are not numbers
     """
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if has_fields(line)]
     for place, (_, line) in enumerate(lines):
@@ -70,7 +70,7 @@ def find_table(path: StrPath, text: str, generic: str = "E", incomplete: bool = 
 
 
 def headless(path: StrPath, text: str, titles: list[str]) -> TextTable:
-    """Return the table of a text with given titles: "name [unit]", or "-" for a column not read.
+    """Return the table of a text with given titles: "name [unit]", or "-" for a column to leave out.
 
     Lines that begin without a number are skipped, so a header is allowed; blanks may separate columns.
     """
@@ -108,7 +108,7 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
     Parameters
     ----------
     path : text table or .xlsx with positions in the first column, and one trace of heights in each further
-        column Titles are arbitrary. The unit of length is in brackets behind a title, or in the row below. A
+        column. Titles are arbitrary. The unit of length is in brackets behind a title, or in the row below. A
         column before the positions that counts the points is skipped. NaN is a dropout: up to a quarter of
         the heights of a trace are interpolated, with a warning that states their share.
 
@@ -125,7 +125,7 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
     if found is None:
         raise ValueError(f"{path}: must have rows with a position and at least one height")
     if not (titles := found[0]):
-        raise ValueError(f"{path}: begins with numbers: must have titles with units of length, as x [mm]")
+        raise ValueError(f"{path}: begins with numbers: must have titles with length units, such as x [mm]")
     if all(map(_LENGTH_IN_BRACKETS.fullmatch, titles[-1][1:])):
         titles = titles[-1:]  # the line above belongs to a preamble
     lines, rows = text.splitlines(), headless(path, text, ["-"] * len(titles[0])).rows
@@ -202,7 +202,7 @@ def pick(table: TextTable, quantities: tuple[str, ...]) -> TextTable:
         if len(places) > 1 and not _agree(table, places):
             both = " and ".join(repr(table.titles[place]) for place, _ in places)
             raise ValueError(
-                f"{table.where}: columns {both}: both hold {quantity}; must be one column: remove the other"
+                f"{table.where}: columns {both}: both hold {quantity}: must be only one; remove the other"
             )
     places, names = zip(*(columns[0] for columns in found.values()), strict=True) if found else ((), ())
     titles, units = ([values[i] for i in places] for values in (table.titles, table.units))
@@ -225,7 +225,7 @@ def _agree(table: TextTable, places: list[tuple[int, str]]) -> bool:
 
 
 def _export(path, lines, separator, titles, names, units, incomplete):
-    """Return the table whose titles are in the first of the lines."""
+    """Return the table whose titles are in the first line of `lines`."""
     (number, _), *below = lines
     where = f"{path}: line {number}"
     first = _split(below[0][1], separator)
@@ -236,7 +236,7 @@ def _export(path, lines, separator, titles, names, units, incomplete):
     elif all(unit is None for unit in units):
         columns = suggested_columns("\n".join(text for _, text in lines))
         raise ValueError(
-            f"{where}: has names but no units: must have them in the row below or in brackets, or pass them:"
+            f"{where}: has names but no units: must have units in the row below or in brackets; or pass them:"
             f" {columns}"
         )
     rows, count = [], sum(name is not None for name in names)
@@ -260,7 +260,7 @@ def _export(path, lines, separator, titles, names, units, incomplete):
 
 
 def _checked(path: StrPath, count: int, rows: TextRows) -> TextRows:
-    """Return rows of `count` fields with decimal points."""
+    """Return rows with decimal points instead of commas; ValueError for a row without `count` fields."""
     commas = any(_DECIMAL_COMMA.fullmatch(field) for _, fields in rows for field in fields)
     checked = []
     for line, fields in rows:
@@ -272,7 +272,8 @@ def _checked(path: StrPath, count: int, rows: TextRows) -> TextRows:
             points = [field for field in fields if "." in field and is_number(field.replace(",", ""))]
             if points:
                 raise ValueError(
-                    f"{path}: line {line}: {points[0]!r}: has a decimal point, others a comma: must be one"
+                    f"{path}: line {line}: {points[0]!r}: has a decimal point, others a comma: must all have"
+                    " the same decimal sign"
                 )
             fields = [f.replace(",", ".") if _DECIMAL_COMMA.fullmatch(f) else f for f in fields]
         checked.append((line, fields))
@@ -280,7 +281,7 @@ def _checked(path: StrPath, count: int, rows: TextRows) -> TextRows:
 
 
 def _above_numbers(text: str) -> tuple[list[list[str]], list[str]] | None:
-    """Return up to two rows above the first row of numbers, with as many fields, and that row."""
+    """Return up to two rows above the first row of numbers, with equally many fields, and this first row."""
     lines = list(filter(has_fields, text.splitlines()))
     for separator in ("\t", ";", ",", None):
         rows = [_split(line, separator) for line in lines]
@@ -296,7 +297,7 @@ def has_fields(line: str) -> bool:
 
 
 def _split(line: str, separator: str | None) -> list[str]:
-    """Return the fields of a line; `None` separates at blanks."""
+    """Return the fields of a line; if `separator` is None, blanks separate the fields."""
     if separator is None:
         return line.split()
     quotes = csv.QUOTE_NONE if separator == "\t" else csv.QUOTE_MINIMAL  # with tabs E" means E''

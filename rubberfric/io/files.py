@@ -82,8 +82,8 @@ def load_scene(path: StrPath) -> Scene:
 
     Returns
     -------
-    Scene; from .h5 exactly, in the precision it was saved with (float64 becomes float32 unless JAX's x64
-    mode is on)
+    Scene. An .h5 file gives the saved numbers exactly and in their precision (float64 becomes float32 unless
+    JAX's x64 mode is on).
 
     Raises
     ------
@@ -95,8 +95,8 @@ def load_scene(path: StrPath) -> Scene:
 def save_scene(path: StrPath, scene: Scene) -> None:
     """Save a scene as an HDF5 file (.h5) or a TOML file (.toml), completely or not at all.
 
-    A TOML file has all digits. Its tables are CSV files in the same folder, named after it. It has no
-    conditions; `rubberfric run` then uses default ones.
+    A TOML file has all digits. Its tables are CSV files in the same folder, named after the TOML file. The
+    file contains no conditions, so `rubberfric run` uses default conditions.
 
     Raises
     ------
@@ -122,7 +122,7 @@ def save_scene(path: StrPath, scene: Scene) -> None:
 def read_scene_file(path: StrPath, table: str = "run") -> SceneFile:
     """Read scene, conditions and title of a scene file or result file.
 
-    A TOML file has conditions in the tables "run" and "map"; an HDF5 file has one set of them.
+    A TOML file has conditions in the tables "run" and "map"; an HDF5 file has one set of conditions.
     """
     path = as_path(path)
     check_suffix(path, (".toml", ".h5"))
@@ -135,7 +135,7 @@ def read_scene_file(path: StrPath, table: str = "run") -> SceneFile:
 def read_computable(
     path: StrPath, table: str = "run", most: float = math.inf, default: bool = False
 ) -> tuple[Scene, Conditions, str]:
-    """Read scene, conditions and title; ValueError with more than `most` points.
+    """Read scene, conditions and title; ValueError for more than `most` points.
 
     If the file has no conditions, a ValueError is raised. With `default`, the `default_conditions` are
     returned instead, and the title states them.
@@ -182,7 +182,7 @@ def _read_scene(file: h5py.File) -> SceneFile:
 
 
 def _is_bare(file: h5py.File, condition: str) -> bool:
-    """Return True for a dimension without values."""
+    """Return True if a condition is a dimension without values."""
     name = file[condition].attrs.get("NAME", b"")
     return (name.decode("ascii", "replace") if isinstance(name, bytes) else str(name)).startswith(_BARE)
 
@@ -227,13 +227,13 @@ def _read_quantity(file: h5py.File, name: str, shape: tuple[int, ...]) -> np.nda
 def filling_result(
     path: StrPath, result: Result, dtypes: Mapping[str, np.dtype]
 ) -> Iterator[dict[str, h5py.Dataset]]:
-    """Give datasets of quantities to fill in; on leaving, move the complete file to `path`, or remove it.
+    """Yield datasets of quantities to fill in; at the end move the file to `path`, or remove it on failure.
 
     Parameters
     ----------
     path : result file
     result : its solution is ignored
-    dtypes : of the quantities
+    dtypes : dtype of each quantity that the file contains, by name
 
     Raises
     ------
@@ -255,7 +255,7 @@ def filling_result(
 
 
 def mapped_quantities(path: StrPath) -> dict[str, np.memmap]:
-    """Map the quantities of a file of `filling_result` into memory, for reading."""
+    """Return memory maps, for reading, of the quantities in a file that `filling_result` wrote."""
     with reading(path, _FORMAT) as file:
         found = {name: _dataset(file, name) for name in QUANTITY_FORMATS if name in file}
         # A dataset without chunks is contiguous.
@@ -264,7 +264,7 @@ def mapped_quantities(path: StrPath) -> dict[str, np.memmap]:
 
 
 def write_interpolation(data: Mapping[str, h5py.Dataset], interpolation: Interpolation | None) -> None:
-    """Write the interpolation of quantities into the file of their datasets."""
+    """Write points and error of an interpolation as attributes of the file that contains the datasets."""
     if data and interpolation is not None:
         attributes = next(iter(data.values())).file.attrs
         attributes[_FROM], attributes[_ERROR] = interpolation

@@ -40,7 +40,7 @@ class TableUnits(NamedTuple):
     temperature: str
 
     def scales(self) -> Iterator[tuple[float, float]]:
-        """Return the factor and offset from the file to SI, for velocity, pressure and temperature."""
+        """Yield the factor and offset that convert velocity, pressure and temperature of a file to SI."""
         yield from ((_SPEED[self.velocity], 0.0), (STRESS[self.pressure], 0.0))
         yield 1.0, TEMPERATURE[self.temperature]
 
@@ -113,7 +113,7 @@ def read_friction(
     path, program : as for `write_friction`
     unit_velocity, unit_pressure, unit_temperature : for abaqus and lsdyna
         None: the units in the comment of a file that `write_friction` wrote.
-    pressure : [Pa] of a curve in log10 columns, which do not hold it
+    pressure : pressure of a curve in log10 columns [Pa], which these files do not contain
 
     Raises
     ------
@@ -149,7 +149,7 @@ def _program(path: Path, program: str | None) -> str:
 
 
 def _head(table: FrictionTable, units: TableUnits) -> list[str]:
-    """Return the lines of a comment with contents, interpolation error and units of a table."""
+    """Return the lines of a comment that states contents, interpolation error and units of a table."""
     sizes = f"{table.velocity.size} velocities x {table.pressure.size} pressures"
     named = f"Units: {units.velocity}, {units.pressure}"
     if table.temperature is not None:
@@ -178,13 +178,13 @@ def _units(text: str, velocity: str | None, pressure: str | None, temperature: s
 
 
 def _file_axes(table: FrictionTable, units: TableUnits) -> list[np.ndarray]:
-    """Return the velocity, pressure and, if there is one, temperature in the units of a file."""
+    """Return the axes of a table in the units of a file: velocity, pressure and, if present, temperature."""
     axes = [getattr(table, name) for name in AXES if getattr(table, name) is not None]
     return [(axis - zero) / factor for axis, (factor, zero) in zip(axes, units.scales(), strict=False)]
 
 
 def _from_rows(rows: Any, units: TableUnits) -> FrictionTable:
-    """Return the table of rows (mu, v, p, T) in any order; T is NaN without temperatures."""
+    """Return the table from rows (mu, v, p, T) in any order; T is NaN if the table has no temperatures."""
     mu, v, p, T = np.array(rows, float).T
     axes, places = zip(*(np.unique(x, return_inverse=True) for x in (T, p, v)), strict=True)
     temperatures, pressures, velocities = shape = tuple(axis.size for axis in axes)
@@ -211,7 +211,7 @@ def _write_abaqus(table: FrictionTable, units: TableUnits, name: str) -> Iterato
 
 
 def _read_abaqus(text: str, units: TableUnits) -> FrictionTable:
-    """Read the first *FRICTION of an input file."""
+    """Read the table of the first keyword *FRICTION in an input file."""
     blocks = keyword_blocks(text, r"\s*(\*\*|$)")
     lines = [data for line, data in blocks if line.partition(",")[0].strip().upper() == "*FRICTION"]
     if not lines or not lines[0]:
@@ -245,7 +245,7 @@ def _write_lsdyna(table: FrictionTable, units: TableUnits, _name: str) -> Iterat
 
 
 def _read_lsdyna(text: str, units: TableUnits) -> FrictionTable:
-    """Read the tables of a keyword file, and the curves in them."""
+    """Read the tables of a keyword file, and the curves to which the tables refer."""
     found = re.findall(r"^\$ Table (\d+) is at (\S+) (?:K|C)\b", text, re.M)
     temperatures = {int(number): float(T) for number, T in found}
     tables, curves = {}, {}
@@ -257,7 +257,7 @@ def _read_lsdyna(text: str, units: TableUnits) -> FrictionTable:
     if not tables:
         raise ValueError("*DEFINE_TABLE_2D is missing: must be given")
     if len(tables) > 1 and tables.keys() - temperatures.keys():
-        raise ValueError(f"has {len(tables)} tables without temperatures: must have one")
+        raise ValueError(f"has {len(tables)} tables without a temperature for each: must have only one")
     for curve in (int(curve) for table in tables.values() for _, curve in table):
         if curve not in curves:
             raise ValueError(f"curve {curve} of a table is missing: must be given as *DEFINE_CURVE")

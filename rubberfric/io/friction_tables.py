@@ -1,6 +1,6 @@
 r"""Tables of the friction coefficient over velocity, pressure and temperature.
 
-These programs interpolate linearly in v, p and T, and keep the end values outside the table,
+Programs that read these tables interpolate linearly in v, p and T, and keep the end values outside the table,
 
 .. math:: \mu(v, p, T) = \sum_{ijk} w_i(v)\, w_j(p)\, w_k(T)\, \mu_{ijk}
 
@@ -33,7 +33,7 @@ class FrictionTable(NamedTuple):
     def at(
         self, velocity: ArrayLike, pressure: ArrayLike, temperature: ArrayLike | None = None
     ) -> np.ndarray:
-        """Interpolate mu as the programs do; arguments broadcast [m/s], [Pa], [K]."""
+        """Interpolate mu linearly, constant beyond the ends; arguments broadcast [m/s], [Pa], [K]."""
         given = (velocity, pressure) if self.temperature is None else (velocity, pressure, temperature)
         points = np.broadcast_arrays(*(np.asarray(x, float) for x in given))
         v, p, *T = (x.ravel() for x in points)
@@ -44,7 +44,10 @@ class FrictionTable(NamedTuple):
 
 
 def hats(axis: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return weights of the points of an axis at x, (x.size, axis.size); constant beyond its ends."""
+    """Return the linear interpolation weights of the points of an axis at x, shape (x.size, axis.size).
+
+    The weights are constant beyond the ends of the axis.
+    """
     weights = np.zeros((x.size, axis.size))
     if axis.size == 1:
         return weights + 1.0
@@ -61,7 +64,7 @@ def as_friction_table(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> FrictionTable:
-    """Return a checked table of a FrictionTable or of a result, whose axes are sorted.
+    """Return a checked table from a FrictionTable, or from a result, whose axes are sorted first.
 
     The arguments are as for `rubberfric.io.curves_of`.
 

@@ -119,7 +119,7 @@ def read_values(group: h5py.Group, name: str, units: str, shape: tuple[int, ...]
 
 
 def read_array(group: h5py.Group, name: str, units: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Read numbers of the required shape."""
+    """Read numbers of the required units and shape as an array."""
     return np.asarray(read_values(group, name, units, shape))
 
 
@@ -156,7 +156,7 @@ def attributes(owner: h5py.Group, types: Mapping[str, type]) -> dict[str, Any]:
 
 
 def subgroup(group: h5py.Group, name: str) -> h5py.Group:
-    """Return a group in another; ValueError if it is missing."""
+    """Return the group `name` in a group; ValueError if it is missing."""
     found = group.get(name)
     if not isinstance(found, h5py.Group):
         raise ValueError(f"{_path(group, name)}: is missing; must be a group")
@@ -174,7 +174,7 @@ def check_names(group: h5py.Group, names: Collection[str], attributes: Collectio
 
 
 def write_object(parent: h5py.Group, name: str, value: PhysicalObject) -> None:
-    """Write a physical object as the group `name`; ValueError if its constructor refuses it."""
+    """Write a physical object as the group `name`; ValueError if its constructor refuses its values."""
     cls = type(value)
     if cls not in kinds(PhysicalObject).values():
         raise ValueError(f"{name} = {value!r}: must be one of {', '.join(kinds(PhysicalObject))}")

@@ -114,7 +114,7 @@ def filled(heights: np.ndarray) -> np.ndarray:
 
 
 def _rows(path, text):
-    """Return the row of titles, or [], and (line, fields) of all rows of numbers and holes."""
+    """Return the row of titles, [] if there is none, and (line, fields) of all rows of numbers and holes."""
     lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if has_fields(line)]
     best: list = []
     titles: list[str] = []
@@ -136,7 +136,7 @@ def _is_value(field):
 
 
 def _numbers(path, rows):
-    """Return the values of all rows, NaN for holes."""
+    """Return the values of all rows as an array with NaN for holes."""
     width = len(rows[0][1])
     for line, fields in rows:
         if len(fields) != width:
@@ -150,7 +150,7 @@ def _numbers(path, rows):
 
 
 def _units(path, titles, unit, count, named):
-    """Return metres per unit of every column."""
+    """Return the unit of length of every column in metres."""
     given = [unit] * count
     if unit is None:
         found = [_IN_BRACKETS.search(title) for title in titles] if named else []
@@ -165,7 +165,7 @@ def _units(path, titles, unit, count, named):
 
 
 def _on_a_grid(path, x, y, z):
-    """Return heights on a grid (nx, ny), NaN without a row, and both spacings."""
+    """Return heights on a grid (nx, ny), NaN for points without a row, and the spacings along x and y."""
     places, spacings = [], []
     for name, values in (("x", x), ("y", y)):
         if not np.isfinite(values).all():

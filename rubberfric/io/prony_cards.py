@@ -24,7 +24,7 @@ from rubberfric.materials.shifts import WLF
 
 # Density in the unit that belongs to a unit of stress, with m or mm and s [kg/m^3].
 _DENSITY = {"Pa": 1.0, "MPa": 1e12}
-_BULK = "bulk is missing: must be given for {}, such as 2e9 [Pa], because it needs "
+_BULK = "bulk is missing: must be given for {}, such as 2e9 [Pa], because the program needs "
 _RELAXED = "material has relaxed modulus 0: must be > 0 for {}"
 _TERMS = "material has {n} terms: must be at most %s for {}; fit_prony with fewer terms"
 # Requirements on a series: programs, test, message.
@@ -32,7 +32,7 @@ _REQUIREMENTS = (
     ("lsdyna openradioss", lambda s: s.mass is not None, "density is missing: must be given for {} [kg/m^3]"),
     ("comsol lsdyna", lambda s: s.poisson < 0.5 and not s.k.any(), _BULK + "an elastic bulk modulus"),
     ("ansys openradioss", lambda s: s.poisson < 0.5, _BULK + "Poisson's ratio < 0.5"),
-    ("pyvisco", lambda s: s.poisson == 0.5 or all(s.k == s.g), "{} must have one series of Young's modulus"),
+    ("pyvisco", lambda s: s.poisson == 0.5 or all(s.k == s.g), "shear and bulk weights must be equal for {}"),
     ("openradioss", lambda s: s.rest > 0, _RELAXED),
     ("abaqus", lambda s: sum(float(format_number(weight)) for weight in s.g) < 1, _RELAXED),
     ("ansys", lambda s: s.tau.size <= 100, _TERMS % "100"),
@@ -59,7 +59,7 @@ def read_prony(
     Parameters
     ----------
     path : file
-    program : "abaqus", "ansys", "comsol", "lsdyna", "openradioss" or "pyvisco"; None: found from the text
+    program : "abaqus", "ansys", "comsol", "lsdyna", "openradioss" or "pyvisco"; None: found in the text
     unit_stress : "Pa", "kPa", "MPa" or "GPa"; required except for pyvisco, whose files name the unit
     unit_temperature : "K" or "C", of a WLF shift
     poisson : constant Poisson's ratio [-], or None
@@ -127,7 +127,7 @@ def write_prony(
         pyvisco: CSV table of the terms of Young's modulus; no shift.
     unit_stress : "Pa", "kPa", "MPa" or "GPa"; times are in s
     unit_temperature : "K" or "C", of the reference temperature of a shift
-    bulk : elastic bulk modulus [Pa] for a Prony, of which then only the shear modulus relaxes, or None
+    bulk : elastic bulk modulus [Pa] for a Prony, or None; if given, only the shear modulus relaxes
     density : [kg/m^3]; written in kg/m^3 with Pa, in t/mm^3 with MPa; required by lsdyna and openradioss
     shift : False leaves out the shift, for cards at its reference temperature
     name : of the material, for abaqus and openradioss
@@ -177,8 +177,8 @@ def _material(cards: Cards, options: CardOptions) -> Prony | PronyShear:
         g = cards.moduli / (cards.rest + cards.moduli.sum())
         for i in np.flatnonzero(~np.isclose(cards.k, g, rtol=1e-6, atol=0))[:1]:
             raise ValueError(
-                f"term {i + 1}: weight {cards.k[i]:g} of the bulk and {g[i]:g} of the shear modulus: must be"
-                " equal, or all bulk weights 0; poisson=... reads the shear series only"
+                f"term {i + 1}: weight {cards.k[i]:g} of the bulk modulus and {g[i]:g} of the shear modulus:"
+                " must be equal, or all bulk weights must be 0; poisson=... reads the shear series only"
             )
         poisson = cards.poisson
     law = None

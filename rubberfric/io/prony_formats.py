@@ -102,7 +102,7 @@ def keyword_blocks(text: str, skip: str, mark: str = r"\s*\*") -> list[tuple[str
 
 
 def comma_numbers(line: str) -> list[float]:
-    """Return the numbers between commas; a comma may end the line."""
+    """Return the numbers of a line with commas between them; a comma may also end the line."""
     return [parse_number(field) for field in line.rstrip().rstrip(",").split(",")]
 
 
@@ -112,7 +112,7 @@ def comma_line(*values: float) -> str:
 
 
 def wide_numbers(line: str, count: int, width: int = 20) -> list[float]:
-    """Return the numbers in fields of `width` characters."""
+    """Return the numbers in the first `count` fields of a line, with `width` characters in each field."""
     return [parse_number(line[i : i + width]) for i in range(0, width * count, width)]
 
 
@@ -127,13 +127,16 @@ def glassy_bulk(young: float, poisson: float) -> float:
 
 
 def _relative(young, nu, g, k, tau, wlf=(), long_term=False) -> Cards:
-    """Return the cards with Young's modulus, relaxed if `long_term` and else glassy, and relative weights."""
+    """Return the contents of cards that hold Young's modulus and relative weights.
+
+    Young's modulus is the relaxed one if `long_term`, otherwise the glassy one.
+    """
     total = float(np.sum(g))
     if total > 1 + 1e-12:
         raise ValueError(f"the weights of the shear modulus add up to {total:g}: must be at most 1")
     rest = max(1 - total, 0.0)
     if long_term and not rest > 0:
-        raise ValueError("MODULI=LONG TERM with weights that add up to 1: must add up to less")
+        raise ValueError("MODULI=LONG TERM with weights that add up to 1: must add up to less than 1")
     shear = shear_from_young(young, nu)
     glassy, relaxed = (shear / rest, shear) if long_term else (shear, shear * rest)
     return Cards(relaxed, glassy * g, k, tau, nu, glassy_bulk(young, nu), wlf)
@@ -365,7 +368,10 @@ def _read_openradioss(text: str, options: CardOptions) -> Cards:
         )
     rows = [wide_numbers(card, 4) for card in terms if card.strip()]
     if len(rows) != int(count[:10]) or not rows:
-        raise ValueError(f"/VISC/PRONY has {len(rows)} terms: must have {count[:10].strip()}, at least 1")
+        raise ValueError(
+            f"/VISC/PRONY has {len(rows)} terms, but its first card states {count[:10].strip()}: the numbers"
+            " must agree and be at least 1"
+        )
     G, beta, K, beta_k = np.array(rows).T
     if options.poisson is None and K.any() and not np.array_equal(beta, beta_k):
         raise ValueError("/VISC/PRONY: beta_k must equal beta_i; poisson=... reads the shear series only")

@@ -1,4 +1,4 @@
-"""Conditions of computations, and results over them."""
+"""Conditions of computations, and results at these conditions."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -64,7 +64,7 @@ class SceneFile(NamedTuple):
 
 
 def default_conditions(scene: Scene) -> Conditions:
-    """Return conditions for a scene without any: 1e-6 ... 10 m/s, 0.2 MPa, and a temperature if it needs one.
+    """Return default conditions: 1e-6 ... 10 m/s, 0.2 MPa, and a temperature if the scene needs one.
 
     The temperature is the reference temperature of the first shift, or 20 °C for heating without a shift.
     """
@@ -131,7 +131,7 @@ class Result(NamedTuple):
 
 
 def check_conditions(where: str, conditions: Conditions, scene: Scene) -> None:
-    """Raise ValueError, which begins with `where`, for conditions that are invalid for the scene."""
+    """Raise ValueError for conditions that are invalid for the scene; the message begins with `where`."""
     for name, values in conditions._asdict().items():
         if values is None:
             continue
@@ -156,13 +156,16 @@ def check_conditions(where: str, conditions: Conditions, scene: Scene) -> None:
 
 
 def check_plausible(where: str, doubts: Iterable[str]) -> None:
-    """Raise ValueError, which begins with `where`, naming the first value that is hardly in SI."""
+    """Raise ValueError for the first of `doubts`, texts about values that are probably not in SI units.
+
+    The message begins with `where`.
+    """
     for text in doubts:
         raise ValueError(f"{where}{text} plausible = false at the top of the file accepts it")
 
 
 def check_plausible_conditions(where: str, conditions: Conditions) -> None:
-    """Raise ValueError for conditions that are hardly in SI."""
+    """Raise ValueError for conditions that are probably not in SI units."""
     check_plausible(where, doubts_of_conditions(**conditions._asdict()))
 
 
@@ -238,13 +241,13 @@ def _on_a_grid(solution: Solution, given: dict[str, ArrayLike | None]) -> Curves
 
 
 def result_shape(conditions: Conditions) -> tuple[int, int, int]:
-    """Return the shape [temperature, pressure, velocity] of the results; length 1 without temperature."""
+    """Return the shape [temperature, pressure, velocity] of results, which begins with 1 without T."""
     temperatures = 1 if conditions.temperature is None else conditions.temperature.size
     return temperatures, conditions.pressure.size, conditions.velocity.size
 
 
 def _range(values: np.ndarray, name: str) -> str:
-    """Return the smallest and largest value, and shape."""
+    """Return the smallest and the largest value and the shape of an array as text."""
     if not is_concrete(values) or np.size(values) in (0, 1) or np.size(values) > _SEARCHED:
         return short(values)
     array = np.asarray(values)

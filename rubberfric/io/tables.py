@@ -8,8 +8,8 @@
     ...
 
 A table of the project is CSV with a row of names and a row of units, see `COLUMNS`. The name determines
-the quantity and the unit its conversion: `f` [Hz] becomes `omega` [rad/s], `log10_v` becomes `v`. An unknown
-name or unit is an error. Blank lines and lines that begin with # are skipped.
+the quantity, and the unit determines the conversion to SI: `f` [Hz] becomes `omega` [rad/s], `log10_v`
+becomes `v`. An unknown name or unit is an error. Blank lines and lines that begin with # are skipped.
 """
 
 import csv
@@ -58,7 +58,8 @@ def read_table(
     increasing : require that the first needed column increases strictly; in an export it may also decrease
     columns : "name [unit]" of each column if the file does not name them, or None
     poisson : Poisson's ratio [-] for E = 2 (1 + poisson) G, or None
-    generic : "E" or "G", the modulus that "storage modulus" means; None: "G" if poisson is given, else "E"
+    generic : "E" or "G", the modulus that "storage modulus" means
+        None: "G" if poisson is given, otherwise "E".
     bad_rows : "error", or "drop" to leave out rows of an export with an empty, missing or invalid value
         A warning names their lines.
 
@@ -99,7 +100,7 @@ def read_table(
 
 
 def _ordered(path, found, table, quantity, either):
-    """Return the table if a quantity increases strictly; reversed if it may decrease (`either`) and does."""
+    """Return the table if a quantity increases strictly; `either` reverses a table in which it decreases."""
     first = table[quantity]
     if either and np.all(np.diff(first) < 0):
         return {name: values[::-1] for name, values in table.items()}
@@ -172,7 +173,7 @@ def read_directions(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
 
 
 def read_names(path: StrPath, columns: list[str] | None = None, generic: str = "E") -> list[str]:
-    """Read the names of the columns of a table; of an export the known names only."""
+    """Read the names of the columns of a table; for an export, only the known names."""
     text = read_text(path, exports=True)
     export = _export(path, text, columns, generic)
     if export is None:
@@ -181,7 +182,7 @@ def read_names(path: StrPath, columns: list[str] | None = None, generic: str = "
 
 
 def column_hint(path: StrPath) -> str:
-    """Return the end of a message about unknown titles: the function that reads the file, or `columns`."""
+    """Return the end of a message about unknown titles: a function that reads the file, or `columns=`."""
     try:
         read_traces(path)
     except ValueError:
@@ -237,7 +238,7 @@ def table_text(table: Mapping[str, ArrayLike]) -> str:
 def _export(
     path: StrPath, text: str, titles: list[str] | None, generic: str, incomplete: bool = False
 ) -> TextTable | None:
-    """Return the table of another program, or of given titles; None for a table of the project."""
+    """Return the table of another program or with given titles; None for a table of the project."""
     return find_table(path, text, generic, incomplete) if titles is None else headless(path, text, titles)
 
 
@@ -258,7 +259,7 @@ def _without_redundant(table: TextTable) -> TextTable:
 
 
 def _without_bad_rows(path: StrPath, table: TextTable) -> TextTable:
-    """Return the table without rows that have an invalid value, and warn of them."""
+    """Return the table without rows that have an invalid value, and warn about these rows."""
     good, bad = [], []
     for line, row in table.rows:
         try:
@@ -322,8 +323,8 @@ def _rows(path: StrPath, content: str) -> TextRows:
             rows.append((line, [field.strip() for field in fields]))
     if rows and all(word.lstrip("+-.")[:1].isdigit() for field in rows[0][1] for word in field.split()):
         raise ValueError(
-            f"{path}: line {rows[0][0]}: begins with numbers: must have a row of names and one of units, or"
-            ' columns be given, such as ["f [Hz]", "E_stor [MPa]", "E_loss [MPa]"]'
+            f"{path}: line {rows[0][0]}: begins with numbers: must have a row of names and a row of units,"
+            ' or columns must be given, such as ["f [Hz]", "E_stor [MPa]", "E_loss [MPa]"]'
         )
     if len(rows) < 3:
         raise ValueError(f"{path}: has {len(rows)} rows: must have a name row, a unit row and data")

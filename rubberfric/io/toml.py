@@ -1,9 +1,9 @@
-"""Scenes in TOML, in SI units, with curves in CSV files next to it. Strict reading of TOML in general.
+"""Scenes in TOML files, in SI units, with curves in CSV files; strict reading of TOML files in general.
 
 ::
 
     title = "..."                       # optional
-    plausible = false                   # optional: accept values that are hardly in SI
+    plausible = false                   # optional: accept values that are probably not in SI
     gamma = 0.5                         # optional, also area_correction
 
     [lower]                             # solid 1
@@ -160,7 +160,7 @@ def read_conditions(path: Path, table: str, content: Any, scene: Scene) -> Condi
 
 
 def _range(path, key, content, spaced):
-    """Read { from, to, points }."""
+    """Return the values of a range { from, to, points }, which `spaced` computes."""
     check_keys(path, key, content, ("from", "to", "points"), needed=("from", "to", "points"))
     low, high = (number(path, f"{key}.{name}", content[name]) for name in ("from", "to"))
     points = content["points"]
@@ -200,7 +200,7 @@ def _build(path, key, cls, content):
 
 
 def _build_child(path, key, field, content):
-    """Return the object of a field, of its class or of the given kind."""
+    """Return the object of a field: of the field's class, or of the kind that the TOML table names."""
     check_keys(path, key, content, content)
     if not issubclass(field.role, Kind):
         return _build(path, key, field.role, content)
@@ -235,12 +235,12 @@ def _read_cards(path, key, cls, content):
 
 
 def _curves(cls):
-    """Return the columns of the fields that come from a CSV file."""
+    """Return the CSV columns of the fields that come from a CSV file, by field name."""
     return {name: field.column for name, field in leaves_of(cls).items() if field.column is not None}
 
 
 def _has_directions(cls):
-    """Return True if the file has a row for every direction."""
+    """Return True if the CSV file of a class has a row for every wavevector and direction."""
     return any(field.ndim == 2 for field in leaves_of(cls).values() if field.column is not None)
 
 
@@ -305,14 +305,16 @@ def scene_texts(
     name: str = "scene.toml",
     prefix: str = "",
 ) -> dict[str, str]:
-    """Return a scene as files: a TOML file, and a CSV file for each table, named by its place in the scene.
+    """Return a scene as texts of files: a TOML file, and a CSV file for each table.
+
+    A CSV file is named after the key path of the object that has the table.
 
     Parameters
     ----------
     scene : Scene with concrete values, which `read_scene_toml` restores exactly
     conditions : for [run], or None
     title : one line of text
-    name, prefix : name of the TOML file, and beginning of the names of CSV files
+    name, prefix : name of the TOML file, and beginning of the names of the CSV files
 
     Returns
     -------
@@ -333,7 +335,7 @@ def scene_texts(
 
 
 def _object(key: str, value: PhysicalObject, tables: dict[str, str], prefix: str) -> Iterator[str]:
-    """Return the lines of an object at a key path: numbers and options, then nested objects."""
+    """Yield the lines of an object at a key path: numbers and options, then nested objects."""
     fields = fields_of(type(value))
     if isinstance(value, Kind):
         yield f"kind = {string(value.file_kind)}"

@@ -1,4 +1,4 @@
-"""Materials: moduli over frequency, their shift with temperature, and layers of them."""
+"""Materials: moduli over frequency, their shift with temperature, and layered materials."""
 
 from rubberfric.materials.coating import Coating
 from rubberfric.materials.elastic import Elastic, Rigid

@@ -66,7 +66,7 @@ class Coating(Layer):
     def static_reduced(
         self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
     ) -> jax.Array:
-        """Return E_r(0) Sbar of a body of this material over a scale [Pa] at q [1/m] and T [K]."""
+        """Return E_r(0) Sbar / scale [-] of a body of this material at q [1/m] and T [K]; scale [Pa]."""
         layer, base = (
             apply_vertical_shift(solid.static_reduced() / scale, shift, temperature)
             for solid, shift in ((material, material.shift), (self.base, self._base_shift(material)))
@@ -81,9 +81,10 @@ class Coating(Layer):
     def reduced_series(
         self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
     ) -> Series:
-        """Return E_r Sbar over a scale [Pa] at q [1/m], shape (nodes,), and one T [K]; see `coated_series`.
+        """Return E_r Sbar / scale as a Prony series at q [1/m], shape (nodes,), and one T [K]; scale [Pa].
 
-        The times are in units of 1/a_T of the material. Times of a base with another shift change with T.
+        See `coated_series` for the shapes. The relaxation times do not include a_T of the material. Times of
+        a base with another shift therefore change with T.
         """
         layer, base = (series_of(solid, scale) for solid in (material, self.base))
         if temperature is not None:

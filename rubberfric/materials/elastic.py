@@ -35,6 +35,6 @@ class Elastic(Coatable):
     poisson: Number = leaf(POISSON, unit="-")
 
     def reduced_series(self, scale: ArrayLike) -> Series:
-        """Return E_r over a scale [Pa] as a Prony series without terms."""
+        """Return E_r divided by `scale` [Pa] as a Prony series without terms."""
         nothing = jnp.zeros(0, jnp.result_type(self.young))
         return Series(self.young * (plane_strain_factor(self) / scale), nothing, nothing)

@@ -33,7 +33,10 @@ class Bonded(NamedTuple):
 
 
 class _Rational(NamedTuple):
-    """Sbar = free + (R1 rho + R2) / (D0 rho^2 + D1 rho + D2); all except `free` are times e^(-2x)."""
+    """Coefficients of Sbar = free + (R1 rho + R2) / (D0 rho^2 + D1 rho + D2).
+
+    All fields except `free` are multiplied by e^(-2x).
+    """
 
     free: jax.Array  # alpha, of the layer alone
     R1: jax.Array
@@ -44,7 +47,7 @@ class _Rational(NamedTuple):
 
 
 class _Parts(NamedTuple):
-    """Hyperbolic functions of 2x, each times e^(-2x)."""
+    """Functions of 2x; all except X are multiplied by e^(-2x)."""
 
     one: jax.Array  # 1
     cosh1: jax.Array  # cosh 2x - 1
@@ -64,7 +67,7 @@ def _parts(bonded, q):
 
 
 def _rational(bonded, alpha, beta, q):
-    """Return `_Rational` at q; alpha = a - 1 and beta = b - 1 are 0 if incompressible."""
+    """Return `_Rational` at q; alpha = a - 1 and beta = b - 1 are 0 for incompressible solids."""
     (one, cosh1, sinh, cosh, both, X), x = _parts(bonded, q)
     half = jnp.exp(-x)
     # 2 (sinh x - x)(sinh x + x) / (sinh 2x + 2x)
@@ -102,7 +105,7 @@ def _discriminant(bonded, alpha, beta, q):
 
 
 def _skew(bonded, alpha, beta, q):
-    """Return (D1 R1 - 2 D0 R2)(sinh 2x + 2x) e^(-4x), by powers of alpha and beta without cancellation.
+    """Return (D1 R1 - 2 D0 R2)(sinh 2x + 2x) e^(-4x), a polynomial in alpha and beta, without cancellation.
 
     o, c, s are e^(-2x) times 1, cosh 2x - 1, sinh 2x.
     """
@@ -150,7 +153,7 @@ def _skew(bonded, alpha, beta, q):
 
 
 def _numbers(bonded):
-    """Return alpha = 2 - 4 nu_1, beta = 2 - 4 nu_0, and mu_0/mu_1 over E_r0/E_r1."""
+    """Return alpha = 2 - 4 nu_1, beta = 2 - 4 nu_0, and mu_0/mu_1 divided by E_r0/E_r1."""
     layer, base = bonded.layer, bonded.base
     return 2 * (1 - 2 * layer), 2 * (1 - 2 * base), (1 - base) / (1 - layer)
 
@@ -166,8 +169,8 @@ def coated_spring(bonded: Bonded, layer: jax.Array, base: jax.Array, q: jax.Arra
 
     Returns
     -------
-    array of the shape of q, in the unit of layer and base. E_r1 for q d -> infinity, E_r0 for
-    q d -> 0; a bonded Slab for E_r0 -> infinity.
+    array of the shape of q, in the unit of layer and base. It tends to E_r1 for q d -> infinity and to E_r0
+    for q d -> 0. For E_r0 -> infinity it is the stiffness of a bonded Slab.
     """
     alpha, beta, ratio = _numbers(bonded)
     free, R1, R2, D0, D1, D2 = _rational(bonded, alpha, beta, q)
@@ -212,10 +215,10 @@ def _times(series, factor):
 
 
 def _in_series(bonded, q):
-    """Return alpha, and for both pairs the size and the factors of E_r1 and E_r0.
+    """Return `free` of `_Rational`, and for both pairs their size and the factors of E_r1 and E_r0.
 
     w_k E_r1 and (1 - nu_0)/(1 - nu_1) w_k r_k E_r0 have a common factor, the size, which may round to 0.
-    It is separate so that their quotient stays finite.
+    The size is returned separately, so that the quotient of both terms stays finite.
     """
     alpha, beta, ratio = _numbers(bonded)
     free, R1, _, D0, D1, D2 = _rational(bonded, alpha, beta, q)

@@ -20,7 +20,7 @@ POISSON = between(0.0, 0.5)
 
 
 class Series(NamedTuple):
-    r"""f(omega) = rest + sum_i weight_i i omega tau_i / (1 + i omega tau_i)."""
+    r"""Prony series f(omega) = rest + sum_i weight_i i omega tau_i / (1 + i omega tau_i)."""
 
     rest: jax.Array  # shape ()
     weight: jax.Array  # same unit, shape (n,), n >= 0
@@ -30,8 +30,8 @@ class Series(NamedTuple):
 class Material(Kind):
     """Modulus of a solid: base class of Rigid, Elastic, Prony, PronyShear and TabulatedModulus.
 
-    A subclass implements `reduced_series`, or `storage_and_loss` and `frequency_range`. The other methods
-    follow, unless Poisson's ratio depends on the frequency.
+    A subclass implements `reduced_series`, or `storage_and_loss` and `frequency_range`. The base class
+    derives the other methods from them, unless Poisson's ratio depends on the frequency.
     """
 
     deforms: ClassVar[bool] = True
@@ -58,7 +58,8 @@ class Material(Kind):
     def loss_beyond(self) -> str:
         """Return the form of E'' beyond `frequency_range`, where E' is constant.
 
-        "fall": proportional to omega below and 1/omega above; "hold": constant; "none": zero.
+        "fall" is proportional to omega below the range and to 1/omega above it. "hold" is constant, and
+        "none" is zero.
         """
         return "fall"
 
@@ -66,7 +67,7 @@ class Material(Kind):
     def detail(self) -> float:
         """Return the finest detail of E' and E'' over ln omega for a material without a series [-].
 
-        They are as smooth as after convolution with a Gaussian of this width.
+        E' and E'' are as smooth as functions convolved with a Gaussian of this width.
         """
         return 0.1
 
@@ -76,7 +77,10 @@ class Material(Kind):
         return self.loss_beyond == "hold"
 
     def reduced_series(self, scale: ArrayLike) -> Series | None:
-        """Return E_r over a scale [Pa] as a Prony series, without terms if elastic; None if not a series."""
+        """Return E_r divided by `scale` [Pa] as a Prony series, or None if E_r is not a Prony series.
+
+        The series of an elastic solid has no terms.
+        """
         del scale
 
     def storage_and_loss(self, log_omega: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -93,7 +97,7 @@ class Material(Kind):
         return self.storage_and_loss(step * (first + jnp.arange(count, dtype=jnp.result_type(first))))
 
     def frequency_range(self) -> tuple[jax.Array, jax.Array] | None:
-        """Return the range of omega in which E changes [rad/s]; None if it is constant."""
+        """Return the range of omega in which E changes [rad/s]; None if E is constant."""
         times = self.relaxation_times()
         if times is None or times.size == 0:
             return None
@@ -102,7 +106,7 @@ class Material(Kind):
         return 1 / times.max(), 1 / times.min()
 
     def relaxation_times(self) -> jax.Array | None:
-        """Return the relaxation times as given [s], shape (n,); None without a series."""
+        """Return the given relaxation times [s], shape (n,); None if E_r is not a Prony series."""
         series = self.reduced_series(1.0)
         return None if series is None else series.tau
 
@@ -149,15 +153,15 @@ class Coatable(Material):
 def poisson_of(material: Material) -> jax.Array:
     """Return the constant Poisson's ratio of a material [-]; ValueError if it is not constant."""
     if material.poisson is None:
-        raise ValueError(f"material is a {type(material).__name__}: must have one Poisson's ratio")
+        raise ValueError(f"material must have a constant Poisson's ratio, got a {type(material).__name__}")
     return material.poisson
 
 
 def series_of(material: Material, scale: ArrayLike) -> Series:
-    """Return `reduced_series` of a material; ValueError if it has none."""
+    """Return `reduced_series` of a material; raise ValueError if E_r is not a Prony series."""
     series = material.reduced_series(scale)
     if series is None:
-        raise ValueError(f"material is a {type(material).__name__}: must be a Prony series")
+        raise ValueError(f"material must be a Prony series, got a {type(material).__name__}")
     return series
 
 
@@ -168,9 +172,10 @@ def plane_strain_factor(material: Material) -> jax.Array:
 
 
 def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike | None = None) -> jax.Array:
-    r"""Return E(omega, T) [Pa], complex, the definition for every angular integral.
+    r"""Return the complex modulus E(omega, T) [Pa], with which all angular integrals are defined.
 
-    It serves plots, fits of master curves and tests. The contact integrals use closed forms.
+    Plots, fits of master curves and tests use this function. The contact integrals use closed forms, or
+    quadrature over E' and E''.
 
     Parameters
     ----------
@@ -180,7 +185,7 @@ def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike
 
     Raises
     ------
-    ValueError : Rigid, no material, or frequencies that are not numbers.
+    ValueError : Rigid, an object that is not a material, or frequencies that are not numbers.
     """
     rigid = [cls for cls in kinds(Material).values() if not cls.deforms]
     if isinstance(material, tuple(rigid)):
@@ -201,13 +206,13 @@ def _modulus(material, omega, temperature):
 
 
 def apply_vertical_shift(modulus: jax.Array, shift: Shift | None, temperature: ArrayLike | None) -> jax.Array:
-    """Return b_T times a modulus, broadcast; unchanged without vertical shift or temperature."""
+    """Return b_T times a modulus, broadcast; the modulus itself without vertical shift or temperature."""
     log_factor = log_vertical(shift, temperature)
     return modulus if log_factor is None else jnp.exp(log_factor) * modulus
 
 
 def series_modulus(series: Series, omega: jax.Array) -> jax.Array:
-    """Return a Prony series at omega, complex; any shape, any sign."""
+    """Evaluate a Prony series at omega of any shape and sign; the result is complex."""
     storage, loss = relaxation(omega[..., None] * series.tau)
     return series.rest + jnp.sum(series.weight * (storage + 1j * loss), -1)
 

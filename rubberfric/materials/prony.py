@@ -42,7 +42,7 @@ class Prony(Coatable):
     ----------
     E_inf : relaxed modulus [Pa], >= 0 (0: a liquid)
     E : relaxing moduli [Pa], >= 0, shape (n,), n >= 1
-    tau : relaxation times [s], > 0, any order, equal ones allowed, shape (n,)
+    tau : relaxation times [s], > 0, any order, equal values allowed, shape (n,)
     poisson : Poisson's ratio [-], 0 ... 0.5
     shift : WLF, Arrhenius, TabulatedShift or None
         change with temperature: E(omega, T) = b_T E(a_T omega).
@@ -62,12 +62,12 @@ class Prony(Coatable):
         return _doubts_of_terms("E", self.E_inf, self.E)
 
     def reduced_series(self, scale: ArrayLike) -> Series:
-        """Return E_r over a scale [Pa] as a Prony series."""
+        """Return E_r divided by `scale` [Pa] as a Prony series."""
         unit = plane_strain_factor(self) / scale
         return Series(self.E_inf * unit, self.E * unit, self.tau)
 
     def relaxation_times(self) -> jax.Array:
-        """Return the relaxation times as given [s], shape (n,)."""
+        """Return the given relaxation times [s], shape (n,)."""
         return self.tau
 
     def static_modulus(self) -> jax.Array:
@@ -91,7 +91,7 @@ class PronyShear(Material):
     ----------
     G_inf : relaxed shear modulus [Pa], >= 0 (0: a liquid)
     G : relaxing shear moduli [Pa], >= 0, shape (n,), n >= 1
-    tau : relaxation times of the shear [s], > 0, any order, equal ones allowed, shape (n,)
+    tau : relaxation times of the shear [s], > 0, any order, equal values allowed, shape (n,)
     bulk : bulk modulus B [Pa], > 0
     shift : WLF, Arrhenius, TabulatedShift or None
         change of the relaxation times with temperature: G(omega, T) = G(a_T omega). A vertical shift is not
@@ -121,7 +121,7 @@ class PronyShear(Material):
         return _doubts_of_terms("G", self.G_inf, self.G)
 
     def reduced_series(self, scale: ArrayLike) -> Series:
-        """Return E_r over a scale [Pa] as a Prony series with twice the terms."""
+        """Return E_r divided by `scale` [Pa] as a Prony series with twice as many terms as G."""
         rest, weight, bulk = self.G_inf / scale, self.G / scale, self.bulk / scale
         compressed = Series(*in_series(4 * rest, 4 * weight, self.tau, jnp.asarray(3 * bulk)))
         relaxing = jnp.concatenate([weight, 0.75 * compressed.weight])
@@ -150,28 +150,28 @@ class PronyShear(Material):
 
 
 def _check_terms(kind, name, rest, weight, tau):
-    """Check the rules that relate the fields of a series."""
+    """Check the lengths of the fields of a Prony series, and that its stiffness is > 0."""
     check_lengths(kind, **{name: weight, "tau": tau})
     if weight.shape[0] < 1:
-        raise ValueError(f"{kind}.{name} is empty: must have at least 1 term (use Elastic for none)")
+        raise ValueError(f"{kind}.{name} is empty: give at least 1 term, or use Elastic")
     if is_concrete(rest) and is_concrete(weight):
-        rule = (f"with all {name} = 0 the solid has no stiffness; must be > 0 then", lambda x: x > 0)
+        rule = (f"must be > 0 if all {name} are 0, otherwise the solid has no stiffness", lambda x: x > 0)
         check_values(f"{kind}.{name}_inf", rest + np.sum(np.asarray(weight)), rule)
 
 
 def _doubts_of_terms(name, rest, weight):
-    """Warn if the glassy modulus is more than some ten thousand times the relaxed one."""
+    """Return a warning if a relaxing modulus is more than 1e6 times the relaxed modulus."""
     largest = float(np.max(np.asarray(weight)))
     if 0 < float(rest) < 1e-6 * largest:
         return [
-            f"{name}_inf = {float(rest):g} Pa beside {name} up to {largest:g} Pa: must be 0, or"
-            " more than 1e-6 of it; is it in MPa?"
+            f"{name}_inf = {float(rest):g} Pa with {name} up to {largest:g} Pa: must be 0, or more than"
+            f" 1e-6 of the largest {name}; is it in MPa?"
         ]
     return []
 
 
 def _young(shear, bulk):
-    """Return E from shear and bulk modulus, without their product, which may overflow float32."""
+    """Return E from the shear and bulk moduli without forming their product, which may overflow float32."""
     return 3 * shear / (1 + shear / (3 * bulk))
 
 

@@ -42,7 +42,7 @@ class _Rates(NamedTuple):
 
 
 class _Solids(NamedTuple):
-    """Rests () and weights (rates,) of both solids over all rates, 0 at rates of the other solid."""
+    """Rests () and weights (rates,) of both solids; the weights are 0 at rates of the other solid."""
 
     rest: tuple
     weight: tuple
@@ -55,12 +55,12 @@ def two_in_series(first: Solid, second: Solid) -> Solid:
     ----------
     first, second : (rest, weight, tau) of each solid
         rest >= 0, shape () or (nodes,); weight >= 0, shape (n,) or (nodes, n), n >= 0; tau [s],
-        shape (n,) or (nodes, n), any order, equal ones allowed.
+        shape (n,) or (nodes, n), any order, equal values allowed.
 
     Returns
     -------
     rest, weight, tau of the series solid, with as many terms as both solids together: shapes (nodes,),
-    (nodes, terms), (nodes, terms), without nodes if no argument has them.
+    (nodes, terms), (nodes, terms), without the axis of nodes if no argument has it.
 
     Limits: as in `rubberfric.materials.prony_and_spring.in_series`.
     """
@@ -96,8 +96,8 @@ def _pair(first, second):
 def _distinct(weight, tau, log_rate, parked):
     """Merge terms of equal times at the mean of their logarithms; terms left over have zero weight.
 
-    The mean moves with every time by its share of the weight, so derivatives equal those of separate terms to
-    all orders of the moduli.
+    Every time moves the mean in proportion to its share of the weight. Derivatives therefore agree with
+    separate terms to all orders of the moduli.
     """
     count = tau.shape[0]
     if count < 2:
@@ -120,10 +120,10 @@ def _distinct(weight, tau, log_rate, parked):
 
 
 def _floored(rests, weights, log_rates):
-    """Return both solids over all rates in units of the stiffer one, and this unit.
+    """Return the `_Solids` with moduli in units of the stiffer solid, and this unit.
 
     A term or rest of zero stiffness would put a root on a rate (0/0). See `floors` for terms. A rest has a
-    floor of 1e-60 of its solid (float32: 1e-30). Derivatives are those of the original.
+    floor of 1e-60 of its solid (float32: 1e-30). The floors do not change derivatives.
     """
     tiny = 1e-60 if weights[0].dtype == jnp.float64 else 1e-30
     sizes = [rest + jnp.sum(weight) for rest, weight in zip(rests, weights, strict=True)]
@@ -159,7 +159,10 @@ def _seen(log_rate):
 
 
 def _shares(rates, theta, phi):
-    """Return A_j (rows, columns), A of the rate 0 (rows,), and A_j l_right / l_j of the right side."""
+    """Return A_j, A of the rate 0 (rows,), A_j l_j / l_right (on the left side A_j), and exp(`rates.near`).
+
+    All arrays except A of the rate 0 have the shape (rows, columns).
+    """
     gap = -jnp.expm1(rates.near)
     nearer = jnp.exp(rates.near)
     low, width = rates.low[:, None], rates.width[:, None]
@@ -176,7 +179,7 @@ def _shares(rates, theta, phi):
 
 
 def _sides(rest, weight, shares, left):
-    """Return the positive parts of H that multiply phi and theta."""
+    """Return the two sums in H, both >= 0: the factors of phi and of -theta."""
     share, zero = shares[:2]
     below = jnp.sum(jnp.where(left, weight * share, 0.0), -1) + rest * zero
     return below, jnp.sum(jnp.where(left, 0.0, weight * share), -1)
@@ -195,7 +198,7 @@ def _residual(rest, weight, rates, small, right):
 
 
 def _solve(solids, log_rate):
-    """Return the weights of the series solid, and its rates over the right ends of their intervals."""
+    """Return the weights of the series solid, and its rates divided by the right ends of their intervals."""
     rest, weight = sum(solids.rest), sum(solids.weight)
     small, right = _roots(rest, weight, log_rate)
     theta, phi = _both(small, right)
@@ -225,7 +228,7 @@ def _solve(solids, log_rate):
 
 @jax.custom_jvp
 def _roots(rest, weight, log_rate):
-    """Return the smaller of theta and phi for every interval, and True if it is phi."""
+    """Return the smaller of theta and phi for every interval, and a mask of intervals where it is phi."""
     rates = _seen(log_rate)
     half = jnp.full_like(log_rate, 0.5)
     right = _residual(rest, weight, rates, half, jnp.zeros(half.shape, bool)) > 0

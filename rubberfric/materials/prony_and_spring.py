@@ -11,7 +11,7 @@ nearer end of the interval with anchor 1, as in LAPACK's laed4 [R.-C. Li, LAPACK
 first root near 0 has anchor 0. l' alone would lose all digits of the distance for k >> f, and of the first
 rate for k << f.
 
-Rates enter only by logarithms and quotients, and terms at zero distance from the anchor are separate.
+Rates enter only as logarithms and quotients. Terms at zero distance from the anchor are summed separately.
 Squares of rates or distances would overflow float32 with 40 decades of times or a spring 1e12 times stiffer
 than the solid.
 """
@@ -27,7 +27,7 @@ HALVINGS, NEWTON_STEPS = 32, 2
 
 
 class _Roots(NamedTuple):
-    """l' = own (anchor + distance), own = rate[pole]; shape (n,) each."""
+    """Roots l' = own (anchor + distance) with own = rate[pole]; all arrays have the shape (n,)."""
 
     pole: jax.Array
     anchor: jax.Array  # 1: measured from a rate; 0: from 0 (only the first root)
@@ -35,7 +35,7 @@ class _Roots(NamedTuple):
 
 
 class _Rates(NamedTuple):
-    """All rates l_j relative to the roots (rows), in units of m = max(l_j, own)."""
+    """All rates l_j (columns) relative to the roots (rows), in units of m = max(l_j, own)."""
 
     at_anchor: jax.Array  # True if the root is measured from l_j
     below: jax.Array  # own / m
@@ -57,9 +57,10 @@ def in_series(
 
     Returns
     -------
-    rest, weight, tau of the series solid: shape of the spring, followed by (n,).
+    rest, weight, tau of the series solid. rest has the shape of the spring; weight and tau have a further
+    axis of length n.
 
-    Limits: in float32 neighbouring times at most 30 decades apart, spring over solid 1e-30 ... 1e16.
+    Limits: in float32 neighbouring times at most 30 decades apart, spring / solid 1e-30 ... 1e16.
     """
     order = jnp.argsort(-tau)
     weight, tau = weight[..., order], tau[order]
@@ -73,8 +74,8 @@ def in_series(
 
 def _one_spring(rest, weight, spring, log_rate, tau):
     # A term or spring of zero stiffness would put a root on a pole (0/0) with a spurious mode. See `floors`
-    # for terms. A spring has a floor of 1e-60 of the solid (float32: 1e-30). Its derivative is that of the
-    # original.
+    # for terms. A spring has a floor of 1e-60 of the solid (float32: 1e-30). The floor does not change
+    # its derivative.
     solid = rest + jnp.sum(weight)
     solid = jax.lax.stop_gradient(jnp.where(solid > 0, solid, jnp.where(spring > 0, spring, 1.0)))
     unit = jax.lax.stop_gradient(jnp.maximum(solid, spring))
@@ -107,7 +108,7 @@ def floors(weight: jax.Array, log_rate: jax.Array) -> jax.Array:
 
     Parameters
     ----------
-    weight : weights of the terms over the stiffness of the solid [-], shape (n,)
+    weight : weights of the terms divided by the stiffness of the solid [-], shape (n,)
     log_rate : logarithms of the rates, any order [-], shape (n,)
 
     Limits: a floor is at least 1e-75 (float32: 1e-22), also if all weights are 0.
@@ -122,8 +123,8 @@ def _as_one(weight, log_rate, tau):
 
     Equal rates move with their weighted mean, so each time has its share of the derivative of the merged
     term. This is exact in the moduli to all orders and in the times to first order. Second derivatives omit
-    the splitting of equal times. It would be a difference of numbers that are larger by k/f, 1e19 for a film
-    on rubber.
+    the splitting of equal times. The splitting would be a difference of numbers that are larger by k/f, 1e19
+    for a film on rubber.
     """
     same = log_rate == log_rate[:, None]
     # Squares of weights of 1e-30 underflow float32.
@@ -135,7 +136,7 @@ def _as_one(weight, log_rate, tau):
 
 @jax.custom_jvp
 def quotient(x: jax.Array, y: jax.Array) -> jax.Array:
-    """Return x / y [-]; its derivative does not square y, which would overflow float32."""
+    """Return x / y [-] with a derivative that does not square y; the square would overflow float32."""
     return x / y
 
 
@@ -165,12 +166,15 @@ def _seen_from(roots, log_rate):
 
 
 def _gap(rates, roots):
-    """Return (l_j - l') / m without cancellation; 1 at the anchor, whose terms are separate."""
+    """Return (l_j - l') / m without cancellation; 1 at the anchor, whose terms are summed separately."""
     return jnp.where(rates.at_anchor, 1.0, rates.apart - roots.distance[:, None] * rates.below)
 
 
 def _balance(rest, weight, spring, rates, roots):
-    """Return k + f(-l') (roots,) times the distance from a rate, finite where a root meets its anchor."""
+    """Return k + f(-l') times the distance of the root from its anchor, shape (roots,).
+
+    The product is finite where a root meets its anchor. A root with anchor 0 has the factor 1 instead.
+    """
     relative = roots.anchor + roots.distance
     own = jnp.sum(jnp.where(rates.at_anchor, weight, 0.0), -1)
     others = jnp.sum(jnp.where(rates.at_anchor, 0.0, weight * rates.below / _gap(rates, roots)), -1)
@@ -199,7 +203,7 @@ def _weights_at(roots, rest, weight, spring, rates):
 
 @jax.custom_jvp
 def _roots(rest, weight, spring, log_rate):
-    """Return the roots of k + f(-l') = 0, which decreases from +inf to -inf between ascending rates."""
+    """Return the roots of k + f(-l'), which decreases from +inf to -inf between ascending rates."""
     index = jnp.arange(log_rate.shape[0])
     left, first = jnp.maximum(index - 1, 0), index == 0
     width = log_rate - log_rate[left]

@@ -34,14 +34,14 @@ BOLTZMANN_EV = 8.617333262e-5  # Boltzmann constant [eV/K], CODATA 2018 (exact t
 
 
 class VerticalShift(Kind):
-    """Law for ln b_T(T), the factor of the moduli: base class of Entropic and TabulatedVertical."""
+    """Law for ln b_T(T), where b_T multiplies the moduli: base class of Entropic and TabulatedVertical."""
 
     def check_temperature(self, temperature: ArrayLike) -> None:
         """Raise ValueError for concrete temperatures [K], any shape, outside the law's range."""
         check_values("temperature", temperature, POSITIVE)
 
     def log_factor(self, temperature: ArrayLike, T_ref: ArrayLike) -> jax.Array:
-        """Return ln b_T at temperature [K], any shape; 0 at T_ref [K], finite with finite derivative."""
+        """Return ln b_T at temperature [K], any shape; it is 0 at T_ref [K] and has a finite derivative."""
         raise NotImplementedError(f"{type(self).__name__}.log_factor")
 
 
@@ -51,7 +51,7 @@ class Shift(Kind):
 
     Parameters
     ----------
-    vertical : Entropic, TabulatedVertical or None, by keyword, for every law
+    vertical : Entropic, TabulatedVertical or None; a keyword argument of every law
         factor of the moduli, E(omega, T) = b_T E(a_T omega); b_T = 1 if None.
     """
 
@@ -59,7 +59,7 @@ class Shift(Kind):
 
     @property
     def reference_temperature(self) -> jax.Array:
-        """Return T_ref [K], where a_T = b_T = 1; a law without the field T_ref overrides it."""
+        """Return T_ref [K], where a_T = b_T = 1; a law without the field T_ref overrides this property."""
         return self.T_ref  # pyright: ignore[reportAttributeAccessIssue] (every law has one)
 
     def check_temperature(self, temperature: ArrayLike) -> None:
@@ -69,7 +69,10 @@ class Shift(Kind):
             self.vertical.check_temperature(temperature)
 
     def log_factor(self, temperature: ArrayLike) -> jax.Array:
-        """Return ln a_T at temperature [K], any shape; within `largest_log_factor`, finite derivative."""
+        """Return ln a_T at temperature [K], any shape; its derivative is finite.
+
+        The absolute value of ln a_T is at most `largest_log_factor`.
+        """
         raise NotImplementedError(f"{type(self).__name__}.log_factor")
 
 
@@ -212,7 +215,7 @@ class TabulatedShift(Shift):
         return _log_interpolated(temperature, self.T, self.aT, self.T_ref)
 
     def padded(self) -> "TabulatedShift":
-        """Return the table with further entries above the last temperature, on its continuation."""
+        """Return the table padded to a standard length; the added entries continue its last line."""
         return _padded(self, "aT")
 
 
@@ -220,7 +223,7 @@ class TabulatedShift(Shift):
 class TabulatedVertical(VerticalShift):
     r"""Vertical shift factors from a table; ln b_T is a monotone cubic in T, like ln a_T of `TabulatedShift`.
 
-    The table is divided by its value at the T_ref of its shift.
+    The table is divided by its value at T_ref of the shift whose `vertical` it is.
 
     Parameters
     ----------
@@ -249,7 +252,7 @@ class TabulatedVertical(VerticalShift):
         return _log_interpolated(temperature, self.T, self.bT, T_ref)
 
     def padded(self) -> "TabulatedVertical":
-        """Return the table with further entries above the last temperature, on its continuation."""
+        """Return the table padded to a standard length; the added entries continue its last line."""
         return _padded(self, "bT")
 
 
@@ -274,15 +277,16 @@ def _check_inside(name, temperature, T):
 
 
 def _log_interpolated(temperature, T, factor, T_ref):
-    """Return ln of a tabulated factor over its value at T_ref."""
+    """Return ln of a tabulated factor divided by its value at T_ref."""
     T, log = jnp.asarray(T), jnp.log(factor)
     pieces = _pieces(T, log)
     return saturated(_at(jnp.asarray(temperature), T, pieces) - _at(jnp.asarray(T_ref), T, pieces))
 
 
 def _pieces(nodes, values):
-    """Return ascending cubic polynomials in the distance from the left node, (4, n + 1), with outer lines.
+    """Return coefficients of cubic polynomials in the distance from the left node, lowest power first.
 
+    The shape is (4, n + 1). The first and the last polynomial are the lines outside the table.
     The slope at an inner node is the weighted harmonic mean of the slopes of the adjacent lines, 0 if their
     signs differ. At an end it is the slope of the line. This is the monotone interpolation by Fritsch &
     Butland of a table that continues along its first and last lines.
@@ -323,7 +327,7 @@ def _at(x, nodes, pieces):
 
 
 def _padded(law, name):
-    """Return a tabulated law with further entries above the last temperature, on its continuation."""
+    """Return a tabulated law padded to a standard length; the added entries continue its last line."""
     T, factor = np.asarray(law.T), np.asarray(getattr(law, name))
     added = recurring_length(T.size) - T.size
     slope = np.diff(np.log(factor[-2:]))[0] / np.diff(T[-2:])[0]

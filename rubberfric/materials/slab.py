@@ -20,10 +20,11 @@ _SINH_SERIES = 1.0 / np.cumprod([6.0] + [(2 * k) * (2 * k + 1) for k in range(2,
 class Layer(Kind):
     """Finite thickness of a body: base class of Slab and Coating.
 
-    If `multiplies`, a subclass implements `stiffening`; otherwise the three other methods.
+    If `multiplies`, a subclass implements `stiffening`. Otherwise it implements `static_reduced`,
+    `glassy_stiffening` and `reduced_series`.
     """
 
-    # True if the layered solid is E_r(omega) times a real factor of q.
+    # True if the stiffness of the layered solid is E_r(omega) times a real function of q.
     multiplies: ClassVar[bool] = True
 
     @property
@@ -38,7 +39,7 @@ class Layer(Kind):
 
     @property
     def shift(self) -> Shift | None:
-        """Return the shift of the base if it differs from the body's material."""
+        """Return the shift of the base; None if the base has no shift."""
         return None if self.below is None else self.below.shift
 
     def varies(self, material: Material) -> bool:
@@ -50,13 +51,13 @@ class Layer(Kind):
         """Raise ValueError if the layer cannot consist of this material."""
 
     def stiffening(self, poisson: jax.Array, q: jax.Array) -> jax.Array:
-        """Return Sbar [-] at q [1/m], any shape: stiffness of the layer over that of the half-space."""
+        """Return Sbar [-] at q [1/m], any shape: stiffness of the layer relative to a half-space."""
         raise NotImplementedError(f"{type(self).__name__}.stiffening")
 
     def static_reduced(
         self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
     ) -> jax.Array:
-        """Return E_r(0) Sbar of a body of this material over a scale [Pa] at q and temperature [K]."""
+        """Return E_r(0) Sbar / scale [-] of a body of this material at q and temperature [K]; scale [Pa]."""
         own = apply_vertical_shift(material.static_reduced() / scale, material.shift, temperature)
         return own * self.stiffening(poisson_of(material), q)
 
@@ -67,10 +68,10 @@ class Layer(Kind):
     def reduced_series(
         self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
     ) -> Series:
-        """Return E_r Sbar over a scale [Pa] at q, shape (nodes,), for a material with a series.
+        """Return E_r Sbar / scale at q, shape (nodes,), for a material with a Prony series; scale [Pa].
 
-        rest, weight, tau have the shapes (nodes,), (nodes, terms), (nodes, terms), at one temperature [K]
-        and in units of 1/a_T of the material.
+        rest, weight and tau have the shapes (nodes,), (nodes, terms) and (nodes, terms), at one temperature
+        [K]. tau does not include a_T of the material.
         """
         rest, weight, tau = series_of(material, scale)
         rest, weight = (apply_vertical_shift(x, material.shift, temperature) for x in (rest, weight))
@@ -94,7 +95,7 @@ class Slab(Layer):
     base: Literal["bonded", "frictionless"] = static(default="bonded")
 
     def stiffening(self, poisson: jax.Array, q: jax.Array) -> jax.Array:
-        r"""Return Sbar(q d) [-]: stiffness of the layered solid over that of the half-space.
+        r"""Return Sbar(q d) [-]: stiffness of the layered solid relative to a half-space.
 
         Bonded [Scaraggi & Persson, arXiv:1506.06955, below (A10), scaled by exp(-2x)], x = q d, a = 3 - 4 nu:
 

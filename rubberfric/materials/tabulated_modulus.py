@@ -35,10 +35,10 @@ class TabulatedModulus(Material):
     .. math:: y(x) = y_1 + s_0 (x - x_1) + \sum_j (s_j - s_{j-1})\, d\, \psi\Big(\frac{x - x_j}{d}\Big),
               \qquad \psi(u) = u \Phi(u) + \frac{e^{-u^2/2}}{\sqrt{2\pi}}
 
-    All derivatives with respect to omega and the entries exist. The curve stays within the range of the
-    straight lines over some d, and reproduces straight parts exactly. At an entry where the slope changes by
-    s it deviates by 0.4 d s. The outer slopes s_0 and s_n are 0 for E', so the first entry is E(0) and
-    determines every static term. For E'' they follow `outside`.
+    All derivatives with respect to omega and the entries exist. The curve stays within the range that the
+    straight lines have over some d, and reproduces straight parts exactly. At an entry where the slope
+    changes by s, the curve deviates from the lines by 0.4 d s. The outer slopes s_0 and s_n are 0 for E', so
+    the first entry is E(0) and determines every static term. For E'', `outside` determines the outer slopes.
 
     Parameters
     ----------
@@ -51,12 +51,12 @@ class TabulatedModulus(Material):
         some programs; friction then does not vanish at v = 0+. "none": zero ("hold" times
         Phi((x - x_1) / d) Phi((x_n - x) / d)), which shows the share of friction from outside the table.
     smoothing : 0.02 ... 1 (static)
-        d, the width in ln omega [-]. Between 0.1 and straight lines the friction of a noisy table (R00 in the
-        tests) changes by 1e-2, of smooth tables by 1e-3.
+        d, the width in ln omega [-]. If straight lines replace a width of 0.1, the friction changes by 1e-2
+        for a noisy table (R00 in the tests), and by 1e-3 for smooth tables.
 
-    Errors: the angular means have errors of 1e-9, unless a modulus changes by more than e^(3 d) within d,
-    or E'' of "none" ends where it exceeds 100 E'. A concrete table of more than 26 decades raises
-    ValueError; under jit its friction is nan.
+    Errors: the angular means have errors of 1e-9, unless a modulus changes by a factor of more than e^(3 d)
+    within d, or E'' with "none" ends where E'' exceeds 100 E'. A concrete table of more than 26 decades
+    raises ValueError; under jit its friction is nan.
     """
 
     file_kind: ClassVar[str] = "tabulated"
@@ -153,7 +153,7 @@ class TabulatedModulus(Material):
         return jnp.exp(curves[..., 0]), loss
 
     def _lines(self):
-        """Return ln omega, and a row for each line: before, between and after the entries.
+        """Return ln omega of the entries, and a row for each line before, between and after the entries.
 
         A row has a point (ln omega, ln E', ln E'') and the slopes of ln E' and ln E''.
         """
@@ -168,19 +168,19 @@ class TabulatedModulus(Material):
 
 
 def _straight(lines, log_omega, which):
-    """Return ln E' and ln E'' on lines, (..., 2)."""
+    """Return ln E' and ln E'' on the lines with the indices `which`, shape (..., 2)."""
     # One row per line, so that its derivative is a single scatter.
     row = lines.at[which].get(mode="promise_in_bounds")
     return row[..., 1:3] + row[..., 3:] * (log_omega - row[..., 0])[..., None]
 
 
 def _bends(lines):
-    """Return the changes of the slopes at the entries, (n, 2)."""
+    """Return the changes of the slopes of ln E' and ln E'' at the entries, shape (n, 2)."""
     return jnp.diff(lines[:, 3:], axis=0)
 
 
 def _running_sum(values):
-    """Return the cumulative sum, by matrix products."""
+    """Return the cumulative sum, computed by matrix products."""
     size = math.ceil(math.sqrt(values.shape[0]))
     rows = jnp.pad(values, (0, size * size - values.shape[0])).reshape(size, size)
     upper = np.triu(np.ones((size, size)))
@@ -190,7 +190,7 @@ def _running_sum(values):
 
 
 def _rounding(u):
-    """Return psi(u) - max(u, 0); for u > 0 `_straight` has the line after the entry."""
+    """Return psi(u) - max(u, 0), because `_straight` uses the line after the entry for u > 0."""
     sign = jnp.where(u > 0, -1.0, 1.0).astype(u.dtype)
     tail = sign * 0.5 * jax.scipy.special.erfc(-sign * u * math.sqrt(0.5))
     return jnp.exp(-0.5 * u * u) * (1 / math.sqrt(2 * math.pi)) + u * tail
@@ -198,7 +198,10 @@ def _rounding(u):
 
 @functools.lru_cache(maxsize=64)
 def _rounded(step, half):
-    """Return polynomials in t for `_rounding` at (k - 1/2 - t) step, (degree + 1, 2 half)."""
+    """Return coefficients of polynomials in t that interpolate `_rounding` at (k - 1/2 - t) step.
+
+    The shape is (_DEGREE + 1, 2 half), for k = 1 - half ... half.
+    """
     t = 0.5 * np.cos(np.pi * (np.arange(_DEGREE + 1) + 0.5) / (_DEGREE + 1))
     k = np.arange(1 - half, half + 1)
     u = (k - 0.5 - t[:, None]) * step
@@ -209,5 +212,5 @@ def _rounded(step, half):
 
 
 def _below(u):
-    """Return Phi(u)."""
+    """Return the normal distribution function Phi(u)."""
     return 0.5 * jax.scipy.special.erfc(-u * math.sqrt(0.5))

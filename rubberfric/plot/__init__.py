@@ -1,8 +1,8 @@
-"""Pictures of scenes and results. They need matplotlib: pip install 'rubberfric[plot]'.
+"""Plots of scenes and results. They need matplotlib: pip install 'rubberfric[plot]'.
 
-Every function `plot_...` draws into the given axes, or into a new figure that pyplot does not know, and
-returns the axes. In a notebook, `plot_friction(result).figure` at the end of a cell shows the figure after
-`%matplotlib inline`. `auto` chooses the function for an object.
+Every function `plot_...` draws into the given axes, or into a new figure that is not registered
+with pyplot, and returns the axes. In a notebook, `plot_friction(result).figure` at the end of a cell shows
+the figure after `%matplotlib inline`. `auto` chooses the function for an object.
 """
 
 from rubberfric.base.lazy import lazily

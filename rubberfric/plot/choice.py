@@ -1,4 +1,4 @@
-"""The plot that suits an object, and plots to files. They need matplotlib."""
+"""Plots chosen by the kind of an object, and plots saved to files. They need matplotlib."""
 
 import functools
 from collections.abc import Mapping, Sequence
@@ -52,7 +52,7 @@ def auto(
 
     Raises
     ------
-    ValueError : the object cannot be drawn; and as the function `plot_...`.
+    ValueError : the object cannot be drawn, or the function `plot_...` raises it.
     """
     at = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
     if isinstance(found, Scene):
@@ -69,7 +69,7 @@ def auto(
         options["temperature"] = at.pop("temperature")
     given = next((name for name, values in at.items() if values is not None), None)
     if given is not None:
-        raise ValueError(f"{given} is given, but {type(found).__name__} has its own or none; omit it")
+        raise ValueError(f"{given} is given, but {type(found).__name__} has its own or needs none; omit it")
     return _drawing(found)(ax=ax, **options)
 
 
@@ -90,7 +90,7 @@ def _drawing(found):
 
 
 def _solved(scene, at):
-    """Solve a scene at its conditions; returns the solution and the velocities."""
+    """Solve a scene at the given conditions, and return the solution and the velocities."""
     if at["pressure"] is None:
         raise ValueError("pressure is missing; curves of a scene need it [Pa]")
     velocity = np.logspace(-6, 1, 60) if at["velocity"] is None else at["velocity"]
@@ -99,7 +99,10 @@ def _solved(scene, at):
 
 
 def save_figure(path: StrPath, figure: FigureBase | Axes | Panels) -> None:
-    """Write a figure, or the figure of axes or a sequence of axes, to a file completely or not at all."""
+    """Write a figure, or the figure of the given axes or sequence of axes, to a file.
+
+    The file is written completely or not at all.
+    """
     if isinstance(figure, Sequence | np.ndarray):
         figure = figure[0]
     figure = getattr(figure, "figure", None) or figure  # of axes or of a figure
@@ -108,17 +111,17 @@ def save_figure(path: StrPath, figure: FigureBase | Axes | Panels) -> None:
 
 
 def save_plot(path: StrPath, result: Result) -> None:
-    """Draw a result to a file."""
+    """Plot a result, and save the figure to a file."""
     save_figure(path, plot_result(result)[0].figure)
 
 
 def save_map_plot(path: StrPath, result: Result) -> None:
-    """Draw all quantities of a map to a file, one row of panels each."""
+    """Plot all quantities of a map in rows of panels, and save the figure to a file."""
     save_figure(path, figure_of_map(result))
 
 
 def save_accuracy_plot(path: StrPath, accuracy: Accuracy, title: str = "") -> None:
-    """Draw a sweep to a file."""
+    """Plot a sweep of errors over run time, and save the figure to a file."""
     ax = plot_accuracy(accuracy)
     ax.set_title(title, fontsize="medium", wrap=True)
     save_figure(path, ax.figure)

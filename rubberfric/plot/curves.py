@@ -45,7 +45,7 @@ def plot_result(
     """Draw all quantities of a result over log10 v: one panel per quantity, one line per condition.
 
     Transverse friction and flash temperature have panels if the solution has them. Parts of the friction are
-    thin dashed and dotted lines in its panel.
+    thin dashed and dotted lines in the panel of the friction.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def plot_curve(
 
     Raises
     ------
-    ValueError : different shapes; an unknown quantity; no velocity > 0; `ax` is not axes.
+    ValueError : different shapes, an unknown quantity, no velocity > 0, or `ax` is not axes.
     """
     if quantity not in PANELS:
         raise ValueError(f"quantity = {quantity!r}: {closest(quantity, tuple(PANELS))}")
@@ -201,7 +201,7 @@ def _draw(axes: Axes, result: Curves, name: str, named: bool = True) -> None:
 
 
 def _lines(axes, velocity, curves, labels, shown, quantity):
-    """Draw curves into the panel of a quantity; returns the legend handles."""
+    """Draw curves into the panel of a quantity, and return the legend handles."""
     label, scale, offset = PANELS[quantity]
     drawn = looks(len(labels), shown.size)
     handles = [
@@ -220,7 +220,7 @@ def _from_zero(axes: Axes, quantity: str) -> None:
 
 
 def _parts(axes: Axes, result: Curves, shown: np.ndarray, lines: list[Line2D]) -> list[Line2D]:
-    """Draw parts of the friction in the colours of its lines; returns the legend handles."""
+    """Draw parts of the friction in the colours of the friction lines, and return the legend handles."""
     from matplotlib.lines import Line2D
 
     labels = curve_labels(result.conditions)
@@ -354,7 +354,7 @@ def plot_accuracy(accuracy: Accuracy, ax: Axes | None = None, *, unit: Row | Non
 
 
 def _label_times(axes: Axes) -> None:
-    """Label run times with plain numbers: a sweep spans between less than one decade and four."""
+    """Label run times with plain numbers, because a sweep spans from less than one to four decades."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axis = axes.xaxis

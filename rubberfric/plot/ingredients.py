@@ -49,7 +49,8 @@ def plot_modulus(
     ax : matplotlib axes, or None for a new figure
         The axis of tan delta is the last of `ax.figure.axes`.
     omega : angular frequencies [rad/s], > 0, shape (n,)
-        None: two decades beyond the relaxation times, one decade beyond a table, including the data.
+        None: the range of the material and the data, and two decades beyond it (one decade for a table or an
+        elastic solid).
     temperature : [K], or None for the reference temperature
     data : measured points with arrays omega, storage and loss, such as `fitting.ModulusData`, or None
         Points at other temperatures are shifted with the material's shift.
@@ -129,7 +130,7 @@ def _range(material: Material, temperature: float | None, known: list[np.ndarray
 
 
 def _table(material: Material, temperature: float | None) -> Points | None:
-    """Return (omega, E', E'') of the entries of a table, or None."""
+    """Return (omega, E', E'') of the entries of a tabulated modulus, or None for other materials."""
     if not isinstance(material, TabulatedModulus):
         return None
     omega, storage, loss = (np.asarray(x, float) for x in (material.omega, material.storage, material.loss))
@@ -158,7 +159,7 @@ def _shifted(material: Material, temperature: float | None, data: Any) -> Points
 
 
 def _points(axes, right, points, name, face):
-    """Draw points of E', E'' and tan delta; returns legend handles."""
+    """Draw points of E', E'' and tan delta, and return legend handles."""
     from matplotlib.lines import Line2D
 
     if points is None:
@@ -300,7 +301,7 @@ def _line(label: str, spectrum: Spectrum, q: np.ndarray | None) -> _Curve:
 
 
 def _values(spectrum: Spectrum, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return C and the rms slope at q in double precision: in single precision C may underflow."""
+    """Return C and the rms slope at q in double precision, because C may underflow in single precision."""
     log_C, slope = (np.asarray(x, float) for x in _log_C_and_slope(spectrum, q))
     return np.exp(log_C), slope
 
@@ -311,7 +312,7 @@ def _log_C_and_slope(spectrum: Spectrum, q: jax.Array) -> tuple[jax.Array, jax.A
 
 
 def _draw_spectrum(axes, right, curve, label, colour, style):
-    """Draw one spectrum; returns its legend handle."""
+    """Draw one spectrum, and return its legend handle."""
     look: dict[str, Any] = {"color": colour, "linestyle": style}
     if curve.slope is not None:
         rises = curve.slope > 0  # 0 at the first wavevector
@@ -328,7 +329,7 @@ def _draw_spectrum(axes, right, curve, label, colour, style):
 
 
 def _keep_slopes_in_view(right: Axes, curves: Collection[_Curve]) -> None:
-    """Show four decades of the slope, which falls to 0 at the first wavevector."""
+    """Limit the slope axis to four decades, because the slope is 0 at the first wavevector."""
     highest = max((curve.slope.max() for curve in curves if curve.slope is not None), default=0.0)
     if highest > 0:
         low, high = right.get_ylim()

@@ -46,13 +46,14 @@ def plot_map(
 ) -> Panels:
     """Draw a quantity over log10 v and temperature with labelled contours, one panel per pressure.
 
-    With one temperature, or if `temperature` selects one, draws a single panel over log10 v and log10 p.
+    If the result has one temperature, or if `temperature` selects one, a single panel over log10 v and
+    log10 p is drawn.
 
     Parameters
     ----------
     result : FrictionMap, or any Result
-        with at least two velocities > 0 (others are omitted) and two pressures or temperatures.
-    quantity : name of a field of its solution
+        with at least two velocities > 0 (velocities <= 0 are omitted) and two pressures or temperatures.
+    quantity : name of a field of the solution
     ax : sequence of matplotlib axes, one per panel, or None for a new figure
     temperature : index of the temperature to draw over the pressure, or None
     pressure : index of the pressure to draw over the temperature, or None
@@ -64,7 +65,7 @@ def plot_map(
 
     Raises
     ------
-    ValueError : too few conditions; the quantity was not computed; `ax` has another number of axes.
+    ValueError : too few conditions, a quantity that was not computed, or a wrong number of axes in `ax`.
     """
     result = curves_of(result)
     check_map(result.conditions, temperature, pressure)
@@ -94,7 +95,7 @@ def plot_map(
 
 
 def figure_of_map(result: Result) -> Figure:
-    """Draw all quantities of a map, one row of panels each; panels that look alike are merged."""
+    """Draw a row of panels for every quantity of a map; panels that look alike are merged."""
     conditions = result.conditions
     fields = {name: values for name, values in result.solution._asdict().items() if values is not None}
     panels = _panels(conditions, None, None)
@@ -115,7 +116,7 @@ def figure_of_map(result: Result) -> Figure:
 
 
 def check_map(conditions: Conditions, temperature: int | None = None, pressure: int | None = None) -> None:
-    """Raise ValueError unless the selected conditions form a plane."""
+    """Raise ValueError unless velocity, and either pressure or temperature, have several values."""
     count = np.unique(conditions.velocity[conditions.velocity > 0]).size
     if count < 2:
         raise ValueError(f"velocity has {count} different values > 0; a map needs 2 or more")
@@ -137,7 +138,7 @@ def _over_pressure(conditions: Conditions, temperature: int | None) -> bool:
 
 
 def _panels(conditions: Conditions, temperature: int | None, pressure: int | None) -> list[tuple]:
-    """Return (rows, their y, title, index in the result) of every panel."""
+    """Return (indices of rows, y of these rows, title, index in the result) for every panel."""
     T, p = conditions.temperature, conditions.pressure
     if _over_pressure(conditions, temperature):
         i = 0 if temperature is None else temperature
@@ -239,7 +240,7 @@ def plot_sensitivity(
 
     Raises
     ------
-    ValueError : wrong shapes; too few velocities or times; values that are not finite; `ax` is not axes.
+    ValueError : wrong shapes, too few velocities or times, values that are not finite, or `ax` is not axes.
     """
     columns, x = _log_axis("velocity", vector("velocity", velocity))
     rows, y = _log_axis("tau", vector("tau", tau, positive=True))

@@ -56,7 +56,7 @@ def colours(count: int) -> np.ndarray:
 
 
 def diverging() -> Colormap:
-    """Return a colour map: red above 0, blue below; light enough for black contours."""
+    """Return a colour map, red above 0 and blue below 0, that is light enough for black contours."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
@@ -126,7 +126,7 @@ def _show_in_notebooks(kind):
 
 
 def one_axes(ax: Axes | None, size: tuple[float, float] = (6.4, 4.0), title: str = "") -> Axes:
-    """Return `ax`, or the axes of a new figure if it is None."""
+    """Return `ax`, or the axes of a new figure if `ax` is None."""
     if ax is None:
         return new_figure(size, title).subplots()
     from matplotlib.axes import Axes
@@ -143,10 +143,10 @@ def several_axes(
     title: str = "",
     across: bool = False,
 ) -> Panels:
-    """Return `ax`, or one axes per name in a new figure if it is None.
+    """Return `ax`, or one axes per name in a new figure if `ax` is None.
 
     In a new figure the axes share x and are stacked; with `across` they are side by side and share x and y.
-    Raises ValueError if `ax` is not a sequence of that many axes.
+    Raises ValueError if `ax` is not a sequence with one axes per name.
     """
     if ax is None:
         rows, columns = (1, len(names)) if across else (len(names), 1)

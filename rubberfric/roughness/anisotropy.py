@@ -37,7 +37,7 @@ class Anisotropic(Spectrum):
               D = \left(r\cos^2\varphi + \tfrac1r \sin^2\varphi\right)^{-(1+H)}
 
     For q > q_r this is the spectrum of a surface stretched by sqrt(r) along alpha and by 1/sqrt(r) across.
-    Below q_r and at the ends the same shape is used, so that C(q) is that of `base`.
+    Below q_r and at the ends the same shape is used, so that the mean over all directions is C(q) of `base`.
 
     Parameters
     ----------
@@ -46,8 +46,8 @@ class Anisotropic(Spectrum):
     ratio : r, correlation length along alpha over the transverse one [-], > 0; r > 1: grooves along alpha
     angle : alpha, from the direction of sliding [rad]
     harmonics : 4, 8, 16, 32 or 64 (static)
-        number of harmonics. `harmonics_left_out` returns the share of the others: 2e-7 for 16 at a ratio
-        of 2, 3e-6 for 32 at a ratio of 4.
+        number of harmonics. `harmonics_left_out` returns the share of the higher harmonics: 2e-7 for 16 at a
+        ratio of 2, 3e-6 for 32 at a ratio of 4.
     """
 
     endless: ClassVar[bool] = True
@@ -74,16 +74,16 @@ class Anisotropic(Spectrum):
         return self.harmonics
 
     def harmonics_at(self, q: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """Return (c_m, s_m), m = 1 ... harmonics, shape (harmonics,) each, the same at every q."""
+        """Return c_m and s_m for m = 1 ... harmonics, shape (harmonics,); they do not depend on q."""
         del q
         return _turned(self._all_harmonics()[: self.harmonics], self.angle)
 
     def harmonics_left_out(self) -> jax.Array:
-        """Return the sum over all harmonics that are left out [-]."""
+        """Return the sum of the absolute values of all harmonics d_m that are left out [-]."""
         return jnp.sum(jnp.abs(self._all_harmonics()[self.harmonics :]))
 
     def _all_harmonics(self):
-        """Return d_m of D / <D> = 1 + sum d_m cos 2m phi, m = 1 ... half the directions."""
+        """Return d_m in D / <D> = 1 + sum_m d_m cos 2m phi for 1 <= m < `_DIRECTIONS` / 2."""
         phi = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
         ratio = jnp.asarray(self.ratio)
         square = ratio * np.cos(phi).astype(ratio.dtype) ** 2 + np.sin(phi).astype(ratio.dtype) ** 2 / ratio
@@ -137,7 +137,7 @@ class TabulatedAnisotropic(Spectrum):
         return cut_law(tabulated_law(self.q, jnp.mean(self.C, 1)), self.q0, None)
 
     def cut(self, q1: jax.Array) -> "TabulatedAnisotropic":
-        """Return the table with another q1."""
+        """Return the table with this q1, or with the last wavevector of the table if q1 exceeds it."""
         return self.replace(q1=within_table(self.q, q1))
 
     def harmonic_count(self) -> int:
@@ -145,7 +145,7 @@ class TabulatedAnisotropic(Spectrum):
         return (self.C.shape[1] - 1) // 2
 
     def harmonics_at(self, q: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """Return (c_m, s_m) at q of any shape, each (harmonics, ``*q.shape``)."""
+        """Return c_m and s_m at q of any shape; both have the shape (harmonics, ``*q.shape``)."""
         count = self.harmonic_count()
         even = jnp.fft.rfft(self.C, axis=1)[:, 1 : count + 1] * (2 / self.C.shape[1])
         mean = jnp.mean(self.C, 1, keepdims=True)
@@ -167,7 +167,7 @@ class TabulatedAnisotropic(Spectrum):
         return self.C
 
     def padded(self) -> "TabulatedAnisotropic":
-        """Return the table with further entries beyond q1."""
+        """Return the table padded to a standard length with entries beyond q1."""
         return self.replace(padded_table(self.q, self.C, self.q0, self.q1))
 
 
@@ -188,7 +188,7 @@ def harmonics_left_out(spectrum: Spectrum) -> jax.Array:
 
 
 def _turned(size, angle):
-    """Return the harmonics of a symmetric shape whose axis is at an angle."""
+    """Return c_m and s_m of a shape with the harmonics `size`, symmetric about an axis at `angle`."""
     m = np.arange(1, size.shape[0] + 1, dtype=size.dtype)
     return size * jnp.cos(2 * m * angle), size * jnp.sin(2 * m * angle)
 
@@ -196,13 +196,14 @@ def _turned(size, angle):
 def from_grid(
     qx: ArrayLike, qy: ArrayLike, C: ArrayLike, q: ArrayLike, directions: int = 64
 ) -> TabulatedAnisotropic:
-    """Convert a spectrum on a (q_x, q_y) grid to a table over (q, directions); NumPy, on the host.
+    """Convert a spectrum on a (q_x, q_y) grid to a table over (q, directions), on the host.
 
     The logarithm of C is bilinear between the entries of the grid.
 
     Parameters
     ----------
-    qx, qy : increasing [1/m], shapes (n,), (m,); must reach from -q to q, or from 0: C(-q) = C(q)
+    qx, qy : increasing [1/m], shapes (n,), (m,). Both must cover -q ... q; one of them may begin at
+        0, because C(-q) = C(q)
     C : power spectrum [m^4], > 0, shape (n, m)
     q : wavevectors of the table [1/m]
     directions : number of directions of the table

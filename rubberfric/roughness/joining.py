@@ -1,7 +1,7 @@
 r"""Join and resample measured spectra as log-log linear tables.
 
-A profilometer measures long waves, an atomic force microscope short ones. In the overlap ln C crosses over
-from one to the other. A straight line in log-log bridges a gap.
+A profilometer measures long waves, and an atomic force microscope measures short waves. Where two spectra
+overlap, ln C crosses over from the lower to the upper spectrum. A straight line in log-log bridges a gap.
 """
 
 from collections.abc import Sequence
@@ -37,9 +37,9 @@ class Joint(NamedTuple):
     ----------
     low, high : ends of the overlap, or of the gap [1/m]
     overlap : bool
-    jump : ln(C of the upper / C of the lower), the mean over ln q of the overlap. Over a gap, both spectra
-        are continued to its middle with their slopes over half a decade
-    scatter : root-mean-square deviation from that mean; 0 over a gap
+    jump : ln(C of the upper spectrum / C of the lower), averaged over ln q in the overlap. Over a gap, both
+        spectra are continued to its middle with their slopes over half a decade
+    scatter : root-mean-square deviation of this logarithm from its average; 0 over a gap
     """
 
     low: float
@@ -86,8 +86,8 @@ def join_spectra(
 
     Returns
     -------
-    JoinedSpectra : spectrum with the entries of all, and the joints. A jump is reported but not removed:
-        "crossover" spreads it over the overlap, "mean" leaves a part at either end.
+    JoinedSpectra : spectrum with the entries of all spectra, and the joints. A jump is reported but not
+        removed: "crossover" spreads it over the overlap, "mean" leaves a part of it at either end.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def join_spectra(
     entries. Scale one spectrum first if the jump is an error of calibration.
     """
     if len(spectra) < 2:
-        raise ValueError(f"join_spectra: has {len(spectra)} spectra: must be at least two")
+        raise ValueError(f"join_spectra got {len(spectra)} spectra: must be at least two")
     if not isinstance(method, str) or method not in METHODS:
         raise ValueError(f"method = {shown(method)}: must be one of {', '.join(METHODS)}")
     both = np.asarray(weights, float)
@@ -115,7 +115,7 @@ def join_spectra(
 
 
 def _join(lower, upper, share, number):
-    """Return (TabulatedSpectrum, Joint) of two spectra; share None: crossover."""
+    """Return (TabulatedSpectrum, Joint); `share` is the weight of `upper`, None for the crossover."""
     laws = [_without_empty(power_law_of(one)) for one in (lower, upper)]
     (a, b), (qa, qb) = laws, (np.asarray(law.q, float) for law in laws)
     for i, (law, q) in enumerate(zip(laws, (qa, qb), strict=True)):
@@ -126,7 +126,7 @@ def _join(lower, upper, share, number):
     if not (qa[0] < qb[0] and qa[-1] < qb[-1]):
         raise ValueError(
             f"join_spectra: spectrum {number + 1} has {qb[0]:g} ... {qb[-1]:g} 1/m after {qa[0]:g} ..."
-            f" {qa[-1]:g}: must begin and end at larger q than the one before"
+            f" {qa[-1]:g}: must begin and end at larger q than the spectrum before it"
         )
     overlap = bool(qb[0] < qa[-1])
     low, high = (qb[0], qa[-1]) if overlap else (qa[-1], qb[0])
@@ -170,13 +170,13 @@ def _plain(x):
 
 
 def _merged(q):
-    """Sort wavevectors and merge those that differ only by rounding."""
+    """Sort wavevectors and merge values that differ only by rounding."""
     q = np.unique(q)
     return q[np.concatenate([[True], np.diff(q) > _SAME * q[:-1]])]
 
 
 def _continued(q, log_C, at, near):
-    """Return ln C at q beyond the table, by the line through at least two entries near its end."""
+    """Return ln C at the wavevector `at` beyond a table, by a line through >= 2 entries near its end."""
     if near.sum() < 2:
         near = np.argsort(np.abs(np.log(q / at)))[:2]
     _, level = np.polyfit(np.log(q[near] / at), log_C[near], 1)
@@ -195,8 +195,8 @@ def resample(
     per_decade : minimum number of entries per decade, evenly in ln q over the spectrum's range
     preserve : bool
         False: C at q, from the log-log line. True: averages int q C dq / int q dq over bins whose borders are
-        the geometric means of neighbouring q. They are multiplied by A q^B, so that rms height and rms
-        slope from q[0] to q[-1] equal those of the spectrum to 1e-12. This smooths scatter of the spectrum.
+        the geometric means of neighbouring q. The averages are multiplied by A q^B, so that rms height and
+        rms slope from q[0] to q[-1] agree with the spectrum to 1e-12. This smooths scatter of the spectrum.
 
     Returns
     -------
@@ -208,9 +208,10 @@ def resample(
 
     Notes
     -----
-    If `preserve` is False, straight pieces are unchanged. Rms height and slope change by details between the
-    new entries: for a self-affine road with the roll-off between entries by 0.9 % and 0.03 % at 10 entries
-    per decade, for a table with scatter by some per cent. Differentiable with respect to C and heights.
+    If `preserve` is False, straight pieces are unchanged. Details between the new entries are lost, which
+    changes rms height and slope: by 0.9 % and 0.03 % for a self-affine road with the roll-off between entries
+    and 10 entries per decade, and by some per cent for a table with scatter. Differentiable with respect to C
+    and heights.
     """
     law = power_law_of(spectrum)
     if (q is None) == (per_decade is None):
@@ -256,7 +257,7 @@ def _partial(law, order, borders):
 
 
 def _with_moments(q, C, logarithms):
-    """Return the table C exp(a + b ln q) whose moments 0 and 2 have these logarithms."""
+    """Return the table C exp(a + b ln q) whose moments 0 and 2 have the given logarithms."""
     place = jnp.log(q / q[-1])
 
     def table(x):

@@ -39,8 +39,8 @@ def cumulative_moment(law: BrokenPowerLaw, order: float, distance: ArrayLike) ->
     array, shape of distance [m^(2 - n)]: 0 below the first wavevector, the whole moment above the last. All
     digits are right for any small distance (1e-18 at light loads).
 
-    Limits: at a kink the derivatives are those of the piece above it; at the last wavevector, of the last
-    piece.
+    Limits: derivatives at a kink are taken in the piece above the kink, and at the last wavevector in the
+    last piece.
     """
     distance = jnp.asarray(distance)[..., None]
     width = log_ratio(law.q[1:], law.q[:-1])
@@ -69,7 +69,8 @@ def _log_left(law, order):
 def moment(spectrum: Spectrum, order: float) -> jax.Array:
     r"""Return the spectral moment 2 pi int q^(1 + order) C dq, exact on every piece.
 
-    order 0: h_rms^2 [m^2]; 2: mean square slope [-]; 4: mean square curvature [1/m^2].
+    The moments of order 0, 2 and 4 are h_rms^2 [m^2], the mean square slope [-] and the mean square curvature
+    [1/m^2].
     """
     check_kind("spectrum", spectrum, Spectrum)
     return _moment(spectrum, order)
@@ -88,7 +89,7 @@ def rms_height(spectrum: Spectrum, q: ArrayLike | None = None) -> jax.Array:
     Parameters
     ----------
     spectrum : SelfAffine, TabulatedSpectrum, or an anisotropic one (C averaged over all directions)
-    q : largest wavevector [1/m], any shape, > 0; None: all
+    q : largest wavevector [1/m], any shape, > 0; None: the whole spectrum
 
     Returns
     -------
@@ -132,7 +133,7 @@ def _root(spectrum, order, q):
 
 
 def unscaled(law: BrokenPowerLaw) -> BrokenPowerLaw:
-    """Return a law with the height 1 m."""
+    """Return a law with `height2` = 1 m^2."""
     return law._replace(height2=jnp.ones_like(law.height2))
 
 
@@ -150,19 +151,20 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
         includes all directions.
     rms_slope : [-], > 0, any shape
     keep : "C" keeps C(q); "h_rms" keeps the height of a SelfAffine and changes C0, so that
-        `spectrum.replace(q1=...)` has this slope. For a table both are equal.
+        `spectrum.replace(q1=...)` has this slope. Both choices agree for a table.
 
     Returns
     -------
-    array, shape of rms_slope [1/m]. Under jit infinite with derivative 0 if no wavevector has the slope.
+    array, shape of rms_slope [1/m]; under jit inf with derivative 0 if no wavevector has the slope.
 
     Raises
     ------
-    ValueError : concrete rms_slope <= 0, or a slope that the spectrum never has; with "h_rms", a slope below
-        the slope of the plateau.
+    ValueError : concrete rms_slope <= 0, or a slope that the spectrum never reaches; with "h_rms", a slope
+        below the slope of the plateau.
 
-    Limits: closed form, differentiable; `rms_slope` at the result has an error of 1e-13. A slope that grows
-    like ln q (H = 1) may give a wavevector beyond the floating-point range: infinite.
+    Limits: the result is differentiable (a closed form for "C"), and `rms_slope` at the result has an error
+    of 1e-13. If the squared slope grows like ln q (H = 1), the result may exceed the floating-point range and
+    is then infinite.
     """
     check_kind("spectrum", spectrum, Spectrum)
     check_values("rms_slope", rms_slope, POSITIVE)
@@ -174,8 +176,8 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
         wrong = float(np.asarray(rms_slope)[~np.asarray(reachable)].flat[0])
         if at_height:
             raise ValueError(
-                f"rms_slope = {wrong!r}: no cutoff on the power law gives this slope with the height of the "
-                f"spectrum; must be larger than the slope of the plateau, and the surface rough"
+                f"rms_slope = {wrong!r}: no cutoff gives this slope if h_rms is kept; rms_slope must be "
+                f"larger than the slope of the plateau, and the surface must be rough"
             )
         whole = cumulative_moment(unscaled(spectrum.uncut_law()), 2, jnp.inf)
         has = float(spectrum.height_scale() * jnp.sqrt(whole))
@@ -185,7 +187,7 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
 
 @jax.jit
 def _cutoff_below(spectrum, slope):
-    """Return the cutoff for a slope, infinite if none exists, and True if it exists."""
+    """Return the cutoff for a slope (infinite if none exists), and a mask that is True if it exists."""
     law = spectrum.uncut_law()
     piece, beyond, reachable = _where_reached(law, slope, spectrum.endless)
     return jnp.where(reachable, law.q[piece] * jnp.exp(beyond), jnp.inf), reachable
@@ -193,9 +195,9 @@ def _cutoff_below(spectrum, slope):
 
 @jax.jit
 def _cutoff_at_height(spectrum, slope):
-    r"""Return the end of the last piece at which m_2 / m_0 is slope^2 / height^2.
+    r"""Return the end of the last piece for which m_2 / m_0 is slope^2 / height^2; infinite if none exists.
 
-    Also return True if it exists; otherwise it is infinite.
+    Also return a mask that is True if this end exists.
     """
     law = unscaled(spectrum.uncut_law())
     width = log_ratio(law.q[1:], law.q[:-1])
@@ -235,9 +237,9 @@ def _cutoff_at_height(spectrum, slope):
 
 
 def _where_reached(law, slope, endless):
-    """Return the piece in which the slope is reached, ln(q / its left end), and True if it is reached.
+    """Return the piece in which a slope is reached, ln(q / left end of the piece), and a mask.
 
-    endless : the last piece has no end
+    The mask is True if the slope is reached. If `endless`, the last piece has no end.
     """
     unit = 2 * jnp.pi * jnp.exp(_log_left(law, 2))
     width = log_ratio(law.q[1:], law.q[:-1])
@@ -259,13 +261,13 @@ def _inverse_growth(exponent, integral):
     y = exponent * integral
     near = jnp.abs(y) < 1e-2
     series = integral * sum((-y) ** n / (n + 1) for n in range(8))
-    # If the slope saturates, the integral may exceed that of an endless piece.
+    # If the slope saturates, the integral may exceed its limit over an endless piece.
     far = jnp.log1p(jnp.maximum(jnp.where(near, 1.0, y), -1 + 1e-15)) / jnp.where(near, 1.0, exponent)
     return jnp.where(near, series, far)
 
 
 def with_cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3) -> Spectrum:
-    """Return the spectrum cut at `cutoff`, with this rms slope and unchanged C(q) below.
+    """Return the spectrum cut at `cutoff`, with the given rms slope and unchanged C(q) below.
 
     Parameters
     ----------
@@ -275,8 +277,8 @@ def with_cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3) -> Spectrum:
     Returns
     -------
     SelfAffine with the new q1, h_rms for the same plateau C0, and qr = q1 if q1 lies on the plateau;
-    Anisotropic with such a base; or the same table with the new q1. Under jit a table that never has the
-    slope keeps its end.
+    Anisotropic with such a base; or the same table with the new q1. Under jit a table that never
+    reaches the slope keeps its end.
 
     Raises
     ------

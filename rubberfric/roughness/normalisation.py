@@ -8,7 +8,7 @@ Programs and papers use these normalisations for the same roughness:
     "C_1D"                   m^3    h^2 = 2 int C_1D dq              see below [Persson]
     "C_1D_surfacetopography" m^3    h^2 = (1/pi) int C_1D dq         2 pi times the line above
 
-All integrals are from 0 to infinity. contact.engineering and SurfaceTopography use C_iso and the last one
+All integrals are from 0 to infinity. contact.engineering and SurfaceTopography use C_iso and the last row
 [Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001].
 
 The spectra along a line and of the surface are related by Abel's transform,
@@ -46,7 +46,7 @@ from rubberfric.roughness.spectra import Spectrum, log_ratio, mean_growth
 NORMALISATIONS = {"C": 1.0, "C_iso": 4 * math.pi**2, "C_1D": 1.0, "C_1D_surfacetopography": 2 * math.pi}
 LINES = ("C_1D", "C_1D_surfacetopography")
 NORMALISATION_RULE = (
-    'must be "C" (h_rms^2 = 2 pi int q C dq), "C_iso" (contact.engineering, 4 pi^2 times that), "C_1D"'
+    'must be "C" (h_rms^2 = 2 pi int q C dq), "C_iso" (contact.engineering, 4 pi^2 times C), "C_1D"'
     ' (along a line, h_rms^2 = 2 int C_1D dq) or "C_1D_surfacetopography" (2 pi times C_1D)'
 )
 
@@ -76,12 +76,12 @@ def spectrum_from(
 
     Raises
     ------
-    ValueError : unknown normalisation; H missing, outside 0 ... 1, or not needed; masked entries.
+    ValueError : an unknown normalisation, masked entries, or H missing, outside 0 ... 1 or not needed.
 
     Notes
     -----
     The factor for a line is exact for C ~ q^(-2(1 + H)) without ends. Below the roll-off its error is of the
-    order of q/q_r. Within a factor 2 of a cutoff it is too small. `areal_spectrum` makes no such assumption.
+    order of q/q_r. Within a factor 2 of a cutoff C is too small. `areal_spectrum` makes no such assumption.
     """
     if np.ma.is_masked(values) or np.ma.is_masked(q):
         raise ValueError("q or values has masked entries; leave them out, q[~values.mask]")
@@ -96,25 +96,26 @@ def spectrum_as(normalisation: str, q: ArrayLike, C: ArrayLike, hurst: ArrayLike
 def check_normalisation(
     normalisation: str, hurst: ArrayLike | None, what: str = "normalisation", where: str = "hurst"
 ) -> None:
-    """Raise ValueError unless the normalisation exists and H is given exactly if it needs H."""
+    """Raise ValueError for an unknown normalisation, or if H is missing, invalid or not needed."""
     if not isinstance(normalisation, str) or normalisation not in NORMALISATIONS:
         raise ValueError(f"{what} = {shown(normalisation)}: {NORMALISATION_RULE}")
     if normalisation not in LINES:
         if hurst is not None:
             raise ValueError(
-                f'{where} = {shown(hurst)}: must be absent; {what} = "{normalisation}" needs none'
+                f'{where} = {shown(hurst)}: must be absent; {what} = "{normalisation}" needs no'
+                " Hurst exponent"
             )
         return
     if hurst is None:
         raise ValueError(
             f'{where} is missing: must be given, 0 ... 1; {what} = "{normalisation}" is converted'
-            " as of a self-affine surface"
+            " with the factor of a self-affine surface"
         )
     check_values(where, as_leaf(where, hurst, 0), between(0.0, 1.0))
 
 
 def _factor(normalisation, q, hurst):
-    """Return the factor by which C(q) is multiplied in a normalisation."""
+    """Return the factor that converts C(q) to a normalisation."""
     check_normalisation(normalisation, hurst)
     scale = NORMALISATIONS[normalisation]
     if normalisation not in LINES:
@@ -250,7 +251,7 @@ def _abel(x, start, end, log_value, exponent, weight):
 
 
 def _arcosh(q, x):
-    """Return arcosh(q / x) for x <= q <= 2 x, with derivative 0 at q = x, where it is infinite."""
+    """Return arcosh(q / x) for x <= q <= 2 x; its derivative, infinite at q = x, is set to 0 there."""
     excess = (q - x) / x
     beyond = excess > 0
     excess = jnp.where(beyond, excess, 1.0)

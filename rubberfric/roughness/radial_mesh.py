@@ -3,11 +3,13 @@ r"""Radial meshes: nodes of the integrals over t = ln(q / q_start).
 There are two kinds of nodes. The angular integrals of the stiffness are analytic in ln q, without a
 singularity nearer than i pi/2. They are evaluated at a few *angular nodes* and interpolated. The spectra
 have kinks, and the contact factors P, S, Psi decrease within ln(q/q0) ~ 1e-18 ... 1 of the first wavevector.
-They are evaluated at *contact nodes*, with the map t ~ s^2 that removes the t^(-1/2) there. C is exact at
-the contact nodes, so a table with many knots needs no further evaluations of the stiffness.
+Spectra and contact factors are evaluated at *contact nodes*, with the map t ~ s^2 that removes the t^(-1/2)
+at the first wavevector. C is exact at the contact nodes, so a table with many knots needs no further
+evaluations of the stiffness.
 
 Panels have borders at every kink of the spectra. The borders move with q0, q_r and q1, so that gradients are
-right. Between them the panels are even, and they are graded towards every beginning of roughness.
+right. Between these borders the panels are even, and they are graded towards the first wavevector of each
+spectrum.
 
 The mesh does not depend on velocity or pressure and serves all points of a call.
 """
@@ -32,7 +34,7 @@ _STEEPNESS = 0.5
 
 
 class Between(NamedTuple):
-    """Nodes between the contact nodes, for integrals up to each of them; (contact panels, nodes)."""
+    """Nodes between the contact nodes, for integrals up to each contact node; (contact panels, nodes)."""
 
     q: jax.Array  # [1/m]
     roughness: tuple[jax.Array, ...]  # q^4 C_j there, times dt / d(node coordinate)
@@ -56,11 +58,14 @@ class Mesh(NamedTuple):
     panels_below: jax.Array | None  # number of contact panels below each requested border
 
     def serving(self, values: jax.Array) -> jax.Array:
-        """Return values at the angular nodes, (angular panels, ...), for each contact panel."""
+        """Return for each contact panel the values, shape (angular panels, ...), of its angular panel."""
         return values.at[self.panel].get(mode="promise_in_bounds")
 
     def joined(self, join: Callable[[jax.Array, jax.Array], jax.Array]) -> "Mesh":
-        """Return the mesh with its two spectra joined into one; `join` is linear in their unit."""
+        """Return the mesh with its two spectra joined into one.
+
+        `join` must be homogeneous of degree 1, because the spectra are multiplied by quadrature weights.
+        """
         between = self.between
         if between is not None:
             between = between._replace(roughness=(join(*between.roughness),))
@@ -85,15 +90,15 @@ def build_mesh(
     ----------
     laws : spectra of one or two rough surfaces
     quadrature : Quadrature
-    graded : use panels graded towards the beginnings, and nodes between the contact nodes. False: the mesh
-        suffices only for G(q1), which gives the contact area.
-    logarithmic : interpolate to the nodes between the contact nodes.
+    graded : use panels graded towards the first wavevectors, and nodes between the contact nodes. False: the
+        mesh suffices only for G(q1), which gives the contact area.
+    logarithmic : also interpolate to the nodes between the contact nodes.
     borders : wavevectors that must be borders of contact panels [1/m], shape (n,), or None
-        Integrals up to such a wavevector are sums over whole panels. Outside the roughness it counts as the
-        nearer end.
-    moving : all borders carry derivatives
-        This is necessary if integrands have kinks elsewhere: flash temperatures have them from tabulated
-        shift factors. Otherwise only the borders at kinks of the roughness need derivatives.
+        Integrals up to such a wavevector are sums over whole panels. The nearer end replaces a wavevector
+        outside the roughness.
+    moving : let all borders carry derivatives
+        This is necessary if integrands have kinks elsewhere, such as the kinks of flash temperatures with
+        tabulated shift factors. Otherwise only the borders at kinks of the roughness need derivatives.
     """
     panels = place_borders(laws, quadrature, graded, borders, moving)
     t, edges, start = panels.t, panels.edges, panels.start
@@ -101,7 +106,7 @@ def build_mesh(
     origin = _origin(jax.lax.stop_gradient(panels.kinks), panels.pieces)
 
     def at(coordinate):
-        """Return t, dt / d coordinate and q^4 C_j at the same coordinates in [0, 1] of every panel."""
+        """Return t, dt / d coordinate and q^4 C_j at the given coordinates in [0, 1] of every panel."""
         relative, stretch = _node_map(left, right, origin, coordinate)
         nodes = left[:, None] + (right - left)[:, None] * relative
         spectra = zip(laws, panels.kinks, panels.pieces, strict=True)
@@ -139,7 +144,7 @@ def build_mesh(
 def _origin(kinks, pieces):
     """Return t at the first wavevector of the roughness in each panel.
 
-    Where both spectra have roughness, this is the later of their first wavevectors.
+    Where both spectra have roughness, this is the larger of their first wavevectors.
     """
     if len(kinks) == 1:
         return kinks[0][0]
@@ -152,7 +157,7 @@ def _node_map(left, right, origin, node):
     """Return nodes in a panel as fractions of its width, and d fraction / d node coordinate.
 
     Nodes are uniform in s = sqrt(t - origin), in which the integrands are smooth. In the panel at the
-    origin, where u_bar is like s ln s, they are uniform in sqrt(s).
+    origin, where u_bar is like s ln s, the nodes are uniform in sqrt(s).
     """
     left, right = jax.lax.stop_gradient((left, right))
     span = right - origin
@@ -178,7 +183,7 @@ def _roughness(law, kink, piece, nodes, start):
 
 
 def _interpolation(nodes, left, right, order):
-    """Return the Lagrange basis of the angular nodes at the contact nodes, by Legendre polynomials."""
+    """Return the Lagrange basis of the angular nodes at the contact nodes, from Legendre polynomials."""
     width = (right - left)[:, None]
     x = 2 * (nodes - left[:, None]) / jnp.where(width > 0, width, 1.0) - 1
     basis = [jnp.ones_like(x), x]
@@ -188,7 +193,7 @@ def _interpolation(nodes, left, right, order):
 
 
 class Borders(NamedTuple):
-    """Borders of panels as t = ln(q / first), and the pieces in each panel."""
+    """Borders of panels as t = ln(q / first), and the pieces of the spectra in each panel."""
 
     t: jax.Array  # borders of the contact panels, ascending
     first: jax.Array  # first wavevector of all roughness [1/m]
@@ -207,7 +212,7 @@ def place_borders(
     asked: jax.Array | None,
     moving: bool,
 ) -> Borders:
-    """Return borders for one or two power laws; `asked` [1/m] and other arguments as in `build_mesh`."""
+    """Return the `Borders` of panels; arguments as in `build_mesh`, where `asked` is named `borders`."""
     begins = jnp.stack([law.q[0] for law in laws])
     leader = jnp.argmin(jax.lax.stop_gradient(begins))
     first = begins[leader]
@@ -260,17 +265,17 @@ def place_borders(
 def _passed(ranks, panels):
     """Return the number of borders of one kind before each panel.
 
-    Ranks in the sorted list determine it instead of comparisons of values, so that coinciding borders (two
-    spectra with equal q1) keep their one-sided derivatives.
+    The number is computed from ranks in the sorted list instead of comparisons of values, so that coinciding
+    borders (two spectra with equal q1) keep their one-sided derivatives.
     """
     return jnp.sum(ranks <= np.arange(panels)[:, None], -1)
 
 
 def _among_graded(border, kinks, grades):
-    """Let fixed borders that lie among the graded borders of a roughness move with its first wavevector.
+    """Let fixed borders among the graded borders of a spectrum move with its first wavevector.
 
-    A fixed border may be one ulp from the beginning of a second roughness. If it did not move, the panel
-    between them would grow from zero width, and contact would change between its nodes.
+    A fixed border may be one ulp from the first wavevector of a second spectrum. If it did not move, the
+    panel between them would grow from zero width, and contact would change between its nodes.
     """
     for kink, grade in zip(kinks, grades, strict=True):
         distance = jax.lax.stop_gradient(border - kink[0])
@@ -301,14 +306,14 @@ def _ranks(values):
 
 
 def _uniform_borders(kinks, exponents, panels):
-    """Return borders that divide the range, closer where the roughness rises steeply.
+    """Return the width of shares of the range, and the borders that divide the range into equal shares.
 
     On the plateau G ~ q^4, so that P may change within a quarter of an e-fold. Where q^2 C rises with an
-    exponent e (2 on the plateau), the density of borders is 1 + e/2 times that elsewhere.
+    exponent e (2 on the plateau), borders are 1 + e/2 times as dense as elsewhere.
 
     Returns
     -------
-    width : function of t, width of the share that begins at t
+    width : function that returns the width of the share that begins at t
     uniform : borders between `panels` equal shares, shape (panels - 1,)
     """
     slopes = [_STEEPNESS * jnp.clip(exponent, 0.0, 2.0) for exponent in exponents]

@@ -5,9 +5,9 @@ h_rms^2 = 2 pi int q C dq and slope^2 = 2 pi int q^3 C dq. (contact.engineering'
 is 4 pi^2 times this.) [Persson et al., J. Phys.: Condens. Matter 17 (2005) R1,
 arXiv:cond-mat/0502419]
 
-Internally a spectrum is a broken power law: wavevectors of its kinks from the first to the last wavevector,
-ln(q^2 C) there [m^2], and the exponent of every piece. The forward model uses only these. It never forms C,
-which underflows float32 in SI units (1e-39 m^4 at q = 1e9 1/m).
+Internally a spectrum is a broken power law. It is stored as the wavevectors of its kinks and ends, ln(q^2 C)
+at these wavevectors [m^2], and the exponent of every piece. The forward model uses only this power law. It
+never forms C, which underflows float32 in SI units (1e-39 m^4 at q = 1e9 1/m).
 """
 
 from typing import ClassVar, NamedTuple
@@ -32,7 +32,7 @@ from rubberfric.base.objects.physical import Kind, check_kind, kinds, physical
 
 
 class BrokenPowerLaw(NamedTuple):
-    """q^2 C(q) = height2 * exp(log_value) at the kinks, a power of q between them."""
+    """Broken power law: q^2 C(q) is height2 * exp(log_value) at the kinks, and a power of q in between."""
 
     q: jax.Array  # wavevectors of the kinks [1/m], ascending, shape (n,)
     log_value: jax.Array  # ln(q^2 C / height2) at the kinks, shape (n,)
@@ -60,7 +60,7 @@ class Spectrum(Kind):
         return jnp.sqrt(self.power_law().height2)
 
     def uncut_law(self) -> BrokenPowerLaw:
-        """Return the spectrum without its cutoff, as far as it is known, for `cutoff`."""
+        """Return the power law for `cutoff`, as far as the spectrum is given; a table is not cut at q1."""
         return self.power_law()
 
     def cut(self, q1: jax.Array) -> "Spectrum":
@@ -74,9 +74,9 @@ class Spectrum(Kind):
         return 0
 
     def harmonics_at(self, q: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """Return (c_m, s_m), m = 1 ... harmonic_count, at q [1/m].
+        """Return c_m and s_m for m = 1 ... harmonic_count at q [1/m].
 
-        The shape is (harmonics,) each, or (harmonics, ``*q.shape``) if they depend on q.
+        Both arrays have the shape (harmonics,), or (harmonics, ``*q.shape``) if they depend on q.
         """
         raise NotImplementedError(f"{type(self).__name__}.harmonics_at")
 
@@ -101,7 +101,7 @@ class SelfAffine(Spectrum):
     qr : roll-off wavevector [1/m], q0 <= qr <= q1
     q1 : cutoff wavevector [1/m], > q0
     hurst : H [-], 0 ... 1
-    h_rms : root-mean-square height of all q0 < q < q1 [m], >= 0
+    h_rms : root-mean-square height of the roughness in q0 < q < q1 [m], >= 0
     """
 
     endless: ClassVar[bool] = True
@@ -120,7 +120,7 @@ class SelfAffine(Spectrum):
             raise ValueError(f"SelfAffine.q1 = {q!r}: must be > q0 = {q!r}")
 
     def doubts(self) -> list[str]:
-        """Return the lines of `doubts_of_roughness`."""
+        """Return the warnings of `doubts_of_roughness` for this spectrum."""
         log_q = np.log(np.array([self.q0, self.qr, self.q1], float))
         log_C = np.array([0.0, 0.0, -2 * (1 + float(self.hurst)) * (log_q[2] - log_q[1])])
         return doubts_of_roughness(log_q, log_C, float(self.h_rms))
@@ -137,7 +137,7 @@ class SelfAffine(Spectrum):
         return cls(q0, qr, q1, hurst, scale * jnp.sqrt(C0))
 
     def power_law(self) -> BrokenPowerLaw:
-        """Return two pieces, the plateau and the power law."""
+        """Return a broken power law of two pieces, the plateau and the self-affine range."""
         q = jnp.stack([jnp.asarray(x) for x in (self.q0, self.qr, self.q1)])
         to_rolloff, beyond = log_ratio(q[1], q[0]), log_ratio(q[2], q[1])
         top = log_plateau(self)
@@ -166,7 +166,7 @@ def _when_cut(spectrum, q1):
 
 
 def power_law_of(spectrum: Spectrum) -> BrokenPowerLaw:
-    """Return the power law of a spectrum; ValueError for another object."""
+    """Return the power law of a spectrum; raise ValueError for an object that is not a spectrum."""
     check_kind("spectrum", spectrum, Spectrum)
     return _power_law(spectrum)
 
@@ -183,7 +183,7 @@ def log_ratio(q: jax.Array | np.ndarray, start: jax.Array | np.ndarray) -> jax.A
 
 
 def power_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
-    """Return C(q) [m^4] at q [1/m]; zero outside the spectrum's range. For plots and moments."""
+    """Return C(q) [m^4] at q [1/m]; it is zero outside the spectrum's range. For plots and moments."""
     check_kind("spectrum", spectrum, Spectrum)
     return _power_spectrum(spectrum, no_list(q))
 
@@ -227,7 +227,7 @@ def mean_growth(y: jax.Array) -> jax.Array:
 
 
 def doubts_of_roughness(log_q: np.ndarray, log_C: np.ndarray, h_rms: float | None = None) -> list[str]:
-    r"""Return warnings for heights above the longest wavelength and for implausible slopes.
+    r"""Return warnings if the rms height exceeds 1/q_0 or the rms slope exceeds 30.
 
     .. math:: h_\mathrm{rms} q_0 \le 1, \qquad \Big(2\pi\int q^3 C\,dq\Big)^{1/2} \le 30
 
@@ -245,8 +245,8 @@ def doubts_of_roughness(log_q: np.ndarray, log_C: np.ndarray, h_rms: float | Non
     found = []
     if log_height + x[0] > 0:
         found.append(
-            f"rms height {_shown(log_height)} m beside 1/q0 = {_shown(-x[0])} m: must be less;"
-            " is it in mm or um, or C in another normalisation?"
+            f"rms height {_shown(log_height)} m: must be below 1/q0 = {_shown(-x[0])} m;"
+            " is it in mm or um, or is C in another normalisation?"
         )
     if log_slope > np.log(30):
         found.append(f"rms slope {_shown(log_slope)}: must be at most 30; are heights, q and C in SI?")
@@ -254,7 +254,7 @@ def doubts_of_roughness(log_q: np.ndarray, log_C: np.ndarray, h_rms: float | Non
 
 
 def _log_root(log_integrand, x):
-    """Return ln of the root of 2 pi int e^... dx, for any magnitude."""
+    """Return ln sqrt(2 pi int exp(log_integrand) dx) without overflow."""
     peak = log_integrand.max()
     return 0.5 * (np.log(2 * np.pi * np.trapezoid(np.exp(log_integrand - peak), x)) + peak)
 

@@ -27,7 +27,7 @@ _NEEDED = ("heights", "physical_sizes", "nb_grid_pts")
 
 
 def spectrum_of_surface(topography: Any, *, unit: str | None = None, **options: Any) -> MeasuredSpectrum:
-    r"""Return the spectrum of a topography object: C(q) of a map, C_1D(q) of a line scan; on the host.
+    r"""Return the spectrum of a topography object on the host: C(q) of a map, or C_1D(q) of a line scan.
 
     Parameters
     ----------
@@ -43,8 +43,8 @@ def spectrum_of_surface(topography: Any, *, unit: str | None = None, **options: 
 
     Raises
     ------
-    ValueError : another object, a missing or unknown unit, undefined or unevenly spaced points, and as in
-        `spectrum_of_topography`.
+    ValueError : not a topography object, a missing or unknown unit, undefined or unevenly spaced points,
+        and as in `spectrum_of_topography`.
 
     Notes
     -----
@@ -55,8 +55,8 @@ def spectrum_of_surface(topography: Any, *, unit: str | None = None, **options: 
     for name in _NEEDED:
         if not hasattr(topography, name):
             raise ValueError(
-                f"topography is a {type(topography).__name__} without {name}: must be a"
-                " SurfaceTopography object; pass arrays to spectrum_of_topography or spectrum_of_profile"
+                f"topography is a {type(topography).__name__} without {name}; pass a"
+                " SurfaceTopography object, or arrays to spectrum_of_topography or spectrum_of_profile"
             )
     if not getattr(topography, "is_uniform", True):
         raise ValueError("topography has unevenly spaced points; interpolate it to a uniform grid first")
@@ -79,7 +79,7 @@ def spectrum_of_surface(topography: Any, *, unit: str | None = None, **options: 
 
 
 def _scale(own, given):
-    """Return metres per unit."""
+    """Return the length in metres of the topography's own unit or of the given unit."""
     if own is None and given is None:
         names = ", ".join(LENGTH_UNITS)
         raise ValueError(f"unit is missing and the topography has none; pass one of {names}")

@@ -57,7 +57,7 @@ class TabulatedSpectrum(Spectrum):
         check_ends("TabulatedSpectrum", self.q, self.q0, self.q1)
 
     def doubts(self) -> list[str]:
-        """Return the lines of `doubts_of_roughness`."""
+        """Return the warnings of `doubts_of_roughness` for this spectrum."""
         log_q, log_C = np.log(np.asarray(self.q, float)), np.log(np.asarray(self.C, float))
         low = log_q[0] if self.q0 is None else np.log(float(self.q0))
         high = log_q[-1] if self.q1 is None else np.log(float(self.q1))
@@ -65,7 +65,10 @@ class TabulatedSpectrum(Spectrum):
         return doubts_of_roughness(at, np.interp(at, log_q, log_C))
 
     def power_law(self) -> BrokenPowerLaw:
-        """Return a piece between any two entries; pieces outside q0 ... q1 have zero width at q1."""
+        """Return a power law with one piece between any two neighbouring entries.
+
+        Pieces outside q0 ... q1 have zero width and lie at q1.
+        """
         return cut_law(tabulated_law(self.q, self.C), self.q0, self.q1)
 
     def uncut_law(self) -> BrokenPowerLaw:
@@ -73,7 +76,7 @@ class TabulatedSpectrum(Spectrum):
         return cut_law(tabulated_law(self.q, self.C), self.q0, None)
 
     def cut(self, q1: jax.Array) -> "TabulatedSpectrum":
-        """Return the same table with another q1."""
+        """Return the table with this q1, or with the last wavevector of the table if q1 exceeds it."""
         return self.replace(q1=within_table(self.q, q1))
 
     def entries(self) -> jax.Array:
@@ -81,7 +84,7 @@ class TabulatedSpectrum(Spectrum):
         return self.C
 
     def padded(self) -> "TabulatedSpectrum":
-        """Return the table with further entries beyond q1."""
+        """Return the table padded to a standard length with entries beyond q1."""
         return self.replace(padded_table(self.q, self.C, self.q0, self.q1))
 
 
@@ -93,7 +96,7 @@ def tabulated_law(q: jax.Array, C: jax.Array) -> BrokenPowerLaw:
 
 
 def cut_law(law: BrokenPowerLaw, q0: ArrayLike | None, q1: ArrayLike | None) -> BrokenPowerLaw:
-    """Return a law from q0 to q1 [1/m] with the same number of pieces; None: its own end.
+    """Return a law cut to q0 ... q1 [1/m], with the same number of pieces; None keeps the end of the law.
 
     The pieces between q0 and q1 come first, with their exponents. Pieces that were cut off follow with zero
     width at q1 and the exponent of the last piece.
@@ -134,7 +137,7 @@ def padded_table(
 
 
 def check_ends(owner: str, q: jax.Array, q0: ArrayLike | None, q1: ArrayLike | None) -> None:
-    """Raise ValueError unless concrete q0 and q1 are None or ordered within the table."""
+    """Raise ValueError if a concrete q0 or q1 is outside the table, or if q0 >= q1."""
     if not is_concrete(q):
         return
     low, high = np.asarray(q)[[0, -1]]  # q[0] of a JAX array would be traced

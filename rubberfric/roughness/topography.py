@@ -42,12 +42,12 @@ class MeasuredSpectrum(NamedTuple):
     q : geometric mean of the modes' wavevectors [1/m]
     C : mean over the modes of a bin: C of a map [m^4], C_1D of a profile [m^3] (h_rms^2 = 2 int C_1D dq)
     modes : number of modes, counting q and -q
-    relative : standard error of ln C for a Gaussian surface, from the independent modes [-]
-        For `fitting.SpectrumData`; too small for bins of a few modes.
+    relative : standard error of ln C for a Gaussian surface, from the number of independent modes [-]
+        Meant for `fitting.SpectrumData`. This standard error is too small for bins of a few modes.
     cell : area dq_x dq_y [1/m^2] of a mode, or its length dq [1/m]
     left_out : mean square height [m^2] of the modes outside all bins, in the corners of a map
     h_rms : rms of the detrended heights in the window [m]; h_rms^2 = cell sum(modes C) + left_out
-    dimensions : 2 of a map, 1 of a profile
+    dimensions : 2 for a map, 1 for a profile
     """
 
     q: np.ndarray
@@ -66,15 +66,15 @@ class MeasuredSpectrum(NamedTuple):
                   = \text{cell} \sum \text{modes}\; C
 
         The table covers the cells of all modes. Below the first bin C is constant, down to the border of the
-        cell of q = 0. Beyond the last bin it has the slope of the last octave, up to the outer border of the
-        bin. The integral of the log-log line differs from the sum over a few long waves. Therefore ln C is
-        changed by an amount proportional to C, which is the smallest possible change in units of `relative`.
-        Bins near the maximum of C change by less than their standard error (by more in a map much longer than
-        wide). Bins with a small C hardly change.
+        cell of q = 0. C continues above the last bin with the slope of the last octave, up to the outer
+        border of the bin. The integral of the log-log line differs from the sum over a few long waves.
+        Therefore ln C is changed by an amount proportional to C, which is the smallest possible change in
+        units of `relative`. Bins near the maximum of C change by less than their standard error (by more in a
+        map much longer than wide). Bins with a small C hardly change.
 
         Returns
         -------
-        arrays [1/m] and [m^4], for a profile [m^3]: entries of the bins, and one or two ends
+        arrays q [1/m] and C [m^4] (profile: [m^3]), with an entry for each bin and one or two ends
         """
         q, C = self.q, self.C
         if not (C > 0).all():
@@ -107,8 +107,8 @@ class MeasuredSpectrum(NamedTuple):
         Parameters
         ----------
         hurst : H [-], 0 ... 1, only for a profile. C_1D is converted by the factor of a self-affine surface
-            (`spectrum_from`). The rms height of the table is then larger than the profile's, by 1.36 at
-            H = 0.8.
+            (`spectrum_from`). The rms height of the table is then larger than the rms height of the profile,
+            by a factor of 1.36 at H = 0.8.
         """
         q, C = self.knots()
         return TabulatedSpectrum(q, spectrum_from("C_1D" if self.dimensions == 1 else "C", q, C, hurst))
@@ -128,7 +128,7 @@ def spectrum_of_profile(
 
     Parameters
     ----------
-    x : spacing of the heights, > 0 [m], or their positions, evenly spaced to 5 % of it [m], shape (n,)
+    x : spacing of the heights, > 0 [m], or positions [m], shape (n,), even to within 5 % of the spacing
     height : heights [m], shape (n,), n >= 8; finite
     window : "hann", or "none" for a profile with the period n times the spacing
     detrend : degree of the polynomial that is subtracted first, 0, 1 or 2, or None
@@ -145,8 +145,8 @@ def spectrum_of_profile(
 
     Notes
     -----
-    The mean over a bin equals a power law C ~ q^-s at the bin's q times 1 + (s ln r)^2/24, where r is the
-    ratio of its borders: 1 % for s = 4 and 20 bins per decade.
+    For a power law C ~ q^-s, the mean over a bin is 1 + (s ln r)^2/24 times C at the bin's q, where r is the
+    ratio of the bin's borders: 1 % too large for s = 4 and 20 bins per decade.
     """
     height = _heights(height, 1, 8)
     spacing = _spacing(x, height.size)
@@ -253,7 +253,7 @@ def _bins(q, highest, per_decade):
 
 
 def _detrended(height, degree):
-    """Subtract the best-fitting polynomial of a total degree from heights."""
+    """Subtract the best-fitting polynomial of the given total degree from heights."""
     if degree is None:
         return height
     axes = np.meshgrid(*(np.linspace(-1, 1, n) for n in height.shape), indexing="ij")
@@ -283,7 +283,7 @@ def _heights(height, ndim, least):
 
 
 def _spacing(x, n, name="x"):
-    """Return the spacing of heights from a spacing or positions."""
+    """Return the spacing of heights, given as a number or as evenly spaced positions."""
     x = np.asarray(x)
     if x.dtype.kind not in "fiu" or x.shape not in ((), (n,)) or not np.isfinite(x).all():
         raise ValueError(

@@ -1,7 +1,7 @@
 r"""Adhesion of short and of long range, the two limits of the attraction between solids.
 
-If the range of the attraction is smaller than the deformation, the area is that of a larger load p_1 without
-adhesion, at which the energy is lowest [Ciavarella, J. Mech. Phys. Solids 114, 209 (2018),
+If the range of the attraction is smaller than the deformation, the area equals the area without adhesion at a
+larger load p_1, which minimises the energy [Ciavarella, J. Mech. Phys. Solids 114, 209 (2018),
 doi:10.1016/j.jmps.2018.02.011],
 
 .. math:: p_1 = \sigma_0 + \sqrt{2\,\Delta\gamma\, A'(p_1) / u''(p_1)}
@@ -35,15 +35,15 @@ class Adhesion(PhysicalObject):
         electrostatic forces micrometres.
 
     `rubberfric.analysis.adhesion_matters` estimates if adhesion changes the result. Contact shear acts on the
-    area with adhesion. S and P of the viscoelastic friction are those at the load p_1 (short range) or p_rep
-    (long range). Both parts of the friction are divided by sigma_0.
+    area with adhesion. The viscoelastic friction uses S and P at the load p_1 (short range) or p_rep (long
+    range). Both parts of the friction are divided by sigma_0.
 
     Short range: if the equation has several solutions, the smallest is returned, which approaching solids
     reach first. Separating solids may have up to three times this area. If no load satisfies the equation,
     contact is full. Derivatives diverge next to a jump and are 0 in full contact, so begin a fit of the work
     with a small value. Areas were compared with boundary elements (q1/q0 = 8, Tabor 3, S in G). If A/A0 is
     below 1/3, their error is up to 15 % for a work of 1/8 of the energy of full contact, and 20 % for 1/4. If
-    A/A0 is above 1/2, they are 11 to 31 % too small, because boundary elements jump into contact at smaller
+    A/A0 is above 1/2, areas are 11 to 31 % too small, because boundary elements jump into contact at smaller
     loads. Without S in G areas are smaller by the same factor as without adhesion.
 
     Long range: area, separation, and S P of the viscoelastic friction equal those without adhesion under the
@@ -52,14 +52,14 @@ class Adhesion(PhysicalObject):
     exact. If several p_rep satisfy the equation, the smallest is returned, at which approaching solids come
     to rest. Where this solution ends they jump into closer contact, and derivatives grow without bounds. Two
     solutions that differ by less than an eleventh of ln(1 + work / (r sigma_0)) in ln p_rep may be missed;
-    the next one is then returned.
+    the next solution is then returned.
     Areas solve the equation to about 1e-6 where more than 1 % touches, and to 1e-3 at the lightest loads if r
     is less than a tenth of the rms height. Where more than 1 % touches, derivatives agree with differences to
     1e-9.
     Compared with boundary elements, areas have errors up to 4 % at Tabor 0.1 (with S in G). At Tabor 0.3 they
     are up to 22 % too large at light load, because the attraction deforms the solids.
 
-    Limits: E_r has the moduli at the frequencies of sliding, at rest the relaxed moduli. Losses of opening
+    Limits: E_r is taken at the frequencies of sliding, and from the relaxed moduli at rest. Losses of opening
     cracks are not included. Not together with heating. The tables of boundary elements are in
     tests/rubberfric/theory/area/test_adhesive_elements.py.
     """

@@ -60,13 +60,14 @@ class Heating(PhysicalObject):
     area_fraction : P_m, share of the nominal area in macroasperity contacts [-], 0 ... 1;
         None: P(q_m) at q_m = pi / R.
     shear_share : share of the heat of contact shear that enters the deformable solid, or the upper one of two
-        deformable solids [-], 0 ... 1. The other solid has the rest.
+        deformable solids [-], 0 ... 1. The other solid receives the remaining heat.
         None: the shares are proportional to the effusivities sqrt(lambda rho c_p), 1/2 each for equal
         solids. The rise of a solid at q is its share times the rise that all of the heat would cause in it,
         averaged over the depth 1/q. At the surface, for q to infinity, both rises are equal [Blok, Proc.
-        Inst. Mech. Eng. 2 (1937) 222] and satisfy 1/T = 1/T_1 + 1/T_2, with T_1 and T_2 for all of the heat
-        in one solid [Jaeger, Proc. R. Soc. N.S.W. 76 (1942) 203]. At finite q this does not hold for
-        different diffusivities: the better conductor is hotter, because its heat penetrates deeper.
+        Inst. Mech. Eng. 2 (1937) 222] and satisfy 1/T = 1/T_1 + 1/T_2, where T_1 and T_2 are the rises if
+        one solid received all of the heat [Jaeger, Proc. R. Soc. N.S.W. 76 (1942) 203]. At finite q this does
+        not hold for different diffusivities: the better conductor is hotter, because its heat penetrates
+        deeper.
     shear_at : "flash" or "background" (static)
         temperature of contact shear: of the contact, or far from it.
     branch : "rising" or "falling" (static)
@@ -103,7 +104,7 @@ def heating_of(heating: Heating, thermal: ThermalProperties | None) -> Heating:
 
 
 def shear_shares(lower: Heating, upper: Heating, both_deform: bool) -> tuple[jax.Array, jax.Array]:
-    """Return the shares of (lower, upper) solid in the heat of contact shear [-].
+    """Return the shares of the lower and the upper solid in the heat of contact shear [-].
 
     both_deform : True if both solids deform; if only one does, a given share applies to it
     """
@@ -148,7 +149,7 @@ def diffusion(
 
 
 def _share(x, k):
-    """Return x^2 / (k^2 + x^2) from the quotient, because squares overflow float32."""
+    """Return x^2 / (k^2 + x^2) from the quotient k/x, because squares overflow float32."""
     return 1 / (1 + (k / x) ** 2)
 
 
@@ -163,7 +164,7 @@ class HeatKernel(NamedTuple):
 
 
 def heat_kernel(heating: Heating, ready: Diffusion, velocity: jax.Array, surface: bool) -> HeatKernel:
-    """Return the `HeatKernel` at velocities (points,) [m/s]; `surface`: heat is also generated there."""
+    """Return the `HeatKernel` at velocities (points,) [m/s]; `surface`: also for heat at the surface."""
     weight = _kernel(heating, ready.k, velocity) * (ready.step * ready.k)
     known = weight @ _share(ready.reference, ready.k) ** 2
     closed = _closed(heating, ready.reference, velocity, "double") - known
@@ -172,12 +173,12 @@ def heat_kernel(heating: Heating, ready: Diffusion, velocity: jax.Array, surface
 
 
 def rise_inside(kernel: HeatKernel, power: jax.Array) -> jax.Array:
-    r"""Return the temperature rise over q from heat generated inside the solid.
+    r"""Return the temperature rise at every q from heat generated inside the solid.
 
     Parameters
     ----------
     kernel : HeatKernel
-    power : heat over velocity for each source, per area of macroasperity contact [Pa], (points, sources)
+    power : heat / velocity for each source, per area of macroasperity contact [Pa], (points, sources)
 
     Returns
     -------
@@ -189,12 +190,12 @@ def rise_inside(kernel: HeatKernel, power: jax.Array) -> jax.Array:
 
 
 def rise_below_surface(kernel: HeatKernel, power: jax.Array) -> jax.Array:
-    """Return the temperature rise over q from heat generated at the surface [K], (points, targets).
+    """Return the temperature rise at every q from heat at the surface [K], (points, targets).
 
-    power : heat over velocity per area of macroasperity contact [Pa], shape (points,)
+    power : heat / velocity, per area of macroasperity contact [Pa], shape (points,)
     """
     if kernel.surface is None:
-        raise ValueError("kernel.surface is None: must be a kernel for heat at the surface")
+        raise ValueError("kernel.surface is None; create the kernel with surface=True")
     return 2 / jnp.pi * power[:, None] * kernel.surface / kernel.heat
 
 
@@ -214,7 +215,7 @@ def _kernel(heating, k, velocity):
 
 
 def _closed(heating, x, velocity, kind):
-    """Integrate `_kernel` times x^2/(k^2 + x^2) over k ("double": times its square); any shapes."""
+    """Integrate `_kernel` times x^2/(k^2 + x^2) over k, or times its square ("double"); any shapes."""
     root = jnp.sqrt(diffusivity(heating) * heating.radius)
     # s = sqrt(D R / v). Only v / sqrt(v) appears, because the derivative of sqrt(v) is infinite at v = 0.
     speed = jnp.maximum(jnp.abs(velocity), float(jnp.finfo(jnp.result_type(velocity)).tiny) ** 0.5)
@@ -237,7 +238,7 @@ def _chebyshev(coefficients, u):
 def _tables():
     r"""Return Chebyshev coefficients over u = (z - 1)/(z + 1) of two functions of z.
 
-    They are (1 + z)/z times
+    The functions are (1 + z)/z times
 
     .. math:: z^2 \int_0^\infty dp \frac{1 - e^{-p^2}}{p^2 (p^2 + z^2)} \quad\text{("single")},\qquad
               z^4 \int_0^\infty dp \frac{1 - e^{-p^2}}{p^2 (p^2 + z^2)^2} \quad\text{("double")}

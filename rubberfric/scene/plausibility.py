@@ -1,4 +1,4 @@
-"""Warnings about numbers that only a wrong unit explains.
+"""Warnings about implausible numbers, which are probably in a wrong unit.
 
 Creating a scene and computing it give a `UnitWarning`; a TOML file gives an error. Traced numbers are not
 checked. Nothing is changed, so extreme and dimensionless scenes can be computed.

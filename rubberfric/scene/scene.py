@@ -95,11 +95,11 @@ class Scene(PhysicalObject):
         (`rubberfric.theory.area.boundary_elements_law`), for one rough isotropic surface and half-spaces. In
         301 cases with q1/q0 = 8 ... 64 that were not used for the fit, 90 % of its friction and 96 % of its
         areas are within 10 % of boundary elements (paper: 19 % and 22 %). It is less accurate for narrow
-        spectra (q1/qr = 4: 67 % of the friction within 10 %) and for moduli that rise by 100 or more (66 %).
-        It is extrapolated beyond q1/q0 = 64. The separation is the paper's.
+        spectra (q1/qr = 4: 67 % of the friction within 10 %) and for moduli that rise by a factor of 100
+        or more (66 %). It is extrapolated beyond q1/q0 = 64. The separation is the paper's.
     quadrature : Quadrature or None (static)
         accuracy setting of calls without `quadrature`; `rubberfric.tuned` sets it for `jit` and `vmap` with
-        the scene as an argument. None: chosen in every call. Files do not hold it.
+        the scene as an argument. None: chosen in every call. Files do not contain this setting.
 
     Two rigid bodies raise ValueError, because nothing would deform.
     """
@@ -178,7 +178,7 @@ class Scene(PhysicalObject):
 
 
 def _check_apart(part, others, parts):
-    """Raise ValueError if a scene has a part together with one of the others."""
+    """Raise ValueError if `parts` of a scene contain `part` together with one of `others`."""
     for name in others:
         if part in parts and name in parts:
             raise ValueError(f"Scene.{part}: not together with {name}; one of them must be left out")
@@ -209,7 +209,7 @@ def optional_parts(scene: Scene) -> set[str]:
 
 
 def shifts(scene: Scene) -> list[Shift]:
-    """Return the shifts of both materials, of coated materials and of contact shear.
+    """Return the shifts of both materials, of the bases of coatings and of contact shear.
 
     Parts without a shift are left out.
     """
@@ -237,7 +237,10 @@ def check_background(scene: Scene, where: str = "", missing: str = "temperature 
 
 
 def check_without(scene: Scene, parts: Sequence[str], what: str) -> None:
-    """Raise ValueError if a quantity is not defined with these parts of a scene, or only for "paper"."""
+    """Raise ValueError if a scene has one of `parts`, or a contact model other than "paper".
+
+    `what` names the quantity that is not defined for such a scene.
+    """
     there = optional_parts(scene)
     if scene.contact_model != "paper":
         raise ValueError(
@@ -245,7 +248,7 @@ def check_without(scene: Scene, parts: Sequence[str], what: str) -> None:
         )
     for name in parts:
         if name in there:
-            raise ValueError(f"scene.{name}: {what} is not defined with it; must be None")
+            raise ValueError(f"scene.{name}: {what} is not defined with {name}; must be None")
 
 
 def rough_surfaces(scene: Scene) -> list[tuple[Spectrum, Body]]:
@@ -255,7 +258,7 @@ def rough_surfaces(scene: Scene) -> list[tuple[Spectrum, Body]]:
 
 
 def softening_of(scene: Scene, body: Body) -> Softening | None:
-    """Return the softening of a body: its own, or the scene's."""
+    """Return the softening of a body, its own or the scene's; None if the body does not relax."""
     if not relaxes(body):
         return None
     return scene.softening if body.softening is None else body.softening
@@ -272,7 +275,7 @@ def dissipates(scene: Scene) -> bool:
 
 
 def result_dtype(*values: Any) -> jnp.dtype:
-    """Return the common dtype of all leaves; Python scalars adapt to the others."""
+    """Return the common dtype of all leaves; Python scalars adapt to the other leaves."""
     leaves = jax.tree_util.tree_leaves(values)
     dtype = jnp.result_type(*leaves) if leaves else jnp.result_type(float)
     return dtype if jnp.issubdtype(dtype, jnp.floating) else jnp.result_type(float)

@@ -113,16 +113,16 @@ def default_quadrature(
 
     Returns
     -------
-    Quadrature. If `jit` or `vmap` traces a number of the scene or the pressure, it is a setting for ten
+    Quadrature. If `jit` or `vmap` traces a number of the scene or the pressure, the setting is made for ten
     decades at any load. (It has an error of 1e-7 for two rough solids with plateaus of nine decades each;
-    pass `quadrature` there.) A derivative outside `jit` has the setting of its value. The rules were measured
-    for half-spaces of `Rigid`, `Elastic` and `Prony` with `SelfAffine` roughness, and for `TabulatedModulus`
-    on a rough rigid solid, all also with heating and up to three decades, the latter also with the area
-    correction. Other scenes have some more nodes.
+    pass `quadrature` there.) A derivative outside `jit` uses the setting of the value. The rules were
+    measured for half-spaces of `Rigid`, `Elastic` and `Prony` with `SelfAffine` roughness, and for
+    `TabulatedModulus` on a rough rigid solid. Both were also measured with heating up to three decades, and
+    the latter also with the area correction. Other scenes use some more nodes.
 
     Raises
     ------
-    ValueError : no Scene; a concrete pressure <= 0.
+    ValueError : `scene` is not a Scene; a concrete pressure <= 0.
     """
     if not isinstance(scene, Scene):
         raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
@@ -155,8 +155,8 @@ def _chosen(scene, pressure, margin, separation):
 def tuned(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Scene:
     """Return the scene with the quadrature that fits it, for functions that take the scene as an argument.
 
-    `jit` and `vmap` trace the numbers of such a scene, and calls would use a setting for ten decades of
-    roughness at any load::
+    `jit` and `vmap` trace the numbers of such a scene, and calls would otherwise use a setting for ten
+    decades of roughness at any load::
 
         scene = rf.tuned(scene, 3e5)
         slope = jax.jit(jax.grad(lambda scene: rf.friction(scene, 0.1, 3e5)))(scene)
@@ -175,7 +175,7 @@ def tuned(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Scene:
 
     Raises
     ------
-    ValueError : no Scene; a number of the scene or the pressure is traced; a pressure <= 0.
+    ValueError : `scene` is not a Scene; a number of the scene or the pressure is traced; a pressure <= 0.
     """
     if not isinstance(scene, Scene):
         raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
@@ -186,7 +186,7 @@ def tuned(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Scene:
 
 
 def _rules_of(scene, rough, plain, separation, margin):
-    """Return settings and limits for scenes with these parts, in order of work."""
+    """Return the settings and limits that apply to a scene, in order of work."""
     parts = optional_parts(scene)
     bare = parts <= {"shear"}
     if plain and bare:
@@ -199,7 +199,7 @@ def _rules_of(scene, rough, plain, separation, margin):
 
 
 def span_of(scene: Scene) -> float:
-    """Return L of a scene with `SelfAffine` or `TabulatedSpectrum` roughness; 0 if it is smooth."""
+    """Return L of a scene with `SelfAffine` or `TabulatedSpectrum` roughness; 0 without roughness."""
     ends, plateaus = [], 0.0
     for body in (scene.lower, scene.upper):
         spectrum = body.spectrum
@@ -236,7 +236,7 @@ def _rise_of(material):
 
 
 def loads_of(scene: Scene, pressure: ArrayLike) -> tuple[float, float]:
-    """Return the smallest and largest Lambda of a scene with isotropic roughness."""
+    """Return the smallest and largest Lambda of a scene with isotropic roughness over all pressures."""
     steepest = 0.0
     for body in (scene.lower, scene.upper):
         spectrum = body.spectrum

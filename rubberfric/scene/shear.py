@@ -82,8 +82,8 @@ def shear_friction(
 def _log(speed):
     """Return ln of a speed >= 0, finite at 0 with derivative 0.
 
-    It is constant below the smallest normal number. At rest the factor sign(v) = 0 is exact, but would
-    multiply ln 0 and 1/0 in value and derivatives.
+    The result is constant below the smallest normal number. At rest the friction has the exact factor
+    sign(v) = 0, which would otherwise multiply ln 0 in the value and 1/0 in derivatives.
     """
     smallest = float(jnp.finfo(jnp.result_type(speed, 1.0)).tiny)
     return jnp.log(jnp.maximum(speed, smallest))

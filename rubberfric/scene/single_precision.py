@@ -21,7 +21,7 @@ DECADES = 30
 
 
 def check_single(scene: Scene, temperature: ArrayLike | None) -> None:
-    """Raise ValueError naming the numbers of a float32 scene that require float64."""
+    """Raise ValueError if a number of a float32 scene requires float64; the message names the number."""
     for name in ("lower", "upper"):
         body = getattr(scene, name)
         if body.spectrum is not None:
@@ -79,9 +79,9 @@ def _check_layer(name, body, wavevectors):
         stiffer = float(jnp.max(body.layer.glassy_stiffening(body.material, q)))
         if not stiffer < STIFFEST_LAYER:
             raise ValueError(
-                f"{name}.thickness = {float(body.layer.thickness):g}: this thin layer is {stiffer:.2g} times "
-                f"as stiff as a half-space at q = {float(q):g} 1/m, and must be below {STIFFEST_LAYER:g} "
-                "times in float32; use float64"
+                f"{name}.thickness = {float(body.layer.thickness):g}: the thin layer is {stiffer:.2g} times "
+                f"as stiff as a half-space at q = {float(q):g} 1/m, and float32 allows less than "
+                f"{STIFFEST_LAYER:g} times; use float64"
             )
 
 

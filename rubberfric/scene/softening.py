@@ -1,4 +1,4 @@
-r"""Strain softening of filled rubber (Payne effect) [J. Appl. Polym. Sci. 6 (1962) 57], scale by scale.
+r"""Strain softening of filled rubber (Payne effect) [J. Appl. Polym. Sci. 6 (1962) 57] at each length scale.
 
 .. math:: E' \to f(\varepsilon)\,E',\qquad E'' \to g(\varepsilon)\,E'',\qquad
           \varepsilon(q) = factor \times h'(q),\qquad
@@ -61,12 +61,12 @@ class Softened(NamedTuple):
 
 
 def strain(softened: Softened, q: jax.Array) -> jax.Array:
-    """Return the strain at the scale q [1/m], any shape; 0 below the roughness [-]."""
+    """Return the strain [-] at the scale q [1/m], any shape; it is 0 below the first wavevector."""
     return softened.softening.factor * jnp.sqrt(_square_slope(softened.laws, q))
 
 
 def softening_factors(softened: Softened, q: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return f and g at q [1/m], any shape."""
+    """Return the factors f of E' and g of E'' at q [1/m], any shape."""
     softening = softened.softening
     # Below the roughness and where the slope underflows, the derivative of ln 0 is not finite.
     square = jnp.maximum(_square_slope(softened.laws, q), float(jnp.finfo(jnp.result_type(q)).tiny))
@@ -76,9 +76,9 @@ def softening_factors(softened: Softened, q: jax.Array) -> tuple[jax.Array, jax.
 
 
 def knots(softened: Softened) -> jax.Array:
-    """Return wavevectors where the strain equals an entry of the table, so that f and g have kinks [1/m].
+    """Return the wavevectors [1/m] where the strain equals an entry of the table; f and g have kinks there.
 
-    If the strain does not reach an entry, the end of the roughness is returned.
+    If the strain does not reach an entry, the nearer end of the roughness is returned.
     """
     laws, softening = softened.laws, softened.softening
     first = jax.lax.stop_gradient(functools.reduce(jnp.minimum, [law.q[0] for law in laws]))

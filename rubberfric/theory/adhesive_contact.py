@@ -1,4 +1,4 @@
-"""Contact with adhesion: the load that gives the same contact without adhesion, for both ranges."""
+"""Contact with short-range or long-range adhesion, as the load that gives this contact without adhesion."""
 
 import functools
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ def adhesive_contact(
     pressure: jax.Array,
     temperatures: Sequence[SurfaceTemperatures],
 ) -> Contact:
-    """Return the `Contact` at points; arguments are as for `Roughness.contact`."""
+    """Return the `Contact` with adhesion at points. The conditions are as for `Roughness.contact`."""
     contact = roughness.contact(velocity, pressure, temperatures)
     if contact.G is None:
         return contact
@@ -44,9 +44,10 @@ def relative_attraction(
     pressure: jax.Array,
     temperatures: Sequence[SurfaceTemperatures],
 ) -> tuple[Contact, jax.Array]:
-    """Return the contact without adhesion, and the long-range attraction in it.
+    """Return the contact without adhesion, and the long-range attraction that acts in this contact.
 
-    The attraction is relative to work / range, shape (points,). Arguments are as for `adhesive_contact`.
+    The attraction is divided by work / range and has the shape (points,). Arguments are as for
+    `adhesive_contact`.
     """
     contact = roughness.contact(velocity, pressure, temperatures)
     gaps = _gaps(adhesion, roughness, contact, pressure)
@@ -110,14 +111,17 @@ def _unloading(adhesion, contact, pressure):
 
 
 def _in_a_row(values, pressure, shape=None):
-    """Flatten values at the nodes to one row per point; `shape` is the full shape if they are broadcast."""
+    """Flatten values at the nodes to one row per point. Values are first broadcast to `shape`, if given."""
     panels, _, order = values.shape if shape is None else shape
     values = jnp.broadcast_to(values, (panels, pressure.shape[0], order))
     return jnp.moveaxis(values, 1, 0).reshape(pressure.shape[0], -1)
 
 
 def _from_nodes_on(values):
-    """Return integrals from every node (panels, points, order) to the end, of weighted terms at the nodes."""
+    """Return integrals from every node to the end of the last panel, (panels, points, order).
+
+    values : integrand at the nodes times the weight of its node, (panels, points, order)
+    """
     rule = typed(_integrals_to_the_end(values.shape[-1]), values)
     after = jnp.cumsum(jnp.sum(values, -1)[::-1], 0)[::-1]
     after = jnp.concatenate([after[1:], jnp.zeros_like(after[:1])])
@@ -126,7 +130,10 @@ def _from_nodes_on(values):
 
 @functools.cache
 def _integrals_to_the_end(order):
-    """Return weights of integrals from every Gauss node to the end of a panel, for weighted terms."""
+    """Return weights of the integrals from every Gauss node i to the end of its panel, shape (i, j).
+
+    They multiply the integrand at the nodes j times the Gauss weights of these nodes.
+    """
     node, weight = gauss(order)
     y = node[:, None] + (1 - node[:, None]) * node
     values = legendre.legvander(2 * y - 1, order - 1) @ legendre_transform(order)

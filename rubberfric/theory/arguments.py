@@ -44,7 +44,10 @@ def validate(
     quadrature: Quadrature | None,
     separation: bool = True,
 ) -> tuple[Scene, tuple[jax.Array, jax.Array, jax.Array | None], Quadrature]:
-    """Return the scene and conditions from `checked_arguments`, and the quadrature, chosen if None."""
+    """Return the scene and conditions from `checked_arguments`, and the quadrature.
+
+    If `quadrature` is None, `default_quadrature` chooses it.
+    """
     setting = ROBUST if quadrature is None else quadrature
     ready, conditions = checked_arguments(scene, velocity, pressure, temperature, setting)
     if quadrature is None:
@@ -59,7 +62,7 @@ def checked_arguments(
     temperature: ArrayLike | None,
     quadrature: Quadrature,
 ) -> tuple[Scene, tuple[jax.Array, jax.Array, jax.Array | None]]:
-    """Return scene and conditions (velocity, pressure, temperature) as arrays of one dtype, or raise."""
+    """Return scene and (velocity, pressure, temperature) as arrays of one dtype, or raise ValueError."""
     check_kinds(scene, quadrature)
     velocity = _condition("velocity", velocity, FINITE)
     pressure = _condition("pressure", pressure, POSITIVE)
@@ -79,7 +82,7 @@ def checked_arguments(
         jnp.broadcast_shapes(*shapes.values())
     except ValueError:
         shown = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
-        raise ValueError(f"shapes differ ({shown}): must broadcast against each other") from None
+        raise ValueError(f"shapes differ ({shown}): they must broadcast against each other") from None
 
     dtype = result_dtype(scene, velocity, pressure, temperature)
     # None has no leaves and is unchanged.
@@ -141,6 +144,6 @@ def _condition(name, value, rule):
 
 def _check_temperature(scene, temperature):
     if not takes_temperature(scene):
-        raise ValueError("temperature is given, but nothing in the scene has a shift: must be None")
+        raise ValueError("temperature is given, but nothing in the scene has a shift: it must be None")
     for shift in shifts(scene):
         shift.check_temperature(temperature)

@@ -1,4 +1,4 @@
-r"""Branches of a fixed point y = F(y; v) followed in ln v, past their folds.
+r"""Branches of fixed points y = F(y; v), followed in ln v and past their folds.
 
 If several solutions exist at a velocity, the result is the one that sliding reaches when the velocity changes
 slowly from a range with a single solution. The branch is followed from that range. Past a fold, the result is
@@ -6,8 +6,8 @@ the state to which
 
 .. math:: \frac{dy}{dt} \propto F(y; v) - y
 
-leads. F' has one real eigenvalue sigma that may be large; the others are small. A secant along the residual
-estimates sigma, and every step along the residual is divided by 1 - sigma,
+leads. F' has one real eigenvalue sigma that may be large; its other eigenvalues are small. A secant along the
+residual estimates sigma, and every step along the residual is divided by 1 - sigma,
 
 .. math:: y \leftarrow y + \frac{r}{1-\sigma},\qquad r = F(y) - y,\qquad
           1 - \sigma = -\frac{\Delta r\cdot\Delta y}{\Delta y\cdot\Delta y},\qquad \sigma < 1
@@ -69,9 +69,10 @@ def path(
     targets: jax.Array,
     direction: int,
 ) -> BranchPoint:
-    """Return positions on one branch: for each target, the last position before it.
+    """Return, for each target, the last position before this target on one branch.
 
-    The steps along the branch do not depend on the targets, so a result does not depend on the other targets.
+    The steps along the branch do not depend on the targets, so the result for one target does not depend on
+    the other targets.
 
     Parameters
     ----------
@@ -82,7 +83,7 @@ def path(
 
     Returns
     -------
-    BranchPoint of a row for each target
+    BranchPoint with one row for each target
     """
     count = targets.shape[0]
     reached = jax.tree.map(lambda x: jnp.repeat(x, count, 0), begin)
@@ -113,15 +114,15 @@ def arrive(
     targets: jax.Array,
     tolerance: float,
 ) -> tuple[jax.Array, jax.Array]:
-    """Return the rises at targets, following the branches from given positions.
+    """Follow the branches from given positions to the targets, and return the temperature rises there.
 
     Parameters
     ----------
     residual : function of (ln v, rises), shapes (rows,) and (rows, n), to F - y of shape (rows, n)
     places : BranchPoint of every row
     targets : ln v, shape (rows,)
-    tolerance : largest last step at the target [K]. Just beyond a fold steps are small without a nearby
-        solution.
+    tolerance : largest last step at the target [K]. Just beyond a fold steps are small although no solution
+        is near.
 
     Returns
     -------
@@ -157,7 +158,7 @@ def _first(place, log_v):
 
 
 def _evaluated(residual, place, trial, target, tolerance, begin):
-    """Return BranchPoint and trial after one evaluation, and True where a row is at its target."""
+    """Return the BranchPoint and the trial after one evaluation, and True where a row is at its target."""
     r = residual(trial.log_v, trial.rises)
     finite = jnp.all(jnp.isfinite(r), -1)
     r = jnp.where(finite[:, None], r, 0.0)
@@ -208,5 +209,5 @@ def _evaluated(residual, place, trial, target, tolerance, begin):
 
 
 def _column(rows, like):
-    """Return rows with as many axes as another array."""
+    """Append axes of length 1 to `rows` until it has as many axes as `like`."""
     return rows.reshape(rows.shape + (1,) * (like.ndim - rows.ndim))

@@ -30,7 +30,7 @@ _NO_CONTACT_LOST = -0.01
 
 
 class Contact(NamedTuple):
-    """Contact at points; axes (panels, points, order) where there are three."""
+    """Contact at points. Arrays with three axes have the shape (panels, points, order)."""
 
     terms: list[Terms]  # of the contributions of all rough surfaces
     modulus_over_pressure: jax.Array  # scale over the pressure that the contact bears, (points,)
@@ -46,20 +46,23 @@ class Contact(NamedTuple):
 
     @property
     def x(self) -> jax.Array:
-        """Return 1 / (2 sqrt(G)) at the contact nodes, for the plain G."""
+        """Return x = 1 / (2 sqrt(G)) at the contact nodes, for G without S."""
         if self.G is None:
-            raise ValueError("G was computed at the largest wavevector only; prepare friction or separation")
+            raise ValueError("G is known at the largest wavevector only; prepare friction or separation")
         return contact_argument(self.G)
 
     def area(self, panels: jax.Array | None = None) -> jax.Array:
-        """Return P after the first `panels` panels; None: after all of them, A/A0, (points,)."""
+        """Return the contact fraction P at the end of the first `panels` panels, (points,).
+
+        None stands for all panels, where P is A/A0.
+        """
         G = self.G_panels
         if panels is not None:
             G = jnp.where(np.arange(G.shape[0])[:, None] < panels, G, 0.0)
         return contact_fraction(self.corrected(contact_argument(jnp.sum(G, 0))))
 
     def friction_terms(self, kind: str = "mean_cos_loss") -> dict[int, jax.Array]:
-        """Return the viscoelastic friction by contribution and contact node.
+        """Return the viscoelastic friction from each contribution and contact node.
 
         Parameters
         ----------
@@ -84,7 +87,7 @@ class Contact(NamedTuple):
         return x if self.correction is None else correct_argument(self.correction, x)
 
     def under(self, load: jax.Array, converged: jax.Array, lift: jax.Array | None = None) -> "Contact":
-        """Return the contact under `load` times sigma_0, with adhesion acting like this load."""
+        """Return the contact with adhesion, which is the contact without it under `load` times sigma_0."""
         square = load * load
         return self._replace(
             modulus_over_pressure=self.modulus_over_pressure / load,
@@ -140,5 +143,8 @@ class Roughness(NamedTuple):
 
 
 def _sum_before(panels: jax.Array) -> jax.Array:
-    """Sum over the panels before each one. There is no subtraction, so much larger panels cost no digits."""
+    """Sum over the panels before each panel.
+
+    Nothing is subtracted, so the sums before much larger panels lose no digits.
+    """
     return jnp.asarray(np.tri(panels.shape[0], k=-1, dtype=panels.dtype)) @ panels

@@ -36,7 +36,10 @@ class Terms(NamedTuple):
 
 
 class Contribution(NamedTuple):
-    """The roughness of one surface. Tuples have an entry for each mean of a kind."""
+    """Contribution of one rough surface to the integrals.
+
+    Tuples have one entry, or two if <F'^2> and <F''^2> are needed separately.
+    """
 
     # At the angular nodes, or at the contact nodes if nothing is interpolated. None if F is a constant at
     # every wavevector; the weights then contain it.
@@ -56,7 +59,7 @@ class Contribution(NamedTuple):
         mesh : Mesh
         velocity : [m/s], shape (points,)
         temperatures : of the two solids [K]: None, (points,), or (angular panels, points, angular
-            order) if it differs from scale to scale
+            order) if the temperature depends on the wavevector
         """
         if self.stiffness is None:
             within = None if self.within is None else self.within[0][:, None]
@@ -77,11 +80,11 @@ class Contribution(NamedTuple):
         return Terms(*self._linear(mesh, means["mean_abs2"]), densities)
 
     def _linear(self, mesh, means):
-        """Return integrals of g over every panel and up to every contact node.
+        """Return integrals of the density of g over every panel, and within it up to every contact node.
 
-        The weights of the latter are exact in the roughness and its factors (`cumulative`), which may change
-        by 1e6 within a panel. A rule for the full product would lose the small terms, which determine g
-        where it matters most.
+        The weights of the integrals up to the nodes are exact in the roughness and its factors
+        (`cumulative`), which may change by 1e6 within a panel. A rule for the full product would lose the
+        small terms, which determine g where it matters most.
         """
         if self.interpolation is MeansInterpolation.LINEAR and self.within is not None:
             # If no integrals up to the nodes are needed, use the weights of the angular panels.
@@ -90,7 +93,7 @@ class Contribution(NamedTuple):
         return panels, None if self.within is None else _sum_products("kvi,kci->kvc", means, self.within)
 
     def _with_logarithms(self, mesh, means):
-        """Return the same integrals, interpolated in ln <|F|^2> and summed with positive weights.
+        """Return the integrals of `_linear`, but interpolate ln <|F|^2> and sum with positive weights.
 
         Small terms keep their digits, and G stays positive.
         """

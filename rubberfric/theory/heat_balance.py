@@ -40,7 +40,7 @@ _OTHER = {"lower": "upper", "upper": "lower"}
 
 
 class Coarse(NamedTuple):
-    """The same scene on a mesh with a tenth of the unknowns, without derivatives, for following branches."""
+    """A scene on a coarse mesh with a tenth of the unknowns, without derivatives, to follow branches."""
 
     roughness: Roughness
     diffusion: Diffusion  # from contact nodes to unknowns of the coarse mesh
@@ -92,7 +92,8 @@ def prepare_thermal(
     heating, scene : Heating and Scene
     roughness : Roughness
     count : nodes of the sum over ln k
-    coarse, coarse_count : roughness on the coarse mesh, and nodes of the sum there; None without feedback
+    coarse : Roughness on the coarse mesh; None if the heat does not depend on the temperature
+    coarse_count : nodes of the sum over ln k on the coarse mesh
     """
     bodies = {"lower": scene.lower, "upper": scene.upper}
     solids = [side for side, body in bodies.items() if body.material.deforms]
@@ -169,14 +170,14 @@ def inner_temperatures(
 def heat_balance(
     thermal: Thermal, roughness: Roughness, ready: Diffusion, points: HeatedPoints
 ) -> Callable[[jax.Array], jax.Array]:
-    """Return the map from rises at the unknowns of a mesh to the rises that their friction causes.
+    """Return the map from temperature rises, at the unknowns of a mesh, to the rises from the resulting heat.
 
     Parameters
     ----------
     thermal : Thermal
     roughness : on the mesh of the unknowns
-    ready : Diffusion from its contact nodes to the wavevectors of the result
-    points : Points
+    ready : Diffusion from the contact nodes of this mesh to the wavevectors of the result
+    points : HeatedPoints
 
     Returns
     -------
@@ -198,7 +199,9 @@ def heat_balance(
 def heat_of(
     thermal: Thermal, roughness: Roughness, contact: Contact, points: HeatedPoints, surface: jax.Array
 ) -> jax.Array:
-    """Return the rises that a contact causes, (points, solids * unknowns) [K], as in `heat_balance`.
+    """Return the temperature rises [K] that a contact causes, as in `heat_balance`.
+
+    The shape is (points, solids * unknowns).
 
     surface : temperature of the contact shear [K], shape (points,)
     """
@@ -220,7 +223,7 @@ def temperature_at(
     Parameters
     ----------
     contact, temperatures : from `rubberfric.theory.integrals.solved`
-    points : Points
+    points : HeatedPoints
     q : [1/m], shape (wavevectors,)
     """
     (velocity, pressure, background), thermal = points, temperatures.thermal
@@ -242,7 +245,7 @@ def _diffusion(mesh, targets, count):
 
 
 def _linear(nodes, targets):
-    """Return weights of linear interpolation between ascending nodes, (targets, nodes); constant beyond."""
+    """Return weights of linear interpolation between ascending nodes (constant beyond), (targets, nodes)."""
     index = jnp.clip(jnp.searchsorted(nodes, targets) - 1, 0, nodes.shape[0] - 2)
     share = jnp.clip((targets - nodes[index]) / (nodes[index + 1] - nodes[index]), 0.0, 1.0)[:, None]
     chosen = jax.nn.one_hot(index, nodes.shape[0], dtype=nodes.dtype)
@@ -259,7 +262,7 @@ def _heat_kernels(thermal: Thermal, ready: Diffusion, velocity: jax.Array) -> li
 
 
 def _rises(thermal, roughness, spread, contact, points):
-    """Return the temperature rises from the heat of one contact, (points, solids, rows)."""
+    """Return the temperature rises [K] from the heat of one contact, (points, solids, wavevectors)."""
     heating, pressure = thermal.heating, points[1]
     # q_m is a panel border, so only whole panels lie before it.
     area = heating.area_fraction

@@ -1,7 +1,7 @@
 r"""Integrals over ln q that give the quantities of a scene, for many velocities and pressures.
 
 `prepare` computes what depends only on the scene. `evaluate` adds velocity, pressure and temperature.
-`rubberfric.theory.contact` has G and the friction. In its notation
+`rubberfric.theory.contact` has the formulas of G and the friction. In the same notation the separation is
 [Scaraggi & Persson]
 
 .. math:: \bar u = \frac{\pi}{2}\frac{scale}{\sigma_0}\int d\ln q\; x\Psi(x)
@@ -71,7 +71,7 @@ class Prepared(NamedTuple):
 
     @property
     def roughness(self) -> Roughness:
-        """Return the rough surfaces; ValueError if no quantity is an integral over them."""
+        """Return the rough surfaces; raise ValueError if no quantity is an integral over their roughness."""
         if self.integrated is None:
             raise ValueError("no prepared quantity is an integral over roughness")
         return self.integrated
@@ -93,9 +93,9 @@ def prepare(
     scene : Scene
     quantities : fields of `Solution`
     quadrature : Quadrature
-    surfaces : `rough_surfaces_of` the scene if already known, or with other power laws
+    surfaces : rough surfaces, if already known or with other power laws; None: `rough_surfaces_of(scene)`
     borders : see `build_mesh`; with borders G is computed at every node
-    tables : `known_tables` of the scene and the quantities
+    tables : result of `known_tables` for the scene and the quantities, or None
     """
     law = None
     if scene.contact_model == "boundary_elements":
@@ -120,7 +120,7 @@ def prepare(
 
 
 def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=None):
-    """Return the `Roughness` of a scene. `like` is that of another mesh, whose tables are reused."""
+    """Return the `Roughness` of a scene. `like` is its `Roughness` on another mesh, with tables to reuse."""
     details = [surface.detail for surface in surfaces if surface.detail is not None]
     mesh = build_mesh(
         [surface.law for surface in surfaces],
@@ -156,7 +156,7 @@ def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=N
 
 
 def _tables_of(roughness, needs):
-    """Return the tables of means of the contributions, if they contain the needed means."""
+    """Return the table of means of each contribution; None if it has no table with the needed means."""
     found = [one.stiffness for one in roughness.contributions]
     return tuple(
         one.stiffness
@@ -170,7 +170,7 @@ def _tables_of(roughness, needs):
 
 
 def _borders(scene, surfaces, asked):
-    """Return wavevectors that must be panel borders: of macroasperities first, requested ones last."""
+    """Return wavevectors that must be panel borders: macroasperities come first, requested borders last."""
     borders = [] if scene.heating is None else [macroasperity(scene.heating)[None]]
     # Two solids with equal softening have the same knots.
     softened = {id(one.softening): one for one in surfaces[0].softenings}
@@ -253,7 +253,7 @@ def evaluate(
 
 
 def _integrated(contact, parts):
-    """Return those `parts` of the solution that are integrals over the wavevectors, by name."""
+    """Return, by name, the `parts` of the solution that are integrals over the wavevectors."""
     found = {"area": contact.area()} if "area" in parts else {}
     for name, kind in (("viscoelastic_friction", "mean_cos_loss"), ("transverse_friction", "mean_sin_loss")):
         if name in parts and (terms := contact.friction_terms(kind)):

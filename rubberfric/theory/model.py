@@ -51,9 +51,9 @@ def contact_area(
         temperature None: every shift is at its reference temperature. A heated scene requires a
         temperature, far from the contact.
     quadrature : Quadrature, static, or None
-        None: that of the scene (`rubberfric.tuned`). Without one it is chosen for the scene, with errors
-        below 1e-9 (`rf.analysis.default_quadrature`), or is `Quadrature()` if `jit` or `vmap` traces a number
-        of the scene.
+        None: the quadrature of the scene (`rubberfric.tuned`). If the scene has none, a quadrature is chosen
+        with errors below 1e-9 (`rf.analysis.default_quadrature`), or `Quadrature()` if `jit` or `vmap` traces
+        a number of the scene.
 
     Returns
     -------
@@ -152,7 +152,7 @@ def separation(
 
 
 def _alone(name, scene, velocity, pressure, temperature, quadrature):
-    """Return one quantity."""
+    """Return one quantity from `solve`."""
     found = solve(scene, velocity, pressure, temperature, quadrature=quadrature, quantities=(name,))
     return getattr(found, name)
 
@@ -182,7 +182,7 @@ def solve(
         "converged", False where the temperatures are a last iterate instead of a solution. With adhesion
         "converged" applies to the areas.
     compiler_options : of XLA, as for jax.jit, or None
-        Not within a transformation. The compiled function is not kept for other calls.
+        Not allowed within a transformation. The compiled function is not kept for other calls.
 
     Returns
     -------

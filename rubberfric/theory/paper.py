@@ -1,8 +1,8 @@
 r"""The paper, executable: Scaraggi and Persson's general case, one expression for each equation.
 
 Source: M. Scaraggi and B. N. J. Persson, arXiv:1506.06955. The letters and the equation numbers are the
-paper's. Solid 2 (`scene.upper`) slides with v over solid 1 (`scene.lower`). The roughness of the other solid
-passes either solid with the frequency q.v; its own roughness is at rest.
+paper's. Solid 2 (`scene.upper`) slides with v over solid 1 (`scene.lower`). In the frame of each solid, its
+own roughness is at rest, and the roughness of the other solid passes with the frequency q.v.
 
 These functions are plain JAX: `jax.jit` and `jax.grad` go through them. They cover half-spaces and slabs of
 every material that gives E(omega), two rough solids, contact shear, and S in G (`area_correction`). They use
@@ -51,8 +51,8 @@ def gauss_nodes(order: int = 12, panels: int = 6, graded: int = 14, step: float 
     ----------
     order : Gauss nodes of a panel
     panels : equal panels of a piece of ln q, in s = sqrt(y)
-    graded : further panels towards its left end, each a quarter of the next, because P falls from 1 within
-        ln(q / q0) = 1e-4 at tyre pressures and 1e-18 at light loads
+    graded : further panels towards the left end of a piece, each a quarter of the next, because P falls from
+        1 within ln(q / q0) = 1e-4 at tyre pressures and 1e-18 at light loads
     step : step of the trapezoidal rule in t, cos(phi) = 1 / cosh(t), which converges as exp(-pi^2 / step)
     """
     edges = np.arange(1, panels + 1) / panels
@@ -71,7 +71,7 @@ def gauss_nodes(order: int = 12, panels: int = 6, graded: int = 14, step: float 
 
 @functools.cache
 def trapezoid_nodes(n_q: int, n_phi: int) -> Nodes:
-    """Return trapezoids over ln q (n_q nodes a piece) and phi (n_phi on the circle)."""
+    """Return nodes of the trapezoidal rule: n_q for each piece of ln q, and n_phi on the circle."""
     y, step = np.linspace(0, 1 - 1e-12, n_q), 1 / (n_q - 1)  # C is 0 from the end of the last piece on
     until = step * (np.tri(n_q) - 0.5 * np.eye(n_q) - 0.5 * np.eye(1, n_q))
     cos_phi = np.cos(2 * np.pi * np.arange(n_phi) / n_phi)
@@ -100,7 +100,7 @@ def solve(
     ----------
     scene : Scene for which `covers` is true, of solids with E(0) > 0
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
-        The derivative by the velocity is not defined at rest.
+        The derivative with respect to the velocity is not defined at rest.
     nodes : Nodes, or None for `gauss_nodes()`
 
     Raises
@@ -173,7 +173,7 @@ def E_r(material: Material, omega: jax.Array | None, T: jax.Array | None) -> jax
 
 
 def S_bar(body: Body, q: jax.Array) -> jax.Array | float:
-    """Return the stiffness of a slab over that of a half-space [-], as given below (A10)."""
+    """Return the stiffness of a slab relative to a half-space [-], as given below (A10)."""
     if not isinstance(slab := body.layer, Slab):
         return 1.0
     x, nu = jnp.minimum(q * slab.thickness, 60.0), poisson_of(body.material)  # 1 + 1e-50 from 60 on

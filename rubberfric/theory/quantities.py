@@ -35,7 +35,7 @@ def quantity_parts(quantities: Iterable[str]) -> set[str]:
 
 
 def quantities_of(scene: Scene) -> tuple[str, ...]:
-    """Return all quantities of a scene: the three basic ones, and those of its optional parts."""
+    """Return all quantities of a scene: three basic ones, and the quantities of its optional parts."""
     names: list[str] = list(QUANTITIES)
     if scene.shear is not None:
         names += ["viscoelastic_friction", "shear_friction"]
@@ -49,7 +49,7 @@ def quantities_of(scene: Scene) -> tuple[str, ...]:
 
 
 def iterates(scene: Scene) -> bool:
-    """Return True if the contact is a fixed point, which may fail to converge."""
+    """Return True if the contact is found by an iteration, which may fail to converge."""
     return scene.heating is not None or scene.adhesion is not None or scene.contact_model != "paper"
 
 

@@ -19,7 +19,7 @@ from rubberfric.theory.quantities import quantity_parts
 
 @dataclasses.dataclass(frozen=True)
 class RequiredMeans:
-    """Means that are integrated over the roughness; False if not needed or zero by structure."""
+    """Means that are integrated over the roughness. False stands for means that are not needed or zero."""
 
     mean_abs2: bool = False  # <|K|^2>, and so G(q)
     area: bool = False  # P with S in G, if the scene has it
@@ -119,7 +119,7 @@ class RoughSurface(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Structure:
-    """Parts of a scene, and the means that its quantities need; it contains no numbers."""
+    """Parts of a scene, and the means that its quantities need. A structure contains no numbers."""
 
     needs: RequiredMeans  # empty for quantities that are constant in the scene
     rough: bool  # True if a surface is rough
@@ -129,7 +129,7 @@ class Structure:
 
     @classmethod
     def of(cls, scene: Scene, quantities: Iterable[str]) -> "Structure":
-        """Return the structure of a scene that is needed to compute `quantities`, fields of `Solution`."""
+        """Return the structure of a scene for the computation of `quantities`, fields of `Solution`."""
         facing = ((scene.lower.spectrum, scene.upper), (scene.upper.spectrum, scene.lower))
         strained = [(spectrum, other) for spectrum, other in facing if spectrum is not None]
         relaxing = [spectrum for spectrum, other in strained if relaxes(other)]

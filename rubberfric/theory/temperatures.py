@@ -2,12 +2,12 @@ r"""Temperatures of a heated scene: friction heats the solids, which changes the
 
 The branch of solutions is followed on a coarse mesh of the scene (`branch`). A fixed-point iteration on the
 fine mesh (`rubberfric.base.fixed_points`) then uses a coarse derivative as preconditioner. P maps temperature
-rises on the coarse mesh to the fine one. J is P' along a few functions of ln q, and R projects on these
-functions,
+rises on the coarse mesh to rises on the fine mesh. J is P' along a few functions of ln q, and R projects on
+these functions,
 
 .. math:: (1 - F')^{-1} \approx 1 + J (1 - R J)^{-1} R
 
-Near folds, where this does not lead to a nearby solution, the branch is followed on the fine mesh.
+Near folds, where this iteration does not lead to a nearby solution, the branch is followed on the fine mesh.
 """
 
 import functools
@@ -60,7 +60,7 @@ class Rises(NamedTuple):
 def solve_temperatures(
     thermal: Thermal, roughness: Roughness, velocity: jax.Array, pressure: jax.Array, background: jax.Array
 ) -> Temperatures:
-    """Return the `Temperatures` of a heated scene at points; conditions of shape (points,)."""
+    """Return the `Temperatures` of a heated scene at points; conditions have the shape (points,)."""
     points = velocity, pressure, background
     heat = heat_balance(thermal, roughness, thermal.diffusion, points)
     if thermal.coarse is None:
@@ -74,7 +74,7 @@ def solve_temperatures(
 
 
 def preconditioner(thermal: Thermal, found: Rises) -> Inverse:
-    """Return the `Inverse` for given rises."""
+    """Return the `Inverse` that serves as preconditioner of the heat balance near given `Rises`."""
     assert thermal.coarse is not None
     return Inverse(found.left, _hats(thermal, thermal.coarse)[0])
 
@@ -89,12 +89,12 @@ def temperatures_of(
 
 
 def _size(thermal, roughness):
-    """Return the number of unknowns of a point on a mesh."""
+    """Return the number of unknowns per point on a mesh."""
     return len(thermal.exciting) * (roughness.mesh.angular_q.size + 1)
 
 
 def solve_rises(thermal: Thermal, roughness: Roughness, points: HeatedPoints) -> Rises:
-    """Return the `Rises` on the branch of a scene with a coarse mesh."""
+    """Return the `Rises` on the branch of a scene, which is followed on its coarse mesh and then refined."""
     thermal, roughness, points = without_derivatives((thermal, roughness, points))
     targets = jnp.log(jnp.maximum(jnp.abs(points[0]), _REST))
     coarse = thermal.coarse
@@ -141,7 +141,7 @@ def _direction(thermal):
 def _begin(thermal, points):
     r"""Return ln v where the branches through points begin.
 
-    At low velocity the solids are nearly cold. With mu < 1, no scale rises by more than
+    At low velocity the solids are nearly cold. With mu < 1, the temperature of no scale rises by more than
 
     .. math:: \frac{2\sigma_0}{\pi P_m \rho c_p} \int_0^\infty dk\,\frac{v (1 - e^{-D k^2 R/v})}{D k^2}
               = \frac{2\sigma_0}{P_m \rho c_p} \sqrt{\frac{v R}{\pi D}}
@@ -161,12 +161,12 @@ def _begin(thermal, points):
 
 
 def _before(thermal, log_v, targets):
-    """Return where to begin a branch: at `log_v`, or at a target that the branch reaches earlier."""
+    """Return ln v where a branch begins: at `log_v`, or at the target if the target lies before `log_v`."""
     return jnp.minimum(log_v, targets) if _direction(thermal) > 0 else jnp.maximum(log_v, targets)
 
 
 def _places(thermal, points, targets):
-    """Return positions on the coarse branch, the last before each target.
+    """Return, for each target, the last position before this target on the branch of the coarse mesh.
 
     Points with equal pressure and background share a branch.
     """
@@ -212,7 +212,7 @@ def _refined(thermal, roughness, points, guess, arrived):
 
 
 def _hats(thermal, coarse):
-    """Return the restriction to some coarse unknowns, linear functions between them, and their indices."""
+    """Return the restriction to a few coarse unknowns, their hat functions, and their indices."""
     solids = len(thermal.exciting)
     size = _size(thermal, coarse.roughness) // solids
     some = np.unique(np.linspace(0, size - 1, min(size, _HATS)).round().astype(int))

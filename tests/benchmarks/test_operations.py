@@ -25,17 +25,20 @@ pytestmark = pytest.mark.benchmark
 
 HEADER = """# Cost of a scene
 
-Absent parts of a scene are not traced. Operations are counted on the jaxpr for `rf.Quadrature()`:
-*roots* are all elementwise operations that cost more than an addition (square roots, divisions, exp, log,
-erf), with the body of a loop counted once. *products* are the multiply-adds of matrix products. Both are
-given once for a scene and for each velocity. The closed form takes one square root and one division for each
-angular node (168) and Prony term.
+JAX does not trace the optional parts that a scene does not have. The table gives the number of operations in
+the jaxpr for `rf.Quadrature()`. Operations that are done once for a scene and operations that are done for
+each velocity are counted separately. The body of a loop is counted once.
 
-*First call* is the time of a curve of 50 velocities in a new process, for tracing, compilation and
-evaluation, without the import ({imported}). *Gradient* is the same for the gradient of the curve with
-respect to every number of the scene. Later calls with equal structure compile nothing. *Again* is the time
-in a second process that loads the functions compiled by the first, with `JAX_COMPILATION_CACHE_DIR=<folder>`
-and `JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0` in the environment of both.
+- *Roots* are all elementwise operations that cost more than an addition: square roots, divisions, exp, log
+  and erf. The closed form takes one square root and one division for each angular node (168) and Prony term.
+- *Products* are the multiply-adds of matrix products.
+- *First call* is the time to trace, compile and evaluate a curve of 50 velocities in a new process. It does
+  not include the time to import the package ({imported}).
+- *Gradient* is the corresponding time for the gradient of the curve with respect to every number of the
+  scene. Later calls for scenes of the same structure compile nothing.
+- *Again* is the time in a second process, which loads the functions that the first process compiled. Both
+  processes have `JAX_COMPILATION_CACHE_DIR=<folder>` and `JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0` in
+  the environment.
 
 | {columns} |
 |{rule}
@@ -54,8 +57,8 @@ COLUMNS = (
 )
 
 FOOTER = """
-Made by `TABLE=notebooks/operations.md python -m pytest -m benchmark -s tests/benchmarks/test_operations.py`
-on {machine}.
+`TABLE=notebooks/operations.md python -m pytest -m benchmark -s tests/benchmarks/test_operations.py` generated
+this page on {machine}.
 """
 
 

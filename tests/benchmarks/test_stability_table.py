@@ -30,30 +30,39 @@ pytestmark = pytest.mark.benchmark
 INTRODUCTION = f"""\
 # Errors on stiff and extreme scenes
 
-Every scene below is a variation of one of {len(BASES)} base scenes: rough rubber with three relaxation
-times on a rough rigid solid (`one`), on a second rubber (`two`) and on an elastic solid (`on-elastic`); both
-rubbers as slabs bonded to rigid bases (`slabs`), the first as a slab that slides on its base (`layer`); with
-S in G (`corrected`), with WLF shifts and contact shear (`sheared`), on a tabulated spectrum (`measured`).
-`tests/support/cases/extremes.py` lists them, {len(CASES)} scenes. A row gives the largest errors of its
-scenes.
+Every scene below is a variation of one of {len(BASES)} base scenes:
 
-- **value**: the largest relative error of contact area, friction and separation. Errors of
-  frictions below 1e-18 and separations below 1e-6 of the rms height are relative to these values.
-- **gradient**: the largest relative error of the derivatives of the three with respect to every number of
-  scene, velocity, pressure and temperature. Errors of small
-  derivatives are relative to 1e-3 of the largest theta dQ/dtheta, or of Q.
-- **float64** is compared with references of at least 25 digits, stored in `tests/reference/extremes.json` and
-  computed by `tests/reference/precise/make_extremes.py` in 120-digit arithmetic: the theory's integrals in
-  their original form, on two meshes that must agree. Derivatives are differences with a relative step of
-  1e-32. Tests bound these errors by 1e-9 (values) and 1e-7 (gradients; 1e-4 and 1e-5 for Poisson's ratio of
-  two incompressible films, to which Sbar is 1e16 times as sensitive).
-- **float32** is compared with float64 at the same rounded numbers. The effect of rounding the numbers, up to
-  1e-5 for a spectrum from 200 to 200.2 1/m, is not counted. Tests bound the error of
-  values by 1e-5. If a weight E_i is 0, errors of frictions below 1e-12 are relative to 1e-12. Scenes marked
-  `refused` are beyond float32, and the library refuses them. Gradients are finite and mostly have errors
-  below 1e-3, except where large terms cancel (all weights zero, bands of 1e-3, thin films).
+- `one`: rough rubber with three relaxation times on a rough rigid solid.
+- `two`: the same rubber on a second rubber.
+- `on-elastic`: the same rubber on an elastic solid.
+- `slabs`: both rubbers as slabs that are bonded to rigid bases.
+- `layer`: the first rubber as a slab that slides on its base without friction.
+- `corrected`: as `one`, with S in G.
+- `sheared`: as `one`, with WLF shifts and contact shear.
+- `measured`: as `one`, with a tabulated spectrum.
 
-`Quadrature` is the default, except for `gamma-0-light` in float64, with `graded=16`. Made by
+`tests/support/cases/extremes.py` defines the {len(CASES)} scenes. Each row of the table gives the largest
+errors of its scenes.
+
+- **value**: the largest relative error of contact area, friction and separation. For frictions below 1e-18
+  and separations below 1e-6 of the rms height, errors are divided by these limits instead of the value.
+- **gradient**: the largest relative error of the derivatives of area, friction and separation with respect to
+  every number of the scene, velocity, pressure and temperature. Errors of small derivatives are divided by
+  1e-3 of the largest theta dQ/dtheta, or of Q.
+- **float64** results are compared with references of at least 25 digits, which are stored in
+  `tests/reference/extremes.json`. `tests/reference/precise/make_extremes.py` computes them in 120-digit
+  arithmetic, from the theory's integrals in their original form, on two meshes that must agree. Derivatives
+  of the references are differences with a relative step of 1e-32. Tests bound the errors of values by 1e-9,
+  and the errors of gradients by 1e-7. The bounds are 1e-4 and 1e-5 for Poisson's ratio in two cases of
+  incompressible films, because Sbar is 1e16 times as sensitive to it there.
+- **float32** results are compared with float64 results for the same rounded inputs. The effect of rounding
+  the inputs is not counted. It is up to 1e-5, for a spectrum from 200 to 200.2 1/m. Tests bound the errors of
+  values by 1e-5. If a weight E_i is 0, errors of frictions below 1e-12 are divided by 1e-12. The library
+  refuses scenes that float32 cannot represent; they are marked `refused`. Gradients are finite. Most of them
+  have errors below 1e-3, except where large terms cancel (all weights zero, bands of 1e-3, thin films).
+
+The default `Quadrature` is used, except for `gamma-0-light` in float64, which has `graded=16`. This command
+generates the page:
 
     TABLE=notebooks/stability.md python -m pytest -m benchmark -s tests/benchmarks/test_stability_table.py
 

@@ -201,7 +201,7 @@ SCENES = {
     "one modulus in MPa": (
         "E_inf = 3e6",
         "E_inf = 3",
-        "upper.material: E_inf = 3 Pa beside E up to 5e+07 Pa: must be 0, or more than 1e-6 of it; is it in",
+        "upper.material: E_inf = 3 Pa with E up to 5e+07 Pa: must be 0, or more than 1e-6 of the largest E",
     ),
     "terms of different lengths": ("[1e-5, 1e-3]", "[1e-5]", "lengths differ (E has 2, tau has 1)"),
     "a number in quotes": ("hurst = 0.8", 'hurst = "0.8"', "lower.spectrum.hurst = '0.8': must be a number"),
@@ -290,9 +290,9 @@ def test_scenes_and_conditions_in_other_units_give_a_warning():
         (
             road.replace(h_rms=0.5),
             rubber,
-            r"lower\.spectrum: rms height 0\.5 m beside 1/q0 = .* m: must be",
+            r"lower\.spectrum: rms height 0\.5 m: must be below 1/q0 = .* m; is",
         ),
-        (road, rf.Prony(3.6, [5e7], [1e-5]), r"upper\.material: E_inf = 3\.6 Pa beside E up to 5e\+07 Pa"),
+        (road, rf.Prony(3.6, [5e7], [1e-5]), r"upper\.material: E_inf = 3\.6 Pa with E up to 5e\+07 Pa"),
         (table, rubber, r"lower\.spectrum: rms height"),
         (
             road,

@@ -115,20 +115,20 @@ def leaf(
     unit : SI unit, "-" without one
     plausible : lowest and highest plausible magnitude; a number outside is probably in another unit
     plus : field whose elements are added before the comparison with `plausible`
-    column : column of the CSV file for the field of a curve
-    over : abscissa of a vector, a field of equal length: E over tau
+    column : column of the CSV file from which the field is read
+    over : field of equal length with the abscissae of a vector: "tau" for E over tau
     default : as in a dataclass
     """
     return _field(Leaf(rule, unit, plausible, plus, column, over), default)
 
 
 def static(*, default: Any = dataclasses.MISSING) -> Any:
-    """Return a field with a few values, annotated as Literal or bool, or with any float."""
+    """Return a static field: one of a few values if annotated as Literal or bool, or any float."""
     return _field(Static(), default)
 
 
 def setting(*, default: Any) -> Any:
-    """Return a static field of how a scene is computed; files do not hold it."""
+    """Return a static field that controls how a scene is computed; files do not contain it."""
     return dataclasses.field(default=default, metadata={"setting": True})
 
 
@@ -138,7 +138,7 @@ def child(*, hint: str = "", unnamed: str | None = None, default: Any = dataclas
     Parameters
     ----------
     hint : end of the message for an object of another class
-    unnamed : kind of a table in a file without `kind`
+    unnamed : kind of the object if its table in a file has no key `kind`
     default : as in a dataclass
     """
     return _field(Child(hint, unnamed), default)
@@ -170,7 +170,7 @@ def meaning_of(cls: type, field: dataclasses.Field) -> Meaning:
 
 
 def checked(where: str, value: Any, field: Meaning) -> Any:
-    """Return the checked and converted value of a field; ValueError for an invalid one."""
+    """Return the checked and converted value of a field; ValueError for an invalid value."""
     if isinstance(field, Leaf):
         if value is None and field.optional:
             return None

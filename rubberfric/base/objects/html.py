@@ -18,7 +18,7 @@ _LEFT = "text-align:left"
 
 
 def table(rows: Sequence[Sequence[str] | str], headings: Sequence[str] = (), caption: str = "") -> str:
-    """Return a table of texts; a row that is one text spans all columns."""
+    """Return a table of texts; a row given as a single string spans all columns."""
     columns = max([len(headings), *(len(row) for row in rows if not isinstance(row, str))])
     lines = [f"<caption style='{_LEFT}'><b>{html.escape(caption)}</b></caption>"] * bool(caption)
     lines += [_row("th", headings)] * bool(headings)
@@ -38,7 +38,7 @@ def preformatted(text: str) -> str:
 
 
 def short(value: Any) -> str:
-    """Return a value as short text: numbers with six digits, arrays with their ends and count."""
+    """Return a value as short text: numbers with six digits, arrays with first and last element and shape."""
     if isinstance(value, Tracer):
         return f"traced, {value.dtype}" + f" ({count(value.shape)})" * (value.ndim > 0)
     if isinstance(value, str | bool):

@@ -31,7 +31,7 @@ class KeyPath(NamedTuple):
     def elements(self, shape: tuple[int, ...]) -> tuple[int, ...] | None:
         """Return the selected elements along the first axis of an array, counted from 0.
 
-        All elements if there are no brackets; None for a single number.
+        The result is all elements if the path has no brackets, and None for a single number.
 
         Raises
         ------
@@ -67,7 +67,7 @@ def parse_key_path(path: str) -> KeyPath:
 
 
 def with_elements(path: KeyPath, array: Any, new: Any) -> jax.Array:
-    """Return an array with new numbers in the elements of a key path."""
+    """Return an array with new numbers in the elements that a key path selects."""
     if not isinstance(array, jax.Array | float):
         raise ValueError(f"{path.text!r}: {path.name} = {shown(array)} is not an array; leave [ ] out")
     array = jnp.asarray(array)

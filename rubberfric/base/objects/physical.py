@@ -34,7 +34,7 @@ _NOT_GIVEN: Any = object()
 
 
 class PhysicalObject:
-    """Base class of the parts of scenes: frozen dataclasses made by `physical`, pytrees to JAX."""
+    """Base class of the parts of scenes, which `physical` makes frozen dataclasses and JAX pytrees."""
 
     # Keys of a scene file that replace a field; the class method from_KEY accepts them.
     alternatives: ClassVar[Mapping[str, str]] = {}
@@ -66,7 +66,7 @@ class PhysicalObject:
     def replace(
         self, paths: str | Mapping[str, Any] | None = None, value: Any = _NOT_GIVEN, /, **fields: Any
     ) -> Self:
-        """Return a copy with other values, checked like in the constructor; values may be traced.
+        """Return a copy with new values, checked as in the constructor; values may be traced.
 
         ::
 
@@ -77,8 +77,8 @@ class PhysicalObject:
         Parameters
         ----------
         paths : a key path, or a dict from key paths to values
-            Elements of an array, such as "E[3]" or "E[1:3]", take one number or one for each element. All are
-            changed before the checks.
+            Elements of an array, such as "E[3]" or "E[1:3]", take one number or one for each element. All
+            values are changed before the checks.
         value : value for a single key path
         fields : values of fields of this object
 
@@ -100,9 +100,10 @@ class PhysicalObject:
 
 
 class Kind(PhysicalObject):
-    """Base class of objects with alternatives; a subclass without fields defines their methods.
+    """Base class of objects that can be of several kinds, such as materials and spectra.
 
-    Such a subclass, `Material` or `Spectrum`, is a role. Its subclasses are the kinds of the role.
+    A subclass without fields, such as `Material` or `Spectrum`, is a role and defines the methods. Its
+    subclasses are the kinds of the role.
     """
 
     # Name in scene files; by default PronyShear is "prony_shear".
@@ -128,7 +129,7 @@ def object_html(value: PhysicalObject) -> str:
 
 
 def _rows(value, path):
-    """Yield (key path, text) for every field and nested field."""
+    """Return (key path, text) for every field and nested field."""
     rows = []
     for name in fields_of(type(value)):
         content, here = getattr(value, name), path + name
@@ -169,7 +170,7 @@ def fields_of(cls: type[PhysicalObject]) -> Mapping[str, Meaning]:
 
 
 def leaves_of(cls: type[PhysicalObject]) -> dict[str, Leaf]:
-    """Return the descriptions of the fields with numbers."""
+    """Return the descriptions of the fields that hold numbers, by name."""
     return {name: field for name, field in fields_of(cls).items() if isinstance(field, Leaf)}
 
 
@@ -183,7 +184,7 @@ def parts_of(part: PhysicalObject, path: str = "") -> Iterator[tuple[str, Physic
 
 
 def rising_of(part: PhysicalObject) -> list[list[tuple[str, tuple[int, ...] | None]]]:
-    """Return every chain of `rising` as fields with indices of elements; None for a scalar."""
+    """Return every chain of `rising` as (field, element indices); the indices of a scalar are None."""
     chains = [[parse_key_path(text) for text in chain] for chain in type(part).rising]
     return [
         [
@@ -196,18 +197,18 @@ def rising_of(part: PhysicalObject) -> list[list[tuple[str, tuple[int, ...] | No
 
 
 def unit_of(cls: type[PhysicalObject], name: str) -> str:
-    """Return the unit of the numbers in a field, "-" without unit, "" without numbers."""
+    """Return the unit of the numbers in a field: "-" if they have none, "" if the field has no numbers."""
     field = fields_of(cls)[name]
     return field.unit if isinstance(field, Leaf) else ""
 
 
 @dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(leaf, static, setting, child))
 def physical(cls: type[_T]) -> type[_T]:
-    """Make a class a frozen dataclass that is checked when constructed, and a pytree; a class decorator.
+    """Make a class a frozen dataclass and a pytree whose constructor checks the fields; a class decorator.
 
     Raises
     ------
-    TypeError : another class has that name, or the annotation of a field is invalid.
+    TypeError : another class has the same name, or the annotation of a field is invalid.
     """
     known = _CLASSES.get(cls.__name__)
     if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
@@ -269,7 +270,7 @@ def _register_pytree(cls):
 
 
 def _replaced(owner, where, changes):
-    """Return an object with changes (key path, remaining steps, new value); `where` is its path."""
+    """Return `owner`, at key path `where`, with changes: (key path, names below `owner`, new value)."""
     values = {name: getattr(owner, name) for name in (*fields_of(type(owner)), *owner._settings)}
     by_field: dict[str, list] = {}
     for path, steps, new in changes:

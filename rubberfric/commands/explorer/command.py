@@ -1,7 +1,7 @@
 """The command `rubberfric explore`: serve the page of a scene until a signal ends it.
 
 The page offers two downloads, the present scene and a fit that begins there. Their files lie in one folder
-and hold no paths; several files make a ZIP archive. The command writes no file.
+and contain no paths of this machine; several files make a ZIP archive. The command writes no file.
 """
 
 import argparse
@@ -45,7 +45,7 @@ class Download(NamedTuple):
 
 
 def run_explorer(arguments: argparse.Namespace, show: Phases) -> tuple[str, None]:
-    """Run `rubberfric explore`, which only a signal ends."""
+    """Run `rubberfric explore` until a signal ends it."""
     show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene, default=True)
     measured = None if arguments.data is None else read_points(arguments.data, scene, conditions)
@@ -79,7 +79,7 @@ def page(nonce: str) -> str:
 
 
 def routes(explorer: Explorer) -> dict[str, Callable[[Any], Answer]]:
-    """Return the functions that answer posts of the page, by route."""
+    """Return the functions that answer POST requests of the page, by route."""
 
     def with_values(work: Callable[[dict[str, float]], Answer]) -> Callable[[Any], Answer]:
         return lambda content: work(slider_values(explorer.sliders, content))
@@ -161,7 +161,7 @@ def scene_download(explorer: Explorer, values: CurveValues) -> Download:
 
 
 def fit_download(explorer: Explorer, values: CurveValues) -> Download:
-    """Return a job of `rubberfric-fit` that begins at the sliders' values and frees the moved ones.
+    """Return a `rubberfric-fit` job that begins at the sliders' values and varies the moved numbers.
 
     Raises
     ------
@@ -177,7 +177,7 @@ def fit_download(explorer: Explorer, values: CurveValues) -> Download:
 
 
 def job_text(explorer: Explorer, values: CurveValues, measured: MeasuredPoints, table: str) -> str:
-    """Return the text of the job of `fit_download`."""
+    """Return the text of the job file in `fit_download`."""
     away = [one for one in explorer.sliders if one.targets and values[one.name] != one.start]
     rules = dict(pair for one in away for pair in _rules(one, values[one.name]))
     if not rules:
@@ -199,7 +199,7 @@ def job_text(explorer: Explorer, values: CurveValues, measured: MeasuredPoints, 
         lines.append(f"temperature = {values['temperature']!r}  # K")
     lines += ["", "[free]", *(f'"{path}" = {rule}' for path, rule in rules.items())]
     left = [one.name for one in away if not one.free]
-    lines += [f"# {name}: was moved, but is not a number that a fit can have free" for name in left]
+    lines += [f"# {name}: was moved, but cannot be a free parameter of a fit" for name in left]
     return "\n".join(lines) + "\n"
 
 

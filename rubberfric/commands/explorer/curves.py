@@ -1,4 +1,6 @@
-"""Curves of a scene at the sliders' values: one compiled function for all, another for sensitivities.
+"""Curves of a scene at the sliders' values.
+
+One compiled function computes all curves, and another the sensitivities.
 
 The functions take the numbers of the scene as arguments, so moving a slider compiles nothing. Their
 quadrature is valid for ten decades at any load. If the curves are too slow to follow a slider, as with
@@ -48,8 +50,8 @@ class Explorer:
 
     Parameters
     ----------
-    scene, conditions, title : of the scene file; the curves are over its velocities, or over pressures if
-        there are no two velocities > 0
+    scene, conditions, title : contents of the scene file
+        The curves are over its range of velocities, or over pressure if it has no two velocities > 0.
     measured : points to compare with, or None
     """
 
@@ -62,7 +64,8 @@ class Explorer:
         self.axis, self.at = _axis(conditions, ADHESIVE_POINTS if adheres else POINTS)
         if self.axis == "pressure" and measured is not None:
             raise ValueError(
-                f"{measured.path}: has points over velocity: [run] of the scene must have two velocities > 0"
+                f"{measured.path} has points over velocity, but [run] of the scene has no velocity range: "
+                "give it two velocities > 0"
             )
         self.sliders = sliders_of(self.scene, conditions, self.axis)
         self.quadrature = default_quadrature(
@@ -87,13 +90,13 @@ class Explorer:
 
     @property
     def count(self) -> int:
-        """Points that are computed for one position of the sliders."""
+        """Number of points that are computed for one position of the sliders."""
         measured = 0 if self.measured is None else self.measured.velocity.size
         return self._end + measured
 
     @property
     def _end(self) -> int:
-        """Points of curves."""
+        """Number of points of curves, which precede the measured points."""
         return self.at.size + self.at[::BESIDE].size * len(self.curves_of_points)
 
     def moved(self, values: CurveValues) -> Scene:
@@ -109,8 +112,8 @@ class Explorer:
 
         Returns
         -------
-        dict : "curves" of each quantity, "beside" the friction at the conditions of measured points,
-            "misfit" rms of ln(mu / measured), "moduli" and "spectra" of the solids; NumPy arrays
+        dict : "curves" of each quantity, "beside" the friction curves at the conditions of measured points,
+            "misfit" rms of ln(model / measured friction), "moduli" and "spectra" of the solids; NumPy arrays
         """
         scene = cast(self.moved(values), float)
         v, p, T = self.conditions_at(values)
@@ -125,7 +128,10 @@ class Explorer:
         return found
 
     def sensitivities(self, values: CurveValues) -> dict[str, np.ndarray]:
-        """Return d ln Q / d ln slider by name at `at[::EVERY]`; Q is friction, or area if friction is 0."""
+        """Return d ln Q / d ln slider by slider name at `at[::EVERY]`.
+
+        Q is friction, or area if friction is 0.
+        """
         self.moved(values)
         x = jnp.array([values[one.name] for one in self.sliders])
         value, slopes = jax.device_get(self._slopes(x))
@@ -144,7 +150,7 @@ class Explorer:
             self.has_drafts = True
 
     def compile_sensitivities(self) -> None:
-        """Compile the function of the sensitivities, and keep an error, because this may run in a thread."""
+        """Compile the function of the sensitivities, and store an error, which a thread could not raise."""
         try:
             self.sensitivities({one.name: one.start for one in self.sliders})
         except Exception as error:  # a thread cannot raise it
@@ -153,7 +159,10 @@ class Explorer:
             self._compiled.set()
 
     def conditions_at(self, values: CurveValues) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Return velocity, pressure and temperature of the curve, of curves for points, and of the points."""
+        """Return velocity, pressure and temperature of all computed points, arrays of shape (count,).
+
+        The order is: points of the curve, points of the curves for measured points, measured points.
+        """
         curves, measured = self.curves_of_points, self.measured
 
         def all_of(name, one):
@@ -197,7 +206,10 @@ class Explorer:
         return curves, others, moduli, spectra
 
     def _all_slopes(self, x):
-        """Return the quantity at points, and its derivatives by all sliders, (points, sliders)."""
+        """Return the `sensitive` quantity at points, and its derivatives with respect to all sliders.
+
+        Their shapes are (points,) and (points, sliders).
+        """
         names = [one.name for one in self.sliders]
         base = cast(self.scene, float)
 
@@ -243,7 +255,7 @@ def _axis(conditions: Conditions, count: int) -> tuple[str, np.ndarray]:
 
 
 def _materials(scene: Scene) -> dict[str, Material]:
-    """Return the deformable materials by their place."""
+    """Return the deformable materials, by the name of their body."""
     found = {}
     for name, body in (("upper", scene.upper), ("lower", scene.lower)):
         if body.material.deforms:
@@ -262,6 +274,6 @@ def _frequencies(material: Material) -> np.ndarray:
 
 
 def _misfit(model: np.ndarray, measured: np.ndarray) -> float:
-    """Return the rms of ln(model / measured) over positive values; NaN without any."""
+    """Return the rms of ln(model / measured) over positive values; NaN if there are none."""
     both = (model > 0) & (measured > 0)
     return float(np.sqrt(np.mean(np.log(model[both] / measured[both]) ** 2))) if both.any() else math.nan

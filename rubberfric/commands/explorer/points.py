@@ -16,7 +16,7 @@ MOST_POINTS, MOST_CURVES = 2000, 12
 
 
 class MeasuredPoints(NamedTuple):
-    """Friction coefficients, arrays of shape (n,); missing conditions are those of the sliders."""
+    """Measured friction coefficients, arrays of shape (n,); None for a condition that a slider sets."""
 
     path: Path
     velocity: np.ndarray  # [m/s]

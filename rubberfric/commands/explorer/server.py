@@ -58,7 +58,7 @@ class Server(ThreadingHTTPServer):
 
     Parameters
     ----------
-    port : 0: any free port
+    port : number of the port; 0 selects any free port
     page : function of a nonce that returns the page; its scripts and style have the nonce
     routes : functions of the posted JSON value by name; they raise ValueError for invalid values
     """
@@ -100,7 +100,7 @@ class Server(ThreadingHTTPServer):
             return False
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Process a request in one of a limited number of threads; browsers open idle connections."""
+        """Process a request in one of a limited number of threads, because browsers open idle connections."""
         if not self._room.acquire(blocking=False):
             self.shutdown_request(request)
             return
@@ -118,7 +118,7 @@ class Server(ThreadingHTTPServer):
 
 
 class Handler(BaseHTTPRequestHandler):
-    """One request."""
+    """Handler of one request."""
 
     server: Server  # pyright: ignore[reportIncompatibleVariableOverride]
     timeout = REQUEST_TIMEOUT
@@ -129,7 +129,7 @@ class Handler(BaseHTTPRequestHandler):
         self._answer(self._page)
 
     def do_POST(self) -> None:
-        """Answer a post of the page."""
+        """Answer a POST request of the page."""
         self._answer(self._posted)
 
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
@@ -196,11 +196,11 @@ class Handler(BaseHTTPRequestHandler):
             raise Refused(HTTPStatus.FORBIDDEN, "Host: must be this server")
 
     def _route(self) -> str:
-        """Return the path after the token, "" for the page; refuse with 403 without the token."""
+        """Return the path after the token, "" for the page; refuse requests without token with status 403."""
         begin, token, *route = (*self.path.split("/", 2), "", "")[:3]
         known = hmac.compare_digest(token.encode(errors="replace"), self.server.token.encode())
         if begin != "" or not known:
-            raise Refused(HTTPStatus.FORBIDDEN, "the URL must be the whole one that the command printed")
+            raise Refused(HTTPStatus.FORBIDDEN, "the URL must be complete, as the command printed it")
         return route[0]
 
     def _only(self, name: str) -> str | None:

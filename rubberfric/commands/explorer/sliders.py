@@ -1,7 +1,8 @@
 """Sliders: numbers of a scene that the page can change, and their ranges.
 
-They follow from the fields of the objects of a scene. Each number has a slider. Series and tables have a
-factor for all moduli, one for the frequencies and one for each decade of relaxation times.
+The fields of the objects of a scene determine its sliders. Each single number has a slider. Series and tables
+have sliders for a factor of all moduli, of all frequencies and of the moduli in each decade of relaxation
+times.
 """
 
 import math
@@ -60,7 +61,7 @@ def sliders_of(scene: Scene, conditions: Conditions, axis: str = "velocity") -> 
     Parameters
     ----------
     scene : Scene of concrete numbers, prepared by `with_cutoffs`
-    conditions : their middle pressure and temperature are the start values of these sliders
+    conditions : the middle pressure and the middle temperature are the start values of their sliders
     axis : condition on the abscissa of the curves, which has no slider
     """
     found = [one for one in _of_conditions(scene, conditions) if one.name != axis]
@@ -81,7 +82,7 @@ def with_cutoffs(scene: Scene) -> Scene:
 
 
 def slider_values(sliders: Sequence[Slider], given: Any) -> dict[str, float]:
-    """Return the value of every slider from the values that differ from the start.
+    """Return the value of every slider, given the values that differ from the start.
 
     Raises
     ------
@@ -157,7 +158,7 @@ def _of_conditions(scene: Scene, conditions: Conditions) -> Iterator[Slider]:
 
 
 def _middle(values: np.ndarray) -> tuple[float, float, float]:
-    """Return the smallest, a middle and the largest value."""
+    """Return the smallest, the middle and the largest value; of two middle values the lower."""
     ordered = np.sort(values).tolist()
     return ordered[0], ordered[(len(ordered) - 1) // 2], ordered[-1]
 
@@ -187,7 +188,7 @@ def _of_object(path: str, part: PhysicalObject) -> Iterator[Slider]:
 
 
 def _of_number(path: str, group: str, name: str, field: Leaf, start: float) -> Iterator[Slider]:
-    """Yield the slider of a number: linear for bounded numbers and angles, otherwise a factor."""
+    """Yield the slider of a number: linear for bounded numbers and angles, otherwise logarithmic."""
     allowed = field.rule[1]
     if field.unit == "rad":
         low, high, logarithmic = start - math.pi / 2, start + math.pi / 2, False
@@ -214,7 +215,7 @@ def _factor(
 
 
 def _by_decade(path: str, group: str, name: str, times: np.ndarray) -> Iterator[Slider]:
-    """Yield a factor for every decade of relaxation times, if there are several."""
+    """Yield the slider of a factor for every decade of relaxation times, if there are several decades."""
     # Powers of ten begin their decade, regardless of rounding.
     decades = np.floor(np.log10(times) + 1e-6).astype(int)
     for decade in np.unique(decades) if np.ptp(decades) else ():
@@ -234,7 +235,7 @@ def _at(scene: Scene, path: str) -> jax.Array:
 
 
 def _accepts(scene: Scene, slider: Slider) -> Callable[[float], bool]:
-    """Return a test if the scene accepts a value of a slider, with the others at their start."""
+    """Return a test if the scene accepts a value of one slider while all other sliders are at their start."""
 
     def accepts(value):
         try:
@@ -247,7 +248,7 @@ def _accepts(scene: Scene, slider: Slider) -> Callable[[float], bool]:
 
 
 def _within(slider: Slider, accepts: Callable[[float], bool]) -> Slider:
-    """Return the slider with accepted ends, found by bisection."""
+    """Return the slider with a range whose ends are accepted; bisection finds the ends."""
     ends = {}
     for name, side in (("low", -1.0), ("high", 1.0)):
         if accepts(slider.at(side)):

@@ -72,7 +72,7 @@ def correction_table(gamma: jax.Array) -> CorrectionTable:
 
 
 def correct_argument(table: CorrectionTable, x: jax.Array) -> jax.Array:
-    """Return x = 1/(2 sqrt(G)) with S in G, from the plain x of any shape; both are at most 27."""
+    """Return x = 1/(2 sqrt(G)) with S in G, given x without S, of any shape; both are at most 27."""
     log_plain = -2 * jnp.log(2 * x)
     position = (log_plain - table.start) / table.step
     count = table.cells.shape[1]
@@ -87,7 +87,7 @@ def correct_argument(table: CorrectionTable, x: jax.Array) -> jax.Array:
 
 
 def _quintic(h, f, slope, curvature):
-    """Return quintic Hermite polynomials about the left entries, and the slopes at the ends."""
+    """Return quintic Hermite polynomials about the left entries, and the slopes at both ends of the table."""
     d, c = h * slope, h * h * curvature
     rise = f[1:] - f[:-1] - d[:-1] - 0.5 * c[:-1]
     tilt = d[1:] - d[:-1] - c[:-1]

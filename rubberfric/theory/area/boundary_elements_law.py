@@ -106,7 +106,7 @@ class Law(NamedTuple):
 
 
 class State(NamedTuple):
-    """The contact at points; axes (points, nodes) or (points, nodes, angles), all moduli over `scale`."""
+    """The contact at points. Arrays have the shape (points,), except `mu_of_q`."""
 
     area: jax.Array
     mu: jax.Array  # viscoelastic friction, with the part beyond q1
@@ -159,7 +159,7 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
 
 
 def law_at_points(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None) -> State:
-    """Return the `State` at points, computed one after the other.
+    """Compute the `State` at points, one point after the other.
 
     The arrays of a point fit into the processor's cache. Reverse mode computes a point again instead of
     storing its modulus at every node and angle.
@@ -174,7 +174,7 @@ def law_at_points(law: Law, velocity: jax.Array, pressure: jax.Array, temperatur
 
 
 def _before(panels):
-    """Sum over the panels before each one."""
+    """Sum over the panels before each panel."""
     return jnp.asarray(np.tri(panels.shape[0], k=-1, dtype=panels.dtype)) @ panels
 
 
@@ -185,7 +185,7 @@ def _density(law: BrokenPowerLaw, q: jax.Array) -> jax.Array:
 
 
 def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None) -> State:
-    """Return the `State` at points, shape (points,) each."""
+    """Return the `State` at points; conditions have the shape (points,)."""
     shape, c = law.shape, law.constants
     panels, order = shape.q.shape
     speed = jnp.abs(velocity)[:, None, None]
@@ -308,7 +308,7 @@ def _area(y):
 
 
 def _fixed_point(balance, start):
-    """Solve y = balance(y) by Newton steps, (points,), without derivatives."""
+    """Solve y = balance(y) by Newton steps; return (y, converged), (points,) each, without derivatives."""
     tolerance = 1e-13 if start.dtype == jnp.float64 else 1e-5
 
     def step(progress):

@@ -13,7 +13,7 @@ The area minimises this energy minus the work of adhesion and the work of the lo
 .. math:: p_1 = \sigma_0 + \sqrt{\frac{2\,\Delta\gamma\, A'(p_1)}{u''(p_1)}}
 
 This is exact for a sphere (Johnson, Kendall and Roberts) and for every contact with a single edge. At light
-load A is proportional to p_1 and u to its logarithm, so the root is a share of p_1: the area stays
+load A is proportional to p_1 and u to its logarithm, so the root is a constant share of p_1: the area stays
 proportional to the load and is larger by the factor 1 / (1 - share). If the share reaches 1, no load keeps
 the solids apart, and they jump into closer contact [boundary elements agree: Pastewka and Robbins, Proc.
 Natl. Acad. Sci. 111, 3298 (2014), doi:10.1073/pnas.1320846111].
@@ -53,7 +53,7 @@ _LIGHT, _TRIED, _ROUNDS = 1e-4, 32, 6
 
 
 class Unloading(NamedTuple):
-    """Data of the energy at a point; nodes lie along one axis."""
+    """Data for the energy of unloading at a point. The nodes lie along one axis."""
 
     x: jax.Array  # at sigma_0
     storage: jax.Array  # terms of U [m]
@@ -77,8 +77,8 @@ def solve_energy_criterion(unloading: Unloading) -> AdhesiveLoad:
 
     Returns
     -------
-    AdhesiveLoad. The smallest of several loads, which approaching solids reach first; full contact if there
-    is no solution. Derivatives are implicit.
+    AdhesiveLoad. If there are several solutions, it has the smallest load, which approaching solids reach
+    first. Without a solution, it has a load of full contact. Derivatives are implicit.
     """
     still = jax.lax.stop_gradient(unloading)
     solution, full, converged = jax.vmap(_solved, (_POINTS,))(still)
@@ -94,7 +94,7 @@ def solve_energy_criterion(unloading: Unloading) -> AdhesiveLoad:
 
 
 def _solved(point):
-    """Return the smallest solution, True if it is full contact, and True if it was found.
+    """Return the smallest solution, True for full contact, and True if a solution was found.
 
     Loads are logarithms of p_1 over sigma_0.
     """
@@ -146,14 +146,14 @@ def _slopes(point, z):
 
 
 def _nodes(point, z):
-    """Return x, P, its derivative and x s' at the nodes."""
+    """Return x, P, dP/dx and x ds/dx at the nodes under the load e^z."""
     x = jnp.minimum(point.x * jnp.exp(z), 2 * _FULL)
     P, bell = contact_fraction(x), TWO_OVER_ROOT_PI * jnp.exp(-x * x)
     return x, P, bell, x * bell * (point.gamma + 3 * (1 - point.gamma) * P * P)
 
 
 def _ends(point, z):
-    """Return x of all the roughness, plain and with S in G."""
+    """Return x of all roughness under the load e^z, without and with S in G."""
     x = jnp.minimum(point.end * jnp.exp(z), 2 * _FULL)
     return x, x if point.correction is None else correct_argument(point.correction, x)
 

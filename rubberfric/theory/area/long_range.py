@@ -15,10 +15,12 @@ separations are Gaussian with the mean u_1(q) and the width h(q) of
 .. math:: p_\mathrm{ad} = \frac{\Delta\gamma}{r}\Big[A
           + \int (-dP)\, \langle e^{-u/r}\rangle_{u_1(q), h(q)}\Big]
 
-p_ad increases with p_rep and lies between 0 and the work over r. Therefore at least one solution lies between
-sigma_0 and sigma_0 + work / r. The smallest of several is returned, which approaching solids reach first.
+p_ad increases with p_rep and lies between 0 and work / r. Therefore at least one solution lies between
+sigma_0 and sigma_0 + work / r. If there are several, the smallest one is returned, because approaching solids
+reach it first.
 
-u_1 contains the integral of k over U beyond q. It is evaluated by parts, with x_1 at q1 and V = U(q) - U(q'):
+u_1 contains the integral of k over U beyond q. This integral is evaluated by parts, with x_1 at q1 and
+V = U(q) - U(q'):
 
 .. math:: \int_q^{q_1} k\,dU = k(x_1)\,U(q) + \int \frac{dk}{d\ln x}\,V\,d\ln x
 
@@ -77,7 +79,7 @@ class Gaps(NamedTuple):
 
 
 class _Beyond(NamedTuple):
-    """U and the mean square height beyond g, by cubic Hermite polynomials between the knots."""
+    """U and the mean square height beyond g, as cubic Hermite polynomials between the knots."""
 
     knots: jax.Array
     storage: tuple[jax.Array, jax.Array]  # values and slopes at the knots
@@ -94,7 +96,7 @@ def solve_dmt_load(gaps: Gaps, order: int) -> AdhesiveLoad:
     Parameters
     ----------
     gaps : Gaps; the first axis of its arrays is the point, except for reach, gamma, correction and lost
-    order : nodes of a contact panel; the nodes used here are multiples of it
+    order : number of nodes of a contact panel; the numbers of nodes used here are multiples of it
 
     Returns
     -------
@@ -199,7 +201,10 @@ def _separations(gaps, beyond, stiffness, at, X, count):
 
 
 def _slopes(knots, values):
-    """Return slopes at the knots, of the parabola through each and its neighbours; 0 where knots coincide."""
+    """Return slopes at the knots, from the parabola through each knot and its two neighbours.
+
+    The slope is 0 where knots coincide.
+    """
     step = jnp.diff(knots)
     rising = step > 0
     slope = jnp.where(rising, jnp.diff(values) / jnp.where(rising, step, 1.0), 0.0)

@@ -24,7 +24,7 @@ EULER = 0.57721566490153286
 
 
 class AdhesiveLoad(NamedTuple):
-    """Adhesion as an equivalent load, (points,)."""
+    """Adhesion as an equivalent load. Arrays have the shape (points,)."""
 
     load: jax.Array  # load over sigma_0 that gives the same contact without adhesion
     converged: jax.Array
@@ -62,7 +62,7 @@ def _contact_argument_jvp(primals, tangents):
 
 
 def energy_factor(P: jax.Array, gamma: jax.Array | float) -> jax.Array:
-    """Return S, the elastic energy of partial contact over that of full contact."""
+    """Return S, the ratio of the elastic energy of partial contact to the energy of full contact."""
     return gamma + (1 - gamma) * P * P  # (14)
 
 

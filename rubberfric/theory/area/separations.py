@@ -1,8 +1,9 @@
 r"""Loss of contact at each length scale, and the distribution of the separations.
 
-At the wavevector q the solids touch over P(q). Finer roughness opens gaps there with the volume u_bar P. The
-area that leaves contact at q has the mean separation u1 [Yang & Persson, J. Phys.: Condens. Matter
-20, 215214 (2008), doi:10.1088/0953-8984/20/21/215214], with G(q) = 1/(4 X^2), P = erf X:
+At the wavevector q the solids touch over the share P(q) of the nominal area. Finer roughness opens gaps in
+this area, with the volume u_bar P per nominal area. The area that leaves contact at q has the mean separation
+u1 [Yang & Persson, J. Phys.: Condens. Matter 20, 215214 (2008), doi:10.1088/0953-8984/20/21/215214], with
+G(q) = 1/(4 X^2), P = erf X:
 
 .. math:: u_1 = \frac{d[\bar u P]}{dP} = \frac{\pi}{2}\frac{scale}{\sigma_0} P\int_q^{q_1} k(x)\, dU,\qquad
           x = \frac{1}{2 P\sqrt{G(q') - G(q)}},\qquad U = \int d\ln q \sum_j q^3 C_j\,factor_j
@@ -10,8 +11,8 @@ area that leaves contact at q has the mean separation u1 [Yang & Persson, J. Phy
 .. math:: k = x\Psi + x s' + c\,x^2\,(x s' - x\Psi),\qquad c = \frac{\sqrt\pi}{2}\frac{P^3}{X^3}e^{X^2}
 
 This is the derivative of the mean separation of the roughness above q under the pressure sigma_0 / P; s = S
-P. The separations of that area have a Gaussian distribution about u1 with the heights above q, reflected at
-contact [Almqvist, Campana, Prodanov & Persson, J. Mech. Phys. Solids 59, 2355 (2011),
+P. The separations of that area have a Gaussian distribution about u1 with the width of the heights above q,
+reflected at contact [Almqvist, Campana, Prodanov & Persson, J. Mech. Phys. Solids 59, 2355 (2011),
 doi:10.1016/j.jmps.2011.08.004].
 """
 
@@ -39,13 +40,13 @@ _LOWEST, _STEP, _ENTRIES = -14.0, 0.01, 1570
 
 
 def loss_factor(X: jax.Array) -> jax.Array:
-    """Return the factor c; 4/pi at light load, constant above X = 6."""
+    """Return the factor c, which is 4/pi at light load and constant above X = 6."""
     X = jnp.minimum(X, _NOTHING_LOST)
     return 0.5 * math.sqrt(math.pi) * (contact_fraction(X) / X) ** 3 * jnp.exp(X * X)
 
 
 def loss_weight(x: jax.Array, c: jax.Array, gamma: jax.Array | float) -> jax.Array:
-    """Return the weight k(x); 0 at x = 27."""
+    """Return the weight k(x), which is 0 at x = 27."""
     P = erf(x)
     slope = x * TWO_OVER_ROOT_PI * jnp.exp(-x * x) * (gamma + 3 * (1 - gamma) * P * P)
     gap = separation_weight(x, gamma)
@@ -53,26 +54,26 @@ def loss_weight(x: jax.Array, c: jax.Array, gamma: jax.Array | float) -> jax.Arr
 
 
 def cubic(t: jax.Array, f0: jax.Array, f1: jax.Array, d0: jax.Array, d1: jax.Array) -> jax.Array:
-    """Evaluate a cubic Hermite polynomial at the share t of a cell, from values and slopes times width."""
+    """Evaluate a cubic Hermite polynomial at the share t of a cell; slopes are multiplied by its width."""
     rise = f1 - f0
     return f0 + t * (d0 + t * (3 * rise - 2 * d0 - d1 + t * (d0 + d1 - 2 * rise)))
 
 
 class LossTable(NamedTuple):
-    """The slope -dk / d ln x at uniform ln x: part without c, factor of c, and their slopes."""
+    """Table of -dk / d ln x at uniform ln x: the part without c, the factor of c, and the slopes of both."""
 
     gamma: jax.Array
     value: jax.Array  # for one gamma, (2, entries)
     slope: jax.Array  # times the step
 
     def __call__(self, log_x: jax.Array, c: jax.Array) -> jax.Array:
-        """Return the slope at x, 0 for x > 5.4; the error is 3e-8 of the maximum."""
+        """Return -dk / d ln x, which is 0 for x > 5.4. The error is 3e-8 of the maximum."""
         return _fall(self.gamma, jax.lax.stop_gradient((self.value, self.slope)), log_x, c)
 
 
 @jax.custom_jvp
 def _fall(gamma, table, log_x, c):
-    """Return the slope of a table for gamma."""
+    """Return -dk / d ln x from the table for gamma."""
     del gamma
     without, times_c = _parts(table, log_x, cubic)
     return without + c * times_c
@@ -106,14 +107,14 @@ def _cubic_slope(t, f0, f1, d0, d1):
 
 
 def loss_table(gamma: jax.Array) -> LossTable:
-    """Return the table for one gamma in 0 ... 1."""
+    """Return the `LossTable` for one gamma in 0 ... 1."""
     tables = typed(_loss_tables(), gamma)
     return LossTable(gamma, *(tables[0] + gamma * (tables[1] - tables[0])))
 
 
 @functools.cache
 def _loss_tables():
-    """Return values and slopes of both parts for gamma = 0 and 1, (2, 2, 2, entries)."""
+    """Return values and slopes of both parts for gamma = 0 and 1, (gamma, value or slope, part, entry)."""
     log_x = _LOWEST + _STEP * np.arange(_ENTRIES)
     x = np.exp(log_x)
     node, weight = gauss(12)

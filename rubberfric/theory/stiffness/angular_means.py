@@ -63,7 +63,7 @@ class PronyStiffness(NamedTuple):
         split : True if <F'^2> and <F''^2> are needed separately
         harmonics : coefficients (c_m, s_m) of anisotropic roughness, or None. Each has the shape
             (harmonics,), or (harmonics, ...) broadcastable with qv if it depends on q. The means then include
-            the harmonics. Not with split.
+            the harmonics. Not allowed with split.
 
         Returns
         -------
@@ -125,7 +125,7 @@ def _sums_of_harmonics_jvp(primals, tangents):
 
 
 def _terms_of_harmonics(qv, tau, weights, harmonics):
-    """Return terms of the first harmonic, and factors of the others by Horner's scheme."""
+    """Return all harmonics of each term: the first harmonic times a polynomial in -rho (Horner's scheme)."""
     _, sine, r, _ = _relaxation_parts(tau * qv)
     quotient = sine * r  # a / (1 + r), at most 1
     ratio = quotient**2
@@ -156,7 +156,7 @@ def _series_jvp(primals, tangents):
 
 
 def _split_form(F, qv, needs):
-    r"""Return the means with <|F|^2> in two parts, as sums over pairs of terms, all positive.
+    r"""Return the means, with <F'^2> and <F''^2> instead of <|F|^2>, as sums over pairs of positive terms.
 
     .. math:: \langle F''^2\rangle = \sum_{ij} \frac{F_i F_j s_i s_j}{r_i + r_j},\quad s = \frac{a}{r},\qquad
               \langle F'^2\rangle = \Big(F_\infty + \sum_i F_i o_i\Big)^2
@@ -206,7 +206,7 @@ def _sums(weights, tau, qv):
 
 
 def _stored(values):
-    """Return values (n,) as sums, because XLA would compute other operations again for every point."""
+    """Return values (n,) as sums, because XLA would repeat any other operation for every point."""
     return jnp.sum(jnp.where(jnp.eye(values.shape[0], dtype=bool), values, 0.0), -1)
 
 
@@ -223,7 +223,7 @@ def _sums_as_products(weights, tau, qv):
 
 
 def _sums_of_rows(weights, a):
-    """Return sums over the first axis."""
+    """Return the sums over the terms, which lie along the first axis."""
     one, sine = _relaxation(a)
     parts = {"mean_abs2": one, "mean_cos_loss": sine, "mean_storage": one}
     return {name: jnp.sum(weight * parts[name], 0) for name, weight in weights.items()}

@@ -35,14 +35,14 @@ _FAR, _FAR_OF_HARMONICS = 0.8, 1.6
 
 
 class Weights(NamedTuple):
-    """Weights of means over the circle, one row for each; arrays of NumPy, or of jax if mixed."""
+    """Weights of means over the circle, one row per mean: NumPy arrays, or JAX arrays from `mixed`."""
 
     near: np.ndarray | jax.Array  # of f(x - m step), m = -LEAD ... 2 block - 1, (rows, 2 block + LEAD)
     far: np.ndarray | jax.Array  # coefficients of e^-ps, p = parity, parity + 2, ..., from block + 1
     parity: np.ndarray  # 1 or 2
 
     def mixed(self, shares: jax.Array) -> "Weights":
-        """Return one row: the first plus the others times their shares."""
+        """Return weights with one row: the first row plus the other rows times their shares."""
         near, far = ((rows[0] + shares @ rows[1:])[None] for rows in self[:2])
         return Weights(near, far, self.parity)
 
@@ -54,9 +54,10 @@ def depth(step: float) -> int:
 
 @functools.lru_cache(maxsize=64)
 def circle_weights(step: float, harmonics: int) -> tuple[Weights, Weights, Weights]:
-    """Return weights of <f>, <cos(phi) f> and their harmonics (times cos 2 m phi), and transverse ones.
+    """Return the weights of <f>, of <cos(phi) f> and of the transverse means, with their harmonics.
 
-    The transverse means are <sin(phi) sin(2 m phi) f>; their first row is zero.
+    The harmonics of <f> and <cos(phi) f> have the additional factor cos(2 m phi). The transverse means are
+    <sin(phi) sin(2 m phi) f>; their first row is zero.
     """
     count = depth(step)
     node, weight = gauss(24 + harmonics // 2)
@@ -159,7 +160,7 @@ def lead_in(step: float, harmonics: int) -> int:
 
 
 def _moments_before(first, second, begin, power, step, block):
-    """Return moments of the function before the grid, from its values at entries 0 and `block`."""
+    """Return moments of the functions before the grid, from their values at the entries 0 and `block`."""
     begin = typed(begin, first)
     growth = math.exp(2 * step * block)  # a NumPy scalar would widen float32
     upper = (second * jnp.exp(-step * block * begin) - first) / (growth - 1)

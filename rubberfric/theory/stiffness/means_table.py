@@ -70,7 +70,7 @@ class MeansTable(NamedTuple):
         ----------
         q, velocity : [1/m], [m/s], shapes that broadcast
         log_shift : ln a_T, broadcastable with q and velocity; None: 0
-        needs, split, harmonics : as for the table and in `PronyStiffness.means`
+        needs, split, harmonics : arguments with which the table was built; see `PronyStiffness.means`
         """
         passing, sign = _passing(self, jnp.log(q), velocity, log_shift)
         return of_direction(_by_table(self, passing, needs, split, harmonics), sign, harmonics)
@@ -120,7 +120,7 @@ def means_table(F: Tabulated, needs: RequiredMeans, split: bool, harmonics: Harm
 
 
 def _mixed_weights(weights, mix):
-    """Return rows of weights of the means of f, cos(phi) f and sin(phi) f over the circle."""
+    """Return the result of `circle_weights`, with all rows joined into one by the shares `mix`, if given."""
     if mix is None:
         return weights
     even, along, across = weights
@@ -128,7 +128,7 @@ def _mixed_weights(weights, mix):
 
 
 def _root(power):
-    """Return the root of <|F|^2>, with a floor for F = 0 (two liquids at rest), where G is 0."""
+    """Return the square root of <|F|^2>, with a floor for F = 0 (two liquids at rest), where G is 0."""
     return jnp.sqrt(jnp.maximum(power, float(jnp.finfo(power.dtype).tiny) ** 0.8))
 
 
@@ -137,7 +137,7 @@ def _stack(arrays):
 
 
 def _limits(F, kinds, at_ends, harmonics, mix):
-    """Return limits of the rows beyond the ends, (rows, 2); for rows that vanish, the factors of e^+-x."""
+    """Return the limits of the rows beyond both ends, (rows, 2); if a row vanishes, its factors of e^+-x."""
     outside = F.material.loss_beyond
     storage, loss = at_ends
     far = stiffness_parts(F, storage, loss * (math.exp(-_FAR) if outside == "fall" else 1.0))
@@ -155,7 +155,7 @@ def _limits(F, kinds, at_ends, harmonics, mix):
 def _moments(harmonics, outside):
     """Return limits of the angular means below and above the table, (2, 1 + harmonics).
 
-    They apply if E'' vanishes: it is proportional to cos(phi) below the table and to 1 / cos(phi) above it.
+    If E'' vanishes there, it is proportional to cos(phi) below the table and to 1 / cos(phi) above it.
     """
     m = np.arange(1, harmonics + 1)
     sign = -((-1.0) ** m)
@@ -179,7 +179,7 @@ class _Passing(NamedTuple):
 def _passing(table, log_q, velocity, log_shift):
     """Return `_Passing`, and the sign factor of means that are odd in v.
 
-    It avoids a logarithm and an exponential of every q v, which would take longer than the splines.
+    This avoids a logarithm and an exponential of every q v, which would take longer than the splines.
     """
     low, high = table.ends
     # |v a_T| is bounded below such that all q lie far below the table. There E is E(0) and E'' is linear in

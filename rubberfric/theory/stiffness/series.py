@@ -28,11 +28,12 @@ from rubberfric.theory.structure import AT_REFERENCE, RoughSurface, SurfaceTempe
 
 
 class Factors(NamedTuple):
-    """Factors of q^4 C times the means of each kind, as tuples in the order of `Means`; None is 1.
+    """Factors that multiply the product of q^4 C and each mean, as tuples in the order of `Means`.
 
-    The angular means are smooth in ln q and are interpolated between the angular nodes. The factors of layers
-    and softening are not smooth and are exact at every contact node. A quantity is the sum of the products of
-    factor and mean. A kind has two products only if softening separates <F'^2> and <F''^2>.
+    None stands for a factor of 1. The angular means are smooth in ln q and are interpolated between the
+    angular nodes. The factors of layers and softening are not smooth and are exact at every contact node. A
+    quantity is the sum of the products of factor and mean. A kind has two products only if softening
+    separates <F'^2> and <F''^2>.
     """
 
     mean_abs2: tuple[jax.Array | None, ...]
@@ -41,7 +42,7 @@ class Factors(NamedTuple):
     mean_sin_loss: tuple[jax.Array | None, ...]
 
     def of(self, kind: str, values: jax.Array) -> tuple[jax.Array, ...]:
-        """Return values times the factors of the means of a kind."""
+        """Return `values` times the factor of each mean of a kind."""
         return tuple(values if factor is None else values * factor for factor in getattr(self, kind))
 
 
@@ -103,7 +104,7 @@ def relaxing_stiffness(
 
 
 def tabulated_stiffness(surface: RoughSurface, scale: jax.Array) -> Tabulated | None:
-    """Return the stiffness of a modulus without a series if it is the same at every wavevector."""
+    """Return the stiffness if it is `Tabulated` and the same at every wavevector; otherwise None."""
     if surface.detail is None or surface.by_wavevector or surface.softens_in_series:
         return None
     F = relaxing_stiffness(surface, scale, jnp.ones((1, 1), scale.dtype))
@@ -127,14 +128,14 @@ def static_stiffness(
 
 
 def layer_factor(surface: RoughSurface, q: jax.Array) -> jax.Array | None:
-    """Return Sbar at q if it multiplies all of a relaxing K_j (a slab faces a rigid solid), else None."""
+    """Return Sbar at q if it is a factor of a relaxing K_j (slab against a rigid solid); otherwise None."""
     if surface.strained.layer is None or surface.by_wavevector:
         return None
     return _layer(surface.strained, q)
 
 
 def factors_at(surface: RoughSurface, scale: jax.Array, q: jax.Array) -> Factors:
-    """Return the `Factors` at wavevectors q [1/m] of any shape; for a static stiffness they contain F."""
+    """Return the `Factors` at wavevectors q [1/m] of any shape. They contain F if the stiffness is static."""
     if surface.static:
         F = static_stiffness(surface, scale, q)
         return Factors((F**2,), (), (F,), ())
@@ -165,7 +166,7 @@ def _spring(
     softened: Softened | None = None,
     temperature: jax.Array | None = None,
 ) -> jax.Array:
-    """Return E_r(0) Sbar of a body over the scale, at q and a temperature; q None: half-space."""
+    """Return E_r(0) Sbar of a body divided by the scale, at q and a temperature; q None: half-space."""
     if q is not None and body.layer is not None and not body.layer.multiplies:
         return body.layer.static_reduced(body.material, scale, q, temperature)
     own = apply_vertical_shift(body.material.static_reduced() / scale, body.material.shift, temperature)

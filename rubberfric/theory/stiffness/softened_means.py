@@ -25,7 +25,7 @@ _STEP, _GROWTH = 0.3, 7.0
 
 
 class SoftenedInSeries(NamedTuple):
-    """F of a softened solid in series with a spring, at given wavevectors, (panels, order) each."""
+    """Series stiffness F of a softened solid and a spring, at wavevectors of shape (panels, order)."""
 
     modulus: Material | PronyStiffness  # a material without a series, or a series in units of the scale
     storage: jax.Array  # f times the factor that gives a stiffness in units of the scale
@@ -43,7 +43,7 @@ class SoftenedInSeries(NamedTuple):
     ) -> Means:
         """Return the `Means` at qv = q v a_T [1/s], shape (panels, points, order).
 
-        strained, resting : b_T of the solids, broadcastable to qv; None: 1
+        strained, resting : b_T of the strained and of the rough solid, broadcastable to qv; None: 1
         """
         modulus = self.modulus
         if isinstance(modulus, PronyStiffness):
@@ -111,7 +111,7 @@ def _means_in_series_jvp(primals, tangents):
 
 
 def _along(x, values):
-    """Broadcast x along the directions of values by a product, whose transpose sums much faster."""
+    """Broadcast x along the last axis of values by a matrix product, because its transpose sums faster."""
     x = jnp.broadcast_to(x, values.shape[:-1])
     return x[..., None] @ jnp.ones((1, values.shape[-1]), x.dtype)
 

@@ -23,7 +23,7 @@ BEFORE = BESIDE + MARGIN + 1
 
 @functools.cache
 def _spline_matrices() -> tuple[np.ndarray, np.ndarray]:
-    """Return weights of entries in a coefficient, and polynomials of a cell from its coefficients."""
+    """Return the weights of entries in a coefficient, and the pieces of the B-spline as polynomials."""
     # Pieces of the B-spline in t - 1/2, from the recursion over the degree.
     t = Polynomial([0.5, 1.0])
     pieces = [Polynomial([1.0])]
@@ -75,7 +75,7 @@ def splines(values: jax.Array) -> jax.Array:
 
 
 def at(cells: jax.Array, position: jax.Array) -> jax.Array:
-    """Evaluate `splines` at positions in units of cells from the first, (functions, *shape)."""
+    """Evaluate `splines` at positions, counted in cells from the first cell; shape (functions, *shape)."""
     index = jnp.floor(jax.lax.stop_gradient(position))
     t, index = position - index - 0.5, index.astype(int)
 

@@ -41,7 +41,7 @@ _kept: dict[Any, Tables | None] = {}
 
 
 class StiffnessMeans(NamedTuple):
-    """The stiffness at given wavevectors, with its means that are needed."""
+    """The stiffness at given wavevectors, and which of its means are needed."""
 
     # None if nothing relaxes; then F is `varying`, or the factors contain all of it.
     stiffness: PronyStiffness | Tabulated | MeansTable | SoftenedInSeries | None
@@ -112,14 +112,14 @@ class StiffnessMeans(NamedTuple):
         return None if log_factor is None else _by_points(jnp.exp(log_factor))
 
     def _harmonics(self, arranged):
-        """Return the shares of the harmonics, arranged like the stiffness if they depend on q."""
+        """Return the shares of the harmonics; `arranged` reshapes shares that depend on q."""
         if self.harmonics is None or self.harmonics[0].ndim == 1:
             return self.harmonics
         cosine, sine = self.harmonics
         return arranged(cosine), arranged(sine)
 
     def _log_shift(self, temperature):
-        """Return ln a_T, None if it is 0."""
+        """Return ln a_T of the strained solid; None if it is 0."""
         return None if temperature is None or self.shift is None else self.shift.log_factor(temperature)
 
 
@@ -131,7 +131,7 @@ def _shifted(velocity, log_shift):
 
 
 def _by_points(values):
-    """Make (points,) broadcastable to (panels, points, order)."""
+    """Make values of shape (points,) broadcastable to (panels, points, order)."""
     return values[:, None] if values.ndim == 1 else values
 
 
@@ -150,7 +150,7 @@ def stiffness_means(
     scale : modulus scale [Pa]
     q : [1/m], shape (panels, order)
     needs : RequiredMeans
-    table : table of the means, if known
+    table : MeansTable of the surface if already built, or None
     """
     varying = VaryingSeries(surface, scale) if surface.varies else None
     shifts = surface.strained.material.shift, surface.rough.material.shift
@@ -166,7 +166,7 @@ def stiffness_means(
 def _harmonic_shares(surface: RoughSurface, q: jax.Array) -> Harmonics | None:
     """Return the shares (c_m, s_m) of the harmonics at wavevectors q; None without harmonics.
 
-    Shape (harmonics,) each if they are the same at every wavevector, else (harmonics, *q.shape).
+    Shape (harmonics,) each if they are the same at every wavevector, otherwise (harmonics, *q.shape).
     """
     return surface.spectrum.harmonics_at(q) if surface.harmonics else None
 
@@ -205,7 +205,7 @@ def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> 
 
 @functools.lru_cache(maxsize=_PROGRAMS)
 def _compiled_build(structure, shapes, dtype, needs):
-    """Return `_build`, compiled for scenes of one structure. It runs at once, also while JAX traces.
+    """Return `_build`, compiled for scenes of one structure. It runs immediately, even while JAX traces.
 
     `jax.ensure_compile_time_eval` would compile each operation separately and take a second longer.
     """

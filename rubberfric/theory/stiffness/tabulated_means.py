@@ -1,7 +1,7 @@
 r"""Angular means of a solid without a Prony series, by one integral for every node.
 
-Used if the spring in series or a layer depends on q, or for few q v. It applies the trapezoidal rule of
-`rubberfric.theory.stiffness.circle_means`, with E' and E'' from splines over ln omega.
+The integrals are used if the spring in series or a layer depends on q, or for few q v. They apply the
+trapezoidal rule of `rubberfric.theory.stiffness.circle_means`, with E' and E'' from splines over ln omega.
 """
 
 import functools
@@ -29,7 +29,7 @@ _MOST_EXCESS = 40.0
 
 
 class Tabulated(NamedTuple):
-    """F = f k / (f + k) with the scaled E_r, f(omega), and a spring k; its means at every node."""
+    """Series stiffness F = f k / (f + k) of a scaled modulus f(omega) and a spring k."""
 
     material: Material  # without a series
     scale: jax.Array  # f = scale * E [1/Pa], shape () or (nodes,)
@@ -43,7 +43,7 @@ class Tabulated(NamedTuple):
     def means(
         self, qv: jax.Array, needs: RequiredMeans, split: bool = False, harmonics: Harmonics | None = None
     ) -> Means:
-        """Return the means of F for roughness that passes with q v; arguments as `PronyStiffness.means`."""
+        """Return the means of F for roughness that passes with q v; see `PronyStiffness.means`."""
         return means_of_log(
             self.material, qv, harmonics, lambda x: _by_node(self, x, needs, split, harmonics)
         )
@@ -52,14 +52,14 @@ class Tabulated(NamedTuple):
 def means_of_log(
     material: Material, qv: jax.Array, harmonics: Harmonics | None, means: Callable[[jax.Array], Means]
 ) -> Means:
-    """Return means at q v from means at ln |q v|; harmonics that depend on q stay separate there.
+    """Return means at q v from a function that computes means at ln |q v|.
 
     Parameters
     ----------
     material : material of the modulus
     qv : q v a_T [1/s], any shape
     harmonics : as in `PronyStiffness.means`
-    means : function of ln |q v|
+    means : function of ln |q v|; it returns harmonics that depend on q separately
     """
     log_qv, sign = log_frequency(material, qv)
     return of_direction(means(log_qv), sign, harmonics)
@@ -78,7 +78,7 @@ def of_direction(found: Means, sign: jax.Array, harmonics: Harmonics | None) -> 
 
 
 def log_frequency(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return ln |omega|, bounded far below a material's frequencies, and the sign factor of odd functions.
+    """Return ln |omega|, bounded far below the material's frequencies, and a sign factor for odd functions.
 
     Far below, E is E(0) and E'' is linear in omega, so the derivative at v = 0 is right. If E'' does not
     vanish at v = 0+, only the sign remains.
@@ -92,7 +92,7 @@ def log_frequency(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.
 
 
 def far_below(material: Material) -> jax.Array | float:
-    """Return how far below its frequencies a material is at rest, E'' < 1e-9 E' [ln omega].
+    """Return the distance in ln omega below the frequencies of a material where E'' < 1e-9 E' (at rest).
 
     A table may begin where E'' is 1e14 times E'.
     """
@@ -108,7 +108,7 @@ def log_range(material: Material) -> jax.Array:
     """Return ln of the lowest and highest frequencies of a modulus without a series [rad/s], (2,)."""
     ends = material.frequency_range()
     if ends is None:
-        raise ValueError(f"{type(material).__name__}: must implement reduced_series or frequency_range")
+        raise ValueError(f"{type(material).__name__} must implement reduced_series or frequency_range")
     return jnp.log(jnp.stack(ends))
 
 
@@ -125,7 +125,7 @@ def constant_shares(harmonics: Harmonics | None) -> tuple[int, Harmonics | None]
 
 
 def _mixed(shares: jax.Array, means: tuple[jax.Array, ...]) -> jax.Array:
-    """Add harmonics, which are the last of the means, to the mean; the transverse mean has only these."""
+    """Add the harmonics, the last of the means, times their shares. A transverse mean has only harmonics."""
     first = len(means) - len(shares)
     terms = (share * mean for share, mean in zip(shares, means[first:], strict=True))
     return functools.reduce(operator.add, (*means[:first], *terms))
@@ -151,7 +151,7 @@ def stiffness_parts(F: Tabulated, storage: jax.Array, loss: jax.Array) -> Parts:
 
 
 class MeanKind(NamedTuple):
-    """A function whose means are taken; a table has one or several rows for each."""
+    """A function of F whose means over the circle are needed. A table has one or more rows per function."""
 
     name: str
     part: str  # field of `Parts`
@@ -189,7 +189,7 @@ def kinds_of(needs: RequiredMeans, split: bool, loss_beyond: str) -> list[MeanKi
 
 
 def _by_node(F, log_qv, needs, split, harmonics):
-    """Return means at every node by an integral over the circle; scale and spring () or (nodes,)."""
+    """Return means at every node by an integral over the circle; scale and spring are () or (nodes,)."""
     count, mix = constant_shares(harmonics)
     s, psi, weight = rule_of_node(F.material)
     kernels = [np.ones((2, psi.size)), *(np.stack(harmonic(m, psi)) for m in range(1, count + 1))]

@@ -1,7 +1,7 @@
 r"""Two solids in series whose stiffnesses change differently with temperature.
 
 With a vertical shift b_T of one of two deformable solids, or different shifts of layer and base of a coating,
-temperature does more than multiply the times of K_j by a common a_T:
+temperature does more than multiply the relaxation times of K_j by a common a_T:
 
 .. math:: K_j = \frac{1}{M_o(q, a_o\omega)/b_o + M_j(q, 0)/b_j}
 
@@ -21,7 +21,7 @@ from rubberfric.theory.structure import RequiredMeans, RoughSurface, SurfaceTemp
 
 
 class VaryingSeries(NamedTuple):
-    """F of a surface, to be computed for every temperature."""
+    """Series stiffness F of a surface, which is computed for every temperature."""
 
     surface: RoughSurface
     scale: jax.Array  # modulus scale [Pa]

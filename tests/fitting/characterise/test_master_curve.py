@@ -260,17 +260,17 @@ def test_moduli_that_rise_with_temperature_are_noticed():
 @pytest.mark.parametrize(
     ("data", "options", "said"),
     [
-        (isotherms(temperatures=T[:1]), {}, "all are at 243.15 K within 1 K"),
-        (isotherms(points=1), {}, "the sweep at 243.15 K has 1 points > 0: must have 2"),
+        (isotherms(temperatures=T[:1]), {}, "all rows are at 243.15 K within 1 K"),
+        (isotherms(points=1), {}, "the sweep at 243.15 K has 1 points > 0: must have at least 2"),
         (isotherms(), {"reference": 298.0}, "reference = 298 K: must be the temperature of a sweep: 243.15"),
         (isotherms(), {"reference": "room"}, "reference = 'room': must be None or a temperature"),
         (isotherms(), {"vertical": 1}, 'vertical = 1: must be True, False or "entropic"'),
         (isotherms(), {"same": 0}, "same = 0: must be a number > 0"),
         (isotherms(), {"temperature_error": -1}, "temperature_error = -1: must be a number >= 0"),
         ([], {}, "isotherms is a list: must be ModulusData"),
-        ([isotherms(), isotherms(relative=0.1)], {}, r"isotherms\[0\] have no errors, others have"),
+        ([isotherms(), isotherms(relative=0.1)], {}, r"isotherms\[0\] has no errors, but other data sets"),
         ([FrictionData(1.0, 0.5, pressure=1e5)], {}, r"isotherms\[0\] is a FrictionData"),
-        (ModulusData([1.0], [1e6], [1e5]), {}, r"isotherms\[0\], .*: have no temperature"),
+        (ModulusData([1.0], [1e6], [1e5]), {}, r"isotherms\[0\], .*, has no temperature"),
     ],
 )
 def test_bad_input(data, options, said):

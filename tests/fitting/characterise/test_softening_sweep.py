@@ -100,7 +100,7 @@ def test_a_sweep_that_begins_too_late_is_named():
         ({"storage": [1e6, -1.0, 1e6]}, r"^storage\[1\] = -1: must be finite and > 0$"),
         ({"loss": [1e5, np.nan, 1e5]}, r"^loss\[1\] = nan: must be finite and > 0$"),
         ({"strain": [0.0, 1e-2, 1e-1]}, r"^strain\[0\] = 0: must be finite and > 0$"),
-        ({"loss": [1e5, 1e5]}, r"^loss has shape \(2,\): must be \(n,\), as long as strain$"),
+        ({"loss": [1e5, 1e5]}, r"^loss has shape \(2,\): must be \(n,\), with the length of strain$"),
         (
             {"strain": [1e-3, 1e-2, 1e-3]},
             r"^the sweep has two rows at the strain 0\.001. If the strain goes up and down",

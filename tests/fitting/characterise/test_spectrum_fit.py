@@ -103,7 +103,7 @@ def test_no_rolloff_in_the_data(noise):
 def test_slopes_of_no_self_affine_surface(slope, held):
     found = fit_spectrum((Q, 1e-13 * np.minimum(1, (Q / 1e3) ** slope)), qr=1e3)
     assert float(found.spectrum.hurst) == held and set(found.stderr) == {"h_rms"}
-    assert "H is fixed there" in found.remarks[0]
+    assert "H is fixed at this limit" in found.remarks[0]
 
 
 @pytest.mark.slow
@@ -176,7 +176,7 @@ def test_measured_road():
         (lambda: fit_spectrum((Q, measured()), qr=1.0), "qr = 1.0: must be 'fit' or a number, 100 ... 1e+06"),
         (
             lambda: fit_spectrum(SpectrumData(Q, measured(), relative=0.1), relative=0.2),
-            "relative = 0.2: must not be given, because the data have it",
+            "relative = 0.2: must not be given, because the data specify it",
         ),
     ],
 )

@@ -39,7 +39,7 @@ def test_report_and_picture(call, planned, tmp_path):
 def test_bad_input(call, planned):
     text = planned.read_text()
     for changed, message in (
-        (text.split("[prior]")[0], "upper.material.E[0] has none: must be a Gaussian"),
+        (text.split("[prior]")[0], "upper.material.E[0] has no Gaussian prior; every"),
         (text + '[fit]\nloss = "huber"\n', "fit.loss: must be 'linear' for a calibration"),
     ):
         planned.write_text(changed)

@@ -400,7 +400,7 @@ def test_what_a_file_lacks(tmp_path):
 
 
 ALL_KINDS = (
-    "must be those of one kind of data: friction has v or log10_v, mu, p; "
+    "must be the columns of one kind of data: friction has v or log10_v, mu, p; "
     "area has v or log10_v, A_over_A0, p; modulus has omega or f, E_stor, E_loss; "
     "spectrum has q or log10_q, C or log10_C"
 )
@@ -427,7 +427,7 @@ ABSENT = "must not be given; "
         ("v,mu,p\nm/s,-,Pa\n1,nan,1\n", {}, "line 3: mu = 'nan': must be finite"),
         ("v,A_over_A0\nm/s,-\n1,0\n", {"pressure": 1e5}, "line 3: A_over_A0 = '0': must be > 0"),
         ("v,mu,p,T\nm/s,-,MPa,K\n1,0.5,1,20\n", {}, "FrictionData.temperature[0] = 20.0: must be >= 100 K"),
-        (FRICTION, {}, "no column p: the table must have one, or pressure=... be given [Pa]"),
+        (FRICTION, {}, "no column p: add it to the table, or give pressure=... [Pa]"),
         (FRICTION, {"pressure": 0.1}, "FrictionData.pressure = 0.1: must be >= 1 Pa; is it in MPa"),
         (FRICTION, {"pressure": [1e5, -1]}, "FrictionData.pressure[1] = -1.0: must be > 0"),
         (FRICTION, {"pressure": 1e5, "body": "upper"}, f"body = 'upper': {ABSENT}friction data have none"),
@@ -571,7 +571,7 @@ def test_what_is_no_data(tmp_path):
     with h5py.File(path, "w") as file:
         file.attrs.update({"format": "rubberfric data", "format_version": 1})
         file["data"] = 1.0
-    assert "/data: is a dataset: must be a group" in refused(path, lambda: read(path))
+    assert "/data: must be a group, not a dataset" in refused(path, lambda: read(path))
     path.write_bytes(b"v,mu\n")
     assert "must be a whole HDF5 file" in refused(path, lambda: read(path))
 
@@ -593,7 +593,7 @@ def test_measured_tyre_data():
     q, C = np.loadtxt(TYRE / "psd_asphalt.csv", delimiter=",", skiprows=2).T
     equal(read(TYRE / "psd_asphalt.csv", normalisation="C"), SpectrumData(q, C))
     path = TYRE / "program_linear_R00.csv"
-    assert "or kind must say which" in refused(path, lambda: read(path, pressure=0.3e6))
+    assert "; or give kind" in refused(path, lambda: read(path, pressure=0.3e6))
     log10_v, mu, area = np.loadtxt(path, delimiter=",", skiprows=2).T
     for data, values in (
         (read(path, kind="friction", pressure=3e5), mu),

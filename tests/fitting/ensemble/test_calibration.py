@@ -108,8 +108,8 @@ def test_refusals():
     del own["upper.material.E[1]"]
     bare = fitting.FrictionData(PLAN.velocity, PLAN.friction, pressure=1e5)
     for data, prior, words, options in (
-        (PLAN, own, r"upper.material.E\[1\] has none: must be a Gaussian", {}),
-        (bare, PRIOR, "have no errors: must have", {}),
+        (PLAN, own, r"upper.material.E\[1\] has no Gaussian prior; every", {}),
+        (bare, PRIOR, "have no errors; give errors", {}),
         (PLAN, PRIOR, "on = 'chains': must be one of normal, samples", {"on": "chains"}),
         (PLAN, PRIOR, "draws = 5: must be an integer >= 10", {"draws": 5}),
         (PLAN, PRIOR, "amplitude = None: must be given", {"discrepancy": fitting.Discrepancy(None)}),

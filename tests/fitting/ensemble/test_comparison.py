@@ -95,7 +95,7 @@ def test_what_is_no_comparison(fits):
     one = fits["one"]
     two_sets = dataclasses.replace(one, data=one.data * 2)
     for results, text in (
-        ([one], "results: has 1 fits: must have at least two"),
+        ([one], "results has 1 fits; there must be at least two"),
         (one, "results is a FitResult: must be a list or a dict of FitResults"),
         ([one, 3], "results[1]: is a int: must be a FitResult"),
         ({"a": one, "b": other}, "'b' and 'a': data[0], "),

@@ -123,7 +123,9 @@ def test_keys_decide_the_draws(linear, samples):
     assert seen == [(chain, draw) for chain in range(2) for draw in range(1, 221)]
     assert not np.any(other.x == samples.x[:, :20])
     assert not other.reliable
-    assert "NOT RELIABLE: " in other.report() and "effective draws, must be 200: draw more" in other.report()
+    assert (
+        "NOT RELIABLE: " in other.report() and "effective draws, but needs 200: draw more" in other.report()
+    )
 
 
 def test_file_and_frame(linear, samples, tmp_path):

@@ -127,10 +127,10 @@ def test_widening_and_bodies(first):
         (
             ["R20.lower.material.E", "R40.lower.material.E"],
             "lower",
-            "are of R20.lower and R40.lower: must be",
+            "of R20.lower and R40.lower, but all must",
         ),
-        (["lower.spectrum.q1", "upper.material.E"], "lower", "are of lower and upper: must be of one body"),
-        (["gamma", "shear.c"], "lower", "are of none: must be of one body"),
+        (["lower.spectrum.q1", "upper.material.E"], "lower", "of lower and upper, but all must"),
+        (["gamma", "shear.c"], "lower", "of none, but all must belong to one body"),
     ],
 )
 def test_whose_numbers_they_are_there(paths, body, expected):
@@ -145,7 +145,7 @@ def test_whose_numbers_they_are_there(paths, body, expected):
 
 def test_a_prior_of_another_material_is_refused(first):
     other = SCENE.replace(upper=rf.Body(rf.Prony(3e6, [5e7, 8e6, 2e6], [1e-5, 2e-3, 1e-1])))
-    with pytest.raises(ValueError, match=r"was at upper\.material\.tau = 0\.001, but is at 0\.002"):
+    with pytest.raises(ValueError, match=r"had upper\.material\.tau = 0\.001, but has 0\.002"):
         fitting.fit(other, TWO, FREE, prior=first.as_prior())
     shorter = SCENE.replace(upper=rf.Body(rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])))
     with pytest.raises(ValueError, match=r"names 3 numbers, but the prior has 4"):

@@ -11,7 +11,7 @@ import rubberfric as rf
 from fitting.commands.job import read_job
 from fitting.solvers.evaluation import model_rows, residual_rows
 from fitting.uncertainty.covariance import linearised
-from fitting.uncertainty.discrepancy import averaged
+from fitting.uncertainty.discrepancy import averaged, median_amplitude
 
 SCENE, WARM = rf.Scene(ROAD, rf.Body(PLAIN)), rf.Scene(ROAD, rf.Body(SHIFTED))
 V = np.geomspace(1e-4, 1e1, 30)
@@ -191,6 +191,23 @@ def test_given_numbers_are_kept_and_judged():
     found = fitted(data, fitting.Discrepancy(0.2))
     assert found.discrepancy.amplitude == pytest.approx(0.2) and not found.discrepancy.estimated
     assert found.discrepancy.width < 0.6 * math.log(10)
+
+
+def test_the_prior_depends_on_the_contact_model(off):
+    """The law is closer to boundary elements than the paper, and extrapolated beyond q1/q0 = 64."""
+    law = SCENE.replace(contact_model="boundary_elements")
+    q1 = float(law.lower.spectrum.q1)
+    near, far = (law.replace("lower.spectrum.q0", q1 / ratio) for ratio in (64, 6400))
+    assert median_amplitude([SCENE]) == pytest.approx(0.5)
+    assert median_amplitude([near]) == pytest.approx(0.1)
+    assert median_amplitude([far]) == pytest.approx(0.3)
+    assert median_amplitude([near, far, near]) == median_amplitude([far])
+    model = linearised(off.problem, off.x)
+    amplitudes = [
+        averaged(off.problem, model, [scene], off.data, fitting.Discrepancy()).amplitude
+        for scene in (SCENE, near)
+    ]
+    assert amplitudes[1] < 0.95 * amplitudes[0]
 
 
 def test_errors_like_noise_are_reported():

@@ -54,8 +54,8 @@ def test_what_it_says_of_good_data():
     assert found.text == f"explains the data: chi-square {np.sum(rows**2):.4g} for 36 degrees of freedom"
     found = judged(scaled(rows), 0.03)
     assert found.explains is None
-    assert found.text.startswith("nothing speaks against it; but without errors of the data")
-    assert judged(0.3 * rows).text.endswith("less than one of 1000: the errors given are too large")
+    assert found.text.startswith("nothing contradicts it; but the data have no errors")
+    assert judged(0.3 * rows).text.endswith("once in 1000: the given errors are too large")
     assert judged(rows[:4], data=fitting.FrictionData(V[:4], np.ones(4), pressure=3e5)).explains is None
     assert judged(rows * np.nan).text == "cannot be judged: the fitted scene is not finite at all data"
 
@@ -104,7 +104,7 @@ def test_residuals_in_waves():
         chance = scipy.stats.binom.cdf(3, 39, 0.5)
         assert reason == (
             "data 'R20': residuals change their sign 3 times in 40 values along velocity,"
-            f" so seldom by chance once in {1 / chance:.2g}"
+            f" chance gives so few changes once in {1 / chance:.2g}"
         )
 
 
@@ -129,7 +129,7 @@ def test_single_values_are_named():
     rows[[1, 5, 9, 20]] = [-9, 8, -7, 6]
     *_, first, second, third, rest, _ = judged(rows).reasons
     assert ("9 errors below" in first, "8 errors above" in second, "7 errors below" in third) == (True,) * 3
-    assert rest == "and 2 values more that are too far off"
+    assert rest == "and 2 further outliers"
 
 
 RUBBER = rf.Prony(3e6, [1e8, 3e7, 8e6], [1e-7, 1e-5, 1e-3], shift=rf.WLF(12.0, 150.0, 293.15))

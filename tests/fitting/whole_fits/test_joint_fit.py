@@ -134,7 +134,7 @@ def test_a_cutoff_by_rms_slope_in_every_scene():
 
 
 WRONG = {
-    "a dict by scenes": (OFF, lambda d: d["R20"], {"*.gamma": Positive()}),
+    "a dict of name -> data": (OFF, lambda d: d["R20"], {"*.gamma": Positive()}),
     "scene 'R40' has no data": (OFF, lambda d: {"R20": d["R20"]}, {"*.gamma": Positive()}),
     "scene 'R20': data is empty": (OFF, lambda d: d | {"R20": []}, {"*.gamma": Positive()}),
     "which no scene has: did you mean 'R40'": (OFF, lambda d: d | {"R4": d["R40"]}, {"*.gamma": Positive()}),

@@ -90,7 +90,8 @@ def test_what_is_covered():
 
 def test_the_command_says_it(call_main):
     status, printed, _ = call_main(main, "run", DATA / "tread_on_asphalt.toml")
-    assert status == 0 and "the theory itself, against boundary elements of such scenes\n(A/A0 0.0" in printed
+    assert status == 0 and "contact model: theory as in the paper\n" in printed
+    assert "its error against boundary elements of such scenes\n(A/A0 0.0" in printed
     assert "A/A0 is off by -" in printed and " %, mu by -" in printed
     status, printed, _ = call_main(main, "run", DATA / "two_rubbers.toml")
     assert status == 0 and "boundary elements" not in printed

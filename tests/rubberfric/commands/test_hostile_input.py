@@ -183,7 +183,7 @@ def test_contradictions_are_found_before_work_begins(
 # --- streams and limits of a process
 
 PROGRAM = "import sys; from {}.commands.main import main; sys.exit(main())"
-CLOSED = "rubberfric: standard output is closed: must be open, such as to /dev/null\n"
+CLOSED = "rubberfric: standard output is closed: must be open, for example as /dev/null\n"
 
 
 def shell(redirection, *arguments, package="rubberfric", program=PROGRAM, **environment):

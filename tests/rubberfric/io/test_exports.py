@@ -53,7 +53,7 @@ def test_master_curve_with_all_its_columns(tmp_path):
     holds(read(path), [0.6283185, 6.283185], [8097.2e6, 8200.5e6], [93.07e6, 95.1e6])
     assert set(rf.io.read_columns(path)) == {"omega", "E_stor", "E_loss"}
     path = put(tmp_path, MASTER.replace("6.283185,1,", "6.283185,2,"))
-    assert "columns 'omega' and 'f': both hold omega; must be one column" in refused(path, lambda: read(path))
+    assert "columns 'omega' and 'f': both hold omega: must be only one" in refused(path, lambda: read(path))
 
 
 def test_shear_moduli_need_a_poisson_ratio(tmp_path):
@@ -210,7 +210,7 @@ def test_columns_of_a_file_that_does_not_say(tmp_path):
         (["f [Hz]", "E_st [MPa]", "E_loss [MPa]"], "columns: 'E_st [MPa]': must be a known name and unit"),
         ("f", "columns = 'f': must be a list"),
         ([1, 2, 3], "columns = [1, 2, 3]: must be a list"),
-        (["f [Hz]", "-", "E_loss [MPa]"], "must be those of one kind of data"),
+        (["f [Hz]", "-", "E_loss [MPa]"], "must be the columns of one kind of data"),
     ],
 )
 def test_wrong_columns(tmp_path, columns, message):
@@ -247,7 +247,7 @@ GOOD = "f [Hz];E' [MPa];E'' [MPa]\n1;5;1\n2;6;2\n"
         (
             "E'' [MPa]",
             "E' [MPa]",
-            'columns "E\' [MPa]" and "E\' [MPa]": both hold E_stor; must be one column',
+            'columns "E\' [MPa]" and "E\' [MPa]": both hold E_stor: must be only one',
         ),
         ("E'' [MPa]", "foo [MPa]", "line 1: no column E_loss: the table must have one"),
         ("' [MPa]", "' [mPa]", "unit 'mPa': must be one of Pa, kPa, MPa, GPa"),
@@ -256,7 +256,7 @@ GOOD = "f [Hz];E' [MPa];E'' [MPa]\n1;5;1\n2;6;2\n"
         ("2;6;2", "x;6;2", "line 3: 'x;6;2': must be numbers"),
         ("2;6;2", "2;6", "line 3: has 2 fields: must have 3"),
         ("2;6;2", "2;6;2;7", "line 3: has 4 fields: must have 3"),
-        ("2;6;2", "2;6,5;2.5", "line 3: '2.5': has a decimal point, others a comma: must be one"),
+        ("2;6;2", "2;6,5;2.5", "line 3: '2.5': has a decimal point, others a comma: must all have"),
         ("2;6;2", "2;-6;2", "line 3: E' [MPa] = '-6': must be > 0"),
         (
             "2;6;2",
@@ -289,7 +289,7 @@ def test_rows_that_end_with_separators_are_as_without(tmp_path, ends):
 
 def test_names_without_units(tmp_path):
     path = put(tmp_path, "f;E';E''\n1;5;1\n2;6;2\n")
-    assert "has names but no units: must have them in the row below" in refused(path, lambda: read(path))
+    assert "has names but no units: must have units in the row below" in refused(path, lambda: read(path))
 
 
 def test_what_read_cannot_take(tmp_path):

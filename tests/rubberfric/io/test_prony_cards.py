@@ -330,7 +330,7 @@ LONG = rf.Prony(1e6, np.ones(18), 10.0 ** np.arange(18), 0.5)
         ((RUBBER, "openradioss", {"density": 1e3}), "has the shift WLF: openradioss cards must have none;"),
         ((SHEAR, "openradioss", {"shift": False}), "density is missing: must be given for openradioss"),
         ((SOFT, "comsol"), "bulk is missing: must be given for comsol, such as 2e9 [Pa], because"),
-        ((SOFT, "ansys"), "given for ansys, such as 2e9 [Pa], because it needs Poisson's ratio < 0.5"),
+        ((SOFT, "ansys"), "for ansys, such as 2e9 [Pa], because the program needs Poisson's ratio < 0.5"),
         ((SOFT, "lsdyna", {"density": 1e3}), "bulk is missing: must be given for lsdyna"),
         ((SOFT, "lsdyna", {"bulk": 2e9}), "density is missing: must be given for lsdyna"),
         ((LONG, "lsdyna", {"bulk": 2e9, "density": 1e3}), "has 18 terms: must be at most 18, including"),
@@ -338,7 +338,7 @@ LONG = rf.Prony(1e6, np.ones(18), 10.0 ** np.arange(18), 0.5)
         ((SOFT, "abaqus", {"bulk": 1e6}), "bulk = 1e+06 Pa: must be > 2/3 of the glassy shear modulus"),
         ((rf.Prony(0.0, [1.0], [1.0]),), "material has relaxed modulus 0: must be > 0 for abaqus"),
         ((SOFT, "abaqus", {"density": 1e3, "unit_stress": "GPa"}), "must be Pa or MPa if a density is given"),
-        ((SHEAR, "pyvisco", {"shift": False}), "pyvisco must have one series of Young's modulus"),
+        ((SHEAR, "pyvisco", {"shift": False}), "shear and bulk weights must be equal for pyvisco"),
         ((rf.Prony(1e6, [1e6], [1.0], 0.5, rf.Arrhenius(1.0, 300.0)),), "abaqus cards must have WLF;"),
     ],
 )

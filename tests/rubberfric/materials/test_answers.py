@@ -58,7 +58,7 @@ def test_a_table_is_no_series():
     omega, *moduli = middle
     for found, known in zip(TABLE.storage_and_loss(jnp.log(omega)), moduli, strict=True):
         np.testing.assert_allclose(found, known, rtol=1e-12)
-    with pytest.raises(ValueError, match=r"^material is a TabulatedModulus: must be a Prony series$"):
+    with pytest.raises(ValueError, match=r"^material must be a Prony series, got a TabulatedModulus$"):
         series_of(TABLE, 1.0)
 
 
@@ -99,7 +99,7 @@ def test_liquids():
 def test_poisson():
     assert float(poisson_of(ELASTIC)) == 0.3
     for material in (SHEAR, RIGID):
-        with pytest.raises(ValueError, match=r": must have one Poisson's ratio$"):
+        with pytest.raises(ValueError, match=r"^material must have a constant Poisson's ratio, got a "):
             poisson_of(material)
 
 

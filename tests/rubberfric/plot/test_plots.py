@@ -147,7 +147,7 @@ def test_any_picks_the_picture(tmp_path):
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
     with pytest.raises(ValueError, match="pressure is missing; curves of a scene need it"):
         plot.auto(SCENE)
-    with pytest.raises(ValueError, match="pressure is given, but SelfAffine has its own or none; omit it"):
+    with pytest.raises(ValueError, match="pressure is given, but SelfAffine has its own or needs none"):
         plot.auto(ROAD, pressure=1e5)
 
 

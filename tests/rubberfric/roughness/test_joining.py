@@ -174,7 +174,7 @@ def test_moments_of_a_part_are_preserved():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: rf.roughness.join_spectra(LOW), "join_spectra: has 1 spectra: must be at least two"),
+        (lambda: rf.roughness.join_spectra(LOW), "join_spectra got 1 spectra: must be at least two"),
         (
             lambda: rf.roughness.join_spectra(HIGH, LOW),
             "spectrum 1 has 100 ... 10000 1/m after 2000 ... 1e+06: must begin",

@@ -307,7 +307,7 @@ def test_derivatives_of_the_cutoff_at_a_height(name):
 def test_cutoff_at_a_height_where_there_is_none():
     """Below the plateau's own slope; of a table, whose C stays, as without it."""
     road = OBJECTS["road"]
-    with pytest.raises(ValueError, match=r"^rms_slope = 0\.01: no cutoff on the power law .* the plateau"):
+    with pytest.raises(ValueError, match=r"^rms_slope = 0\.01: no cutoff gives this slope .* the plateau"):
         rf.roughness.cutoff(road, 0.01, keep="h_rms")
     assert jax.jit(lambda s: rf.roughness.cutoff(road, s, keep="h_rms"))(0.01) == np.inf
     both = [rf.roughness.cutoff(OBJECTS["table"], 0.1, keep=keep) for keep in ("C", "h_rms")]

@@ -52,7 +52,7 @@ HOLES = np.ma.masked_array(MAP, mask=MAP > 1)
     [
         (
             lambda: rf.roughness.spectrum_of_surface(MAP),
-            "topography is a ndarray without heights: must be a Surf",
+            "topography is a ndarray without heights; pass a Surf",
         ),
         (
             lambda: rf.roughness.spectrum_of_surface(surface(MAP, (1.0, 1.0), None)),

@@ -57,6 +57,6 @@ def test_what_correlation_does_not_allow_is_refused():
         _scene(0.5, upper=None)
     with pytest.raises(ValueError, match=r"^Scene.correlation: upper.spectrum is anisotropic"):
         _scene(0.5, upper=rf.Anisotropic(ROAD, 2.0))
-    with pytest.raises(ValueError, match=r"^scene.correlation: profile is not defined with it"):
+    with pytest.raises(ValueError, match=r"^scene.correlation: profile is not defined with correlation"):
         rf.analysis.profile(_scene(0.5), 0.0, 1e5)
     assert rf.Scene(rf.Body(RIGID, ROAD), rf.Body(TREAD)).correlation is None

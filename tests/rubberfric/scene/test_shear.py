@@ -373,7 +373,7 @@ def test_shear_alone_makes_a_temperature_meaningful():
     assert rf.friction(s, 0.1, 3e5) == pytest.approx(float(middle), rel=1e-12)
     unshifted = replace(s, shear=replace(SHEAR, shift=None))
     with pytest.raises(
-        ValueError, match=r"^temperature is given, but nothing in the scene has a shift: must be"
+        ValueError, match=r"^temperature is given, but nothing in the scene has a shift: it must be"
     ):
         rf.friction(unshifted, 0.1, 3e5, 293.15)
     material = replace(TREAD, shift=WLF)

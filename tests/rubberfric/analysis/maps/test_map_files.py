@@ -164,7 +164,7 @@ def test_the_command_makes_devices(tmp_path):
     )
     assert [line for line in done.stdout.splitlines() if line.endswith(" 3")] == ["0 3", "2 3", "2 3"]
     assert done.stderr.splitlines() == [
-        "rubberfric: --devices 2: JAX has started with 3; use this number",
+        "rubberfric: --devices 2: JAX has already started with 3 devices; use this number",
         "rubberfric: --devices 0: must be > 0",
     ]
 

@@ -63,7 +63,7 @@ def test_bad_points(call_main, tmp_path, text, message):
 def test_points_over_velocity_and_curves_over_pressure(call_main):
     arguments = DATA / "rubber_seal.toml", "--data", DATA / "twin_friction.csv", "--no-browser"
     status, _, complaint = call_main(command.main, "explore", *arguments)
-    assert status == 2 and "[run] of the scene must have two velocities > 0" in complaint
+    assert status == 2 and "[run] of the scene has no velocity range: give it two velocities > 0" in complaint
 
 
 def test_a_port_that_is_taken_and_the_browser_that_is_opened(call_main, monkeypatch):

@@ -137,7 +137,7 @@ def test_without_the_token_there_is_nothing(server, ask, path):
     path = path.replace("TOKEN", server.token).replace("TOKE", server.token[:-1]) or "/"
     for method, body in (("GET", None), ("POST", b'{"x": 1}')):
         status, headers, text = ask(method, path, body)
-        assert (status, text) == (403, "the URL must be the whole one that the command printed")
+        assert (status, text) == (403, "the URL must be complete, as the command printed it")
         assert "'nonce" not in headers["Content-Security-Policy"]
 
 
