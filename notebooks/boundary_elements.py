@@ -3,9 +3,10 @@
     python notebooks/boundary_elements.py [--seconds 500]    # continue, then write the page
     python notebooks/boundary_elements.py --page             # only write the page
 
-The whole table takes 40 minutes on one core. Needs matplotlib. Lengths are in units of 1/q1, stresses in
-E(0), times in the longest relaxation time. Every case is a mean over REALISATIONS surfaces. They are
-computed on the grid of the table and on half of it; the difference is the error of resolution.
+Computing all cases takes 40 minutes on one core. The script needs matplotlib. In boundary_elements.csv, the
+unit of length is 1/q1, the unit of stress is E(0), and the unit of time is the longest relaxation time. Every
+case is a mean over REALISATIONS random surfaces. Each surface is computed on the grid of the column `grid`
+and on a grid with half as many points per side. The difference estimates the discretisation error.
 """
 
 import argparse
@@ -58,14 +59,16 @@ VARIANTS = {
     for gamma in (0.45, 0.5)
 }
 AREAS = (0.003, 0.01, 0.03, 0.1, 0.3, 0.8)
-WHAT = """The theory takes the power of the displacement at a wavevector as P S times that of the roughness.
-This falls steeply with q and ends at q1. In boundary elements it falls little, and in light contact up to
-half of the heat is dissipated at wavevectors above q1 (columns displacement and heat_beyond). Friction is
-therefore too small where the rubber is soft at all scales (slow sliding) and too large where it stiffens
-with the scale (fast sliding). Between them the two errors cancel. S in G is the better variant for area and
-friction. No gamma removes the drift with velocity. Laws (a) and (b) are two and four times closer than the
-theory, but not within 10 %. The error of (b) depends on q1/q0, so a parameter is missing. Neither is an
-option of a scene."""
+WHAT = """In the theory, the spectral power of the displacement is P S times the spectral power of the
+roughness, at each wavevector up to q1. The factor P S decreases steeply with q. In boundary elements the same
+ratio decreases little with q. In light contact, up to half of the heat is dissipated at wavevectors above q1
+(columns `displacement_*` and `heat_beyond`). The friction of the theory is therefore too small in slow
+sliding, where the rubber is soft at all scales. It is too large in fast sliding, where the rubber is stiffer
+at smaller scales. At velocities in between the two errors cancel.
+
+S in G is the better variant for area and friction. No gamma removes the dependence of the error on velocity.
+The rms errors of laws (a) and (b) below are a half and a quarter of the theory's, but still above 10 %. The
+error of (b) depends on q1/q0, so the law lacks a parameter. A scene cannot use these two laws."""
 KEY = ("ratio", "rolloff", "hurst", "relaxation", "load", "velocity")
 MEASURED = ("area", "pixel_area", "friction", "friction_of_heat", "separation", "heat_beyond")
 COLUMNS = (
@@ -243,16 +246,22 @@ def page(rows):
     yield from WHAT.splitlines()
     yield ""
     yield (
-        f"There are {len(rows)} cases, of which {len(friction)} slide. {len(known)} of these are resolved: "
-        f"friction differs by less than 10 % from half the grid, and its standard error over the surfaces is "
-        f"below 10 %. Most others have A/A0 below 0.5 %, where a contact has few points. The table contains "
-        f"them, but the statistics below do not."
+        f"There are {len(rows)} cases, of which {len(friction)} slide. {len(known)} of the sliding cases are "
+        f"resolved: the friction on both grids differs by less than 10 %, and the standard error of friction "
+        f"over the surfaces is below 10 %. Most unresolved cases have A/A0 below 0.5 %, where contact "
+        f"regions have few grid points. boundary_elements.csv contains the unresolved cases, but the "
+        f"statistics below exclude them."
     )
     yield ""
     yield "![theory over boundary elements](figures/boundary_elements.png)"
     for quantity in ("area", "friction"):
         yield ""
-        yield f"## {quantity.capitalize()}: theory over boundary elements, 5 ... 50 ... 95 % of the cases"
+        yield f"## {quantity.capitalize()}: theory over boundary elements"
+        yield ""
+        yield (
+            f"Each cell gives the 5, 50 and 95 % quantiles of the {quantity} of the theory, divided by the "
+            f"{quantity} of boundary elements. The columns are ranges of A/A0 of the theory."
+        )
         yield ""
         yield (
             "| S | gamma | relaxation | "
@@ -278,9 +287,11 @@ def page(rows):
     yield (
         "Law (a) is mu = P(q1) x mu of full contact, without a fitted parameter. Law (b) is mu ="
         f" {np.exp(c):.3g} P(q1)^(1 {'+' if k > 0 else '-'} {abs(k):.3g} ln(abs(E(q1 v))/E(0))) x mu of full"
-        " contact, with two parameters fitted to every other surface and load. P has S in G and gamma 0.5."
-        " The table gives the root mean square of ln(law / elements) and the share within 10 %, for (b) on"
-        " the half of the cases that were not used for the fit."
+        " contact. Its two parameters were fitted to every second combination of spectrum, material and load."
+        " P is computed with S in G and gamma 0.5. The first table gives the root mean square of"
+        " ln(law / boundary elements), and the share of cases within 10 %, in ranges of A/A0 of boundary"
+        " elements. For law (b) it contains only the cases that were not used for the fit. The second table"
+        " gives the mean and the standard deviation of ln(law / boundary elements) for each q1/q0 and qr/q0."
     )
     yield ""
     yield "| A/A0 | cases | theory, S in G | (a) | (b), held out |"

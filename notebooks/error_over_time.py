@@ -92,21 +92,35 @@ def page(sweeps, seconds, load=0.0):
     yield f"Made by `python notebooks/error_over_time.py` in {seconds / 60:.1f} minutes on {machine()}."
     yield ""
     yield (
-        f"Area, friction and separation at {points} velocities, {PRESSURE / 1e6:g} MPa and "
-        f"{TEMPERATURE - 273.15:g} °C, and the gradient of their sum with respect to every "
-        "number of the scene and the conditions. The error of values is the largest of the three quantities "
-        "over all velocities. The error of gradients is the largest error of a relative sensitivity over the "
-        "largest sensitivity (`rubberfric/analysis/reference.py`). Times are the ratio of the textbook "
-        "method (compiled trapezoidal rules of 200 ln q x 64 phi, values only) to the setting, measured in "
-        "turns in one run. The last column is the time to compile the values and the gradient. *Automatic* "
-        "is the default setting for a scene that `jit` or `vmap` does not trace. `Quadrature()` is the "
-        "default for a traced scene."
+        f"This page compares quadrature settings for area, friction and separation at {points} velocities, "
+        f"{PRESSURE / 1e6:g} MPa and {TEMPERATURE - 273.15:g} °C, and for the gradient of their sum with "
+        "respect to every number of the scene and the conditions."
+    )
+    yield ""
+    yield ("- *Error of values* is the largest relative error among the three quantities and all velocities.")
+    yield (
+        "- *Error of gradients* is the largest error of a relative sensitivity, divided by the largest "
+        "sensitivity (`rubberfric/analysis/reference.py`)."
+    )
+    yield (
+        "- *Time ratio* is the run time of the textbook method, divided by the run time of the setting. The "
+        "textbook method computes only values, with compiled trapezoidal rules and 200 ln q x 64 phi nodes. "
+        "Both are timed alternately in the same run."
+    )
+    yield (
+        "- *Compile* is the time to compile the function of the values, plus the time to compile the "
+        "function of values and gradient."
+    )
+    yield (
+        "- *Automatic* is the setting that a call chooses if none is given and the scene is concrete (not "
+        "traced by `jit` or `vmap`). `Quadrature()` is the default for a traced scene."
     )
     if load > os.cpu_count() + 0.5:
         yield ""
         yield (
-            f"{load:.0f} jobs shared the {os.cpu_count()} cores, so seconds are several times larger than on "
-            f"an idle machine. The ratios were measured in turns."
+            f"{load:.0f} jobs shared the {os.cpu_count()} cores, so times in seconds are several times "
+            "longer than on an idle machine. The time ratios are less affected, because both times were "
+            "measured alternately."
         )
     yield ""
     yield "![error over run time](figures/error_over_time.png)"
@@ -129,10 +143,10 @@ def table(found):
     heads = (
         "setting",
         "precision",
-        "error",
-        "of the gradient",
-        "textbook / this",
-        "/ its gradient",
+        "error of values",
+        "error of gradients",
+        "time ratio, values",
+        "time ratio, gradients",
         "compile [s]",
     )
     yield f"| {' | '.join(heads)} |"

@@ -221,12 +221,15 @@ def page(store):
     yield "# Growth of time and memory"
     yield ""
     yield (
-        "Made by `python notebooks/growth.py`, or `python -m pytest -m benchmark -s "
-        "tests/benchmarks/test_growth_benchmarks.py`, which also checks these statements. Every line is "
-        "from a new process. It computes area and friction of `data/tread_on_asphalt.toml` (17 Prony terms) "
-        "with `rf.Quadrature()` if no setting is named. *Quick* is "
-        "`rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)`. Times are the least of several runs. "
-        "The machines also had other work."
+        "`python notebooks/growth.py` generates this page. `python -m pytest -m benchmark -s "
+        "tests/benchmarks/test_growth_benchmarks.py` also generates it, and checks its statements."
+    )
+    yield ""
+    yield (
+        "Each row was measured in a new process. Unless stated otherwise, it gives run times and memory for "
+        "area and friction of `data/tread_on_asphalt.toml` (17 Prony terms) with `rf.Quadrature()`. The "
+        "setting *quick* is `rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)`. Times are the shortest "
+        "of several runs. Other jobs ran on the machines at the same time."
     )
     yield ""
     yield "![growth](figures/growth.png)"
@@ -248,8 +251,8 @@ def page(store):
         yield "## GPU"
         yield ""
         yield (
-            "Not measured. The same command on a GPU adds lines here. Flops and bytes of the throughput give "
-            "the roofline."
+            "Not measured. Running `python notebooks/growth.py` on a GPU adds its measurements to this page. "
+            "A roofline model can be computed from the flops and bytes above."
         )
     yield ""
     yield from _planning(store)
@@ -262,20 +265,21 @@ def _table(*columns):
 
 def _velocities(rows):
     yield (
-        "Maps with different numbers of velocities, written to a file. The added memory is relative to the "
-        "map of 1e5 velocities. For 1e7 velocities it includes a copy of the velocities (80 MB):"
+        "The first table is for maps with different numbers of velocities, which are written to a file. The "
+        "added memory is the increase over a previous map of at most 8e4 velocities. For 1e7 velocities it "
+        "includes a copy of the velocities (80 MB)."
     )
     yield ""
-    yield from _table("velocities", "seconds", "µs a point", "memory added [MB]", "largest memory [MB]")
+    yield from _table("velocities", "seconds", "µs per point", "memory added [MB]", "largest memory [MB]")
     for (count,), row in rows:
         cells = f"{row['seconds']:.3g}", f"{1e6 * row['seconds'] / count:.1f}", f"{row['added']:.0f}"
         yield f"| {count:.0e} | {' | '.join(cells)} | {row['peak']:.0f} |"
 
 
 def _terms(rows):
-    yield "Prony terms:"
+    yield "The next table is for maps of 4096 velocities with different numbers of Prony terms."
     yield ""
-    yield from _table("terms", "µs a point", "compilation [s]", "memory of the function [MB]")
+    yield from _table("terms", "µs per point", "compilation [s]", "memory of the function [MB]")
     for (count,), row in rows:
         cells = (
             f"{1e6 * row['seconds'] / row['points']:.1f}",
@@ -287,11 +291,12 @@ def _terms(rows):
 
 def _members(rows):
     yield (
-        "Members of an ensemble of bootstrap fits of 24 moduli with 4 parameters. A checkpoint keeps the "
-        "states of all members:"
+        "The next table is for ensembles of bootstrap fits. Each member fits 4 parameters to 24 moduli. The "
+        "memory of the function is bounded, because the members are computed in batches. A checkpoint file "
+        "contains the states of all members."
     )
     yield ""
-    yield from _table("members", "seconds", "µs a step", "memory of the function [MB]", "memory added [MB]")
+    yield from _table("members", "seconds", "µs per step", "memory of the function [MB]", "memory added [MB]")
     for (count,), row in rows:
         cells = [f"{row['seconds']:.3g}", f"{1e6 * row['seconds'] / row['steps']:.0f}"]
         cells += [f"{row['program']:.2f}", f"{row['added']:.0f}"]
@@ -299,7 +304,10 @@ def _members(rows):
 
 
 def _maps(rows):
-    yield "Maps of a million points in memory. Errors are against a finer quadrature. First calls compile:"
+    yield (
+        "The next table is for maps of a million points, which are kept in memory. Errors are relative to a "
+        "finer quadrature. The time of the first call includes compilation."
+    )
     yield ""
     yield from _table(
         "velocities x pressures x temperatures",
@@ -318,11 +326,14 @@ def _maps(rows):
 
 def _throughput(rows):
     yield (
-        "Friction at 16384 points (`rf.friction`), and the gradient of its sum with respect to every number "
-        "of the scene. The compiler counts flops and bytes (`cost_analysis`):"
+        "The last table is for friction at 16384 points (`rf.friction`), and for the gradient of the sum of "
+        "these values with respect to every number of the scene. Flops and bytes are counts of the compiler "
+        "(`cost_analysis`)."
     )
     yield ""
-    yield from _table("precision", "what", "points/s", "flops a point", "bytes a point", "flops a byte")
+    yield from _table(
+        "precision", "quantity", "points/s", "flops per point", "bytes per point", "flops per byte"
+    )
     for (dtype,), row in rows:
         for what, x in row.items():
             cells = (
@@ -338,16 +349,17 @@ def _planning(store):
     yield "## Planning for 1e10 evaluations"
     yield ""
     yield (
-        "Time is linear in the number of points. Memory does not grow with it. Two quantities of 1e10 points "
-        "take 160 GB in double precision and 80 GB in single precision. The file is allocated before the "
-        "work begins. A process holds less than 1 GiB. Points are independent, so time falls with the "
-        "number of cores of one machine (`--devices`) or of several (`jax.distributed`)."
+        "Run time is linear in the number of points. A file with two quantities at 1e10 points has 160 GB in "
+        "double precision and 80 GB in single precision. It is allocated before the computation begins. "
+        "A process uses less than 1 GiB of memory, because the points are computed in batches. Points are "
+        "independent, so they can be distributed over the cores of one machine (`--devices`) or of several "
+        "machines (`jax.distributed`)."
     )
     for device, parts in store.items():
         if "maps" not in parts:
             continue
         yield ""
-        yield f"From the maps above ({device}):"
+        yield f"These times follow from the maps of a million points above ({device}):"
         yield ""
         yield from _table("pressures", "setting", "hours on one such machine", "machines for a night (10 h)")
         for (shape, setting), row in parts["maps"]:

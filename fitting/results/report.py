@@ -16,7 +16,7 @@ from fitting.parameters.selection import PriorContext
 from fitting.results.record import FitRecord
 from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import ASSUMED
-from rubberfric.analysis.validity import contact_model_name, theory_error
+from rubberfric.analysis import contact_model_name, theory_error
 from rubberfric.base import unit_of
 
 # Largest number of elements listed for a key path; longer arrays show the first and the last.

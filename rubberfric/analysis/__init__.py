@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from rubberfric.analysis.validity import AdhesionVerdict as AdhesionVerdict
     from rubberfric.analysis.validity import TheoryError as TheoryError
     from rubberfric.analysis.validity import adhesion_matters as adhesion_matters
+    from rubberfric.analysis.validity import contact_model_name as contact_model_name
     from rubberfric.analysis.validity import friction_outside_table as friction_outside_table
     from rubberfric.analysis.validity import full_contact_energy as full_contact_energy
     from rubberfric.analysis.validity import theory_error as theory_error

@@ -114,7 +114,7 @@ def filled(heights: np.ndarray) -> np.ndarray:
 
 
 def _rows(path, text):
-    """Return the row of titles, [] if there is none, and (line, fields) of all rows of numbers and holes."""
+    """Return the row of titles, or [] without titles, and (line, fields) of all rows of numbers and holes."""
     lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if has_fields(line)]
     best: list = []
     titles: list[str] = []

@@ -127,9 +127,13 @@ def test_widening_and_bodies(first):
         (
             ["R20.lower.material.E", "R40.lower.material.E"],
             "lower",
-            "of R20.lower and R40.lower, but all must",
+            "of R20.lower and R40.lower, but all must belong to one body",
         ),
-        (["lower.spectrum.q1", "upper.material.E"], "lower", "of lower and upper, but all must"),
+        (
+            ["lower.spectrum.q1", "upper.material.E"],
+            "lower",
+            "of lower and upper, but all must belong to one body",
+        ),
         (["gamma", "shear.c"], "lower", "of none, but all must belong to one body"),
     ],
 )
