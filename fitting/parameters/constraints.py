@@ -186,8 +186,8 @@ def value_range(
     if isinstance(rule, Positive):
         if not (values > 0).all():
             raise ValueError(
-                f"free[{path!r}]: starts at {values.min():g}: must start > 0, because it is Positive; give"
-                " start="
+                f"free[{path!r}]: starts at {values.min():g}: must start at a value > 0, because it is"
+                " Positive; give start=..."
             )
         return zero, one
     if isinstance(rule, Bounded):
@@ -196,7 +196,7 @@ def value_range(
             worst = values[np.argmin(inside)]
             raise ValueError(
                 f"free[{path!r}]: starts at {worst:g}: must start inside the bounds"
-                f" {rule.low:g} ... {rule.high:g}, not on them; give start="
+                f" {rule.low:g} ... {rule.high:g}, not on them; give start=..."
             )
         return rule.low * one, (rule.high - rule.low) * one
     return zero, one * (rule.scale or np.where(values != 0, np.abs(values), 1.0))

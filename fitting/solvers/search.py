@@ -188,9 +188,9 @@ def confirm_minimum(
 
 
 def _to_fit(problem, cost, costs, drawn, inner):
-    """Return indices of points at which further fits begin although their cost is not lower.
+    """Return indices of points from which further fits start, although the cost there is not lower.
 
-    There are none if fits are slow.
+    The list is empty if fits are slow.
     """
     if takes_long(problem.structure, problem.numbers):
         return []
@@ -232,7 +232,8 @@ def _moves(problem, x):
 def _places_to_try(problem, end):
     """Return points to try, as rows of x that obey the order of the scene, and two lists of indices.
 
-    The first list has the random points, the second one the points farthest inside a bound of the order.
+    The first list contains the indices of random points. The second list contains, for each parameter at a
+    bound that another parameter sets (such as q0 <= qr), the index of the point farthest from this bound.
     """
     x, variables, constants = np.asarray(end.x), problem.variables, problem.numbers.constants
     places, drawn, inner = [], np.arange(0), []

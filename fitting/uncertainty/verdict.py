@@ -235,10 +235,10 @@ def rescaled_errors(
 
 
 def common_ratio(before: Problem, after: Problem) -> float | None:
-    """Return the factor of all errors if it is common and does not move the minimum, otherwise None.
+    """Return the factor from the errors of `before` to those of `after`; None if another fit is necessary.
 
-    A common factor of all errors scales a sum of squares as a whole. A second estimate of the errors would
-    then equal the first.
+    If all errors change by one factor, a sum of squares is only scaled. The minimum then stays in place, and
+    a second estimate of the errors would equal the first.
     """
     if before.structure.loss != "linear" or before.structure.prior.terms:
         return None

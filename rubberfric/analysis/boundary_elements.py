@@ -355,9 +355,9 @@ def random_surface(spectrum: Spectrum, key: jax.Array, grid: int = 512, periods:
     needed = 2 * math.ceil(_COARSEST / 2 * most * (1 - 1e-9))
     if not isinstance(grid, int) or grid % 2 or grid < needed:
         raise ValueError(
-            f"grid = {shown(grid)}: must be even and >= {needed}, {_COARSEST} points per shortest wavelength"
-            f" for {periods:g} longest wavelengths (q1 / q0 = {q1 / q0:g}); {2 * needed} reduces the error of"
-            " friction to 1 %"
+            f"grid = {shown(grid)}: must be even and >= {needed}, so that the shortest wavelength has"
+            f" {_COARSEST} points in a period of {periods:g} times the longest wavelength (q1 / q0 ="
+            f" {q1 / q0:g}); {2 * needed} reduces the error of friction to 1 %"
         )
     # Modes are drawn independently of the grid.
     reach = math.floor(most * (1 + 1e-9))

@@ -163,7 +163,7 @@ class Accuracy(NamedTuple):
         yield from self._choices()
 
     def _varied(self) -> tuple[str, ...]:
-        """Return the names of the fields of the settings, without `heat` if all settings have the same."""
+        """Return the names of the fields of the settings, without `heat` if it is equal in all settings."""
         settings = [row.setting for row in self.rows if row.method == "panels"]
         same = {knob for knob in ("heat",) if len({getattr(one, knob) for one in settings}) < 2}
         return tuple(knob for knob in _KNOBS if knob not in same)
@@ -368,7 +368,7 @@ def in_turns(functions: Mapping[Key, Callable[[], Any]], rounds: int) -> dict[Ke
 
 
 def _panels(case: reference.Case, exact: reference.Outcome, setting: Quadrature, dtype: type) -> Timed:
-    """Return the row of a setting without run times, and the calls to time."""
+    """Return the row of a setting, with run times still missing, and the functions to be timed."""
     at, ones = reference.arguments(case, dtype)
     forward, forward_seconds = reference.compiled(reference.forward_of(setting), *at)
     gradient, gradient_seconds = reference.compiled(reference.gradient_of(setting), *at, ones)

@@ -55,7 +55,7 @@ def read_heights(
     path : text file (.csv, .txt, .dat, .xyz, .tsv)
     spacing : dx = dy, or (dx, dy), of a grid of heights, > 0 [m]; rows are along y
         None: the file has the columns x, y, z.
-    unit : "m", "mm", "um" or "nm", of the numbers in the file; None: in brackets behind the titles
+    unit : unit of the numbers in the file, "m", "mm", "um" or "nm"; None: the titles give it, like "x [mm]"
 
     Returns
     -------

@@ -165,7 +165,7 @@ def _read_abaqus(text: str, options: CardOptions) -> Cards:
     if "PRONY" not in viscoelastic:
         raise ValueError(f"{viscoelastic}: must be TIME=PRONY")
     if trs and "DEFINITION" in trs[0][0] and "WLF" not in trs[0][0]:
-        raise ValueError(f"{trs[0][0]}: must be DEFINITION=WLF; shift=False leaves it out")
+        raise ValueError(f"{trs[0][0]}: must be DEFINITION=WLF; shift=False leaves the shift out")
     young, nu = [*comma_numbers(moduli[0]), 0.0][:2]
     g, k, tau = np.array([[*comma_numbers(line), 0.0, 0.0][:3] for line in terms]).T
     wlf = tuple(comma_numbers(trs[0][1][0])) if trs else ()
@@ -200,13 +200,16 @@ def _read_ansys(text: str, options: CardOptions) -> Cards:
     wlf = ()
     if shifts := [name for name in tables if options.shift and name.startswith("SHIFT,")]:
         if shifts[0] != "SHIFT,WLF":
-            raise ValueError(f"TB,{shifts[0]}: must be WLF; shift=False leaves it out")
+            raise ValueError(f"TB,{shifts[0]}: must be WLF; shift=False leaves the shift out")
         wlf = tuple(tables["SHIFT,WLF"][i] for i in (1, 2, 3))
     return _relative(constants["EX"], constants["PRXY"], g, k if k.size else 0 * g, tau, wlf)
 
 
 def _ansys_commands(text: str) -> tuple[dict[str, float], dict[str, dict[int, float]]]:
-    """Return the material constants by label, and tables by "LABEL,OPTION" with values by their number."""
+    """Return a dict label -> material constant, and a dict "LABEL,OPTION" -> table.
+
+    A table is a dict from the number of a constant to its value.
+    """
     constants, tables, current = {}, {}, None
     for line in text.splitlines():
         command, *fields = (field.strip() for field in line.split("!")[0].split(","))
@@ -316,7 +319,8 @@ def _read_lsdyna(text: str, options: CardOptions) -> Cards:
         )
     if options.shift and any((T_ref, A, B)) and not all((T_ref, A, B)):
         raise ValueError(
-            f"TREF = {T_ref:g}, A = {A:g}, B = {B:g}: must be != 0 for a WLF shift; shift=False leaves it out"
+            f"TREF = {T_ref:g}, A = {A:g}, B = {B:g}: must be != 0 for a WLF shift; shift=False leaves the"
+            " shift out"
         )
     for place, (_, _, K, *_) in enumerate(terms, start=1):
         if K:

@@ -203,7 +203,10 @@ def _weights_at(roots, rest, weight, spring, rates):
 
 @jax.custom_jvp
 def _roots(rest, weight, spring, log_rate):
-    """Return the roots of k + f(-l'), which decreases from +inf to -inf between ascending rates."""
+    """Return the roots of k + f(-l'), one in each interval; rates are in ascending order.
+
+    The function decreases from +inf to -inf between two neighbouring rates.
+    """
     index = jnp.arange(log_rate.shape[0])
     left, first = jnp.maximum(index - 1, 0), index == 0
     width = log_rate - log_rate[left]

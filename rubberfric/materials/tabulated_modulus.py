@@ -35,8 +35,8 @@ class TabulatedModulus(Material):
     .. math:: y(x) = y_1 + s_0 (x - x_1) + \sum_j (s_j - s_{j-1})\, d\, \psi\Big(\frac{x - x_j}{d}\Big),
               \qquad \psi(u) = u \Phi(u) + \frac{e^{-u^2/2}}{\sqrt{2\pi}}
 
-    All derivatives with respect to omega and the entries exist. The curve stays within the range that the
-    straight lines have over some d, and reproduces straight parts exactly. At an entry where the slope
+    All derivatives with respect to omega and the entries exist. At every x the curve lies within the range of
+    the straight lines up to a few d from x. It reproduces straight parts exactly. At an entry where the slope
     changes by s, the curve deviates from the lines by 0.4 d s. The outer slopes s_0 and s_n are 0 for E', so
     the first entry is E(0) and determines every static term. For E'', `outside` determines the outer slopes.
 

@@ -125,8 +125,9 @@ def _join(lower, upper, share, number):
             raise ValueError(f"join_spectra: spectrum {number + i} has an empty range: must have q0 < q1")
     if not (qa[0] < qb[0] and qa[-1] < qb[-1]):
         raise ValueError(
-            f"join_spectra: spectrum {number + 1} has {qb[0]:g} ... {qb[-1]:g} 1/m after {qa[0]:g} ..."
-            f" {qa[-1]:g}: must begin and end at larger q than the spectrum before it"
+            f"join_spectra: spectrum {number + 1} covers {qb[0]:g} ... {qb[-1]:g} 1/m and spectrum"
+            f" {number} covers {qa[0]:g} ... {qa[-1]:g} 1/m: spectrum {number + 1} must begin and end at"
+            " larger q"
         )
     overlap = bool(qb[0] < qa[-1])
     low, high = (qb[0], qa[-1]) if overlap else (qa[-1], qb[0])

@@ -306,15 +306,15 @@ def _ranks(values):
 
 
 def _uniform_borders(kinks, exponents, panels):
-    """Return the width of shares of the range, and the borders that divide the range into equal shares.
+    """Divide the range of t = ln(q / q_start) into panels, which are narrower where the roughness rises.
 
     On the plateau G ~ q^4, so that P may change within a quarter of an e-fold. Where q^2 C rises with an
-    exponent e (2 on the plateau), borders are 1 + e/2 times as dense as elsewhere.
+    exponent e (2 on the plateau), panels are narrower by the factor 1 + e/2.
 
     Returns
     -------
-    width : function that returns the width of the share that begins at t
-    uniform : borders between `panels` equal shares, shape (panels - 1,)
+    width : function that returns the width of a panel that begins at t
+    uniform : borders between the `panels` panels, shape (panels - 1,)
     """
     slopes = [_STEEPNESS * jnp.clip(exponent, 0.0, 2.0) for exponent in exponents]
 

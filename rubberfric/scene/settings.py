@@ -115,10 +115,10 @@ def default_quadrature(
     -------
     Quadrature. If `jit` or `vmap` traces a number of the scene or the pressure, the setting is made for ten
     decades at any load. (It has an error of 1e-7 for two rough solids with plateaus of nine decades each;
-    pass `quadrature` there.) A derivative outside `jit` uses the setting of the value. The rules were
+    pass `quadrature` there.) Outside `jit`, a derivative uses the setting of the value. The rules were
     measured for half-spaces of `Rigid`, `Elastic` and `Prony` with `SelfAffine` roughness, and for
-    `TabulatedModulus` on a rough rigid solid. Both were also measured with heating up to three decades, and
-    the latter also with the area correction. Other scenes use some more nodes.
+    `TabulatedModulus` on a rough rigid solid. Both groups were also measured with heating and roughness of up
+    to three decades, and tabulated moduli also with the area correction. Other scenes use some more nodes.
 
     Raises
     ------

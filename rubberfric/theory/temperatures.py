@@ -94,7 +94,7 @@ def _size(thermal, roughness):
 
 
 def solve_rises(thermal: Thermal, roughness: Roughness, points: HeatedPoints) -> Rises:
-    """Return the `Rises` on the branch of a scene, which is followed on its coarse mesh and then refined."""
+    """Return the `Rises` of a scene: follow the branch on the coarse mesh, and refine its end."""
     thermal, roughness, points = without_derivatives((thermal, roughness, points))
     targets = jnp.log(jnp.maximum(jnp.abs(points[0]), _REST))
     coarse = thermal.coarse

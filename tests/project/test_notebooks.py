@@ -33,7 +33,7 @@ def texts_of(notebook):
 
 # Half a minute and more: the fourth measures, as `rubberfric accuracy` does, the others solve many scenes.
 OTHERS = [
-    pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * path.name.startswith(("3", "4", "7")))
+    pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * path.name.startswith(("3", "4", "7", "8")))
     for path in NOTEBOOKS
     if path not in OF_FITS
 ]
@@ -68,5 +68,5 @@ def test_is_stored_executed_and_clean(path):
 
 
 def test_together_they_are_small():
-    assert len(NOTEBOOKS) == 7
+    assert len(NOTEBOOKS) == 8
     assert sum(os.path.getsize(path) for path in NOTEBOOKS) < ALL

@@ -270,7 +270,10 @@ def _register_pytree(cls):
 
 
 def _replaced(owner, where, changes):
-    """Return `owner`, at key path `where`, with changes: (key path, names below `owner`, new value)."""
+    """Return a copy of `owner` with changes; `where` is the key path of `owner`.
+
+    A change is a tuple (key path, names below `owner`, new value).
+    """
     values = {name: getattr(owner, name) for name in (*fields_of(type(owner)), *owner._settings)}
     by_field: dict[str, list] = {}
     for path, steps, new in changes:

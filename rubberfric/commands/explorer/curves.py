@@ -243,7 +243,7 @@ class Explorer:
 
 
 def _axis(conditions: Conditions, count: int) -> tuple[str, np.ndarray]:
-    """Return the condition on the abscissa of the curves, and its values."""
+    """Return the condition along the abscissa of the curves, "velocity" or "pressure", and its values."""
     v = conditions.velocity[conditions.velocity > 0]
     if v.size and v.max() > v.min():
         return "velocity", np.geomspace(v.min(), v.max(), count)

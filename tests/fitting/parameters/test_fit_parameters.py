@@ -267,8 +267,8 @@ def test_start_gives_the_start_instead_of_the_scene():
 @pytest.mark.parametrize(
     ("rule", "text"),
     [
-        (Positive(0.0), "starts at 0: must start > 0, because it is Positive; give start="),
-        (Positive(-1.0), "starts at -1: must start > 0, because it is Positive"),
+        (Positive(0.0), "starts at 0: must start at a value > 0, because it is Positive; give start="),
+        (Positive(-1.0), "starts at -1: must start at a value > 0, because it is Positive"),
         (Positive([1.0, 2.0, -3.0, 4.0]), "starts at -3"),
         (Positive([1.0, 2.0]), "start = [1.0, 2.0]: must be one number or 4 numbers"),
         (Positive("soft"), "start = 'soft': must be one number or 4 numbers"),

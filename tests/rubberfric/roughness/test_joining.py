@@ -177,7 +177,7 @@ def test_moments_of_a_part_are_preserved():
         (lambda: rf.roughness.join_spectra(LOW), "join_spectra got 1 spectra: must be at least two"),
         (
             lambda: rf.roughness.join_spectra(HIGH, LOW),
-            "spectrum 1 has 100 ... 10000 1/m after 2000 ... 1e+06: must begin",
+            "spectrum 1 covers 100 ... 10000 1/m and spectrum 0 covers 2000 ... 1e+06 1/m",
         ),
         (
             lambda: rf.roughness.join_spectra(LOW, HIGH, method="max"),

@@ -136,8 +136,8 @@ MEANING = """
 Each cell gives the share of the cases in which the model is within 10 % of boundary elements, and the root
 mean square of ln(model / boundary elements). n is the number of cases, including elastic cases, which have no
 friction. The constants of the law were fitted to the cases of the row "fitted". The third row contains the
-cases that were not fitted and whose results do not depend on the period of the grid. The rows below are parts
-of the third row. In q0 v tau, the time tau is 1 s.
+cases that were not fitted and whose results do not depend on the period of the grid. Each row below it
+contains a part of these cases. In q0 v tau, tau is 1 s, the longest relaxation time of most series.
 
 """
 
