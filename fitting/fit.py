@@ -68,7 +68,7 @@ def fit(
     scene : Scene, or dict of name -> Scene
         gives the values of fixed parameters, and the initial guess of free ones.
     data : FrictionData, AreaData, ModulusData, SpectrumData, or a list of them, fitted jointly
-        For several scenes a dict from the scenes' names to data: {"R20": data, "R40": [more, of_it]}.
+        For several scenes, give a dict from the names of the scenes to data: {"R20": data, "R40": [a, b]}.
     free : dict of key path -> Positive, Bounded, Free, Tied or RmsSlope
         Such as {"upper.material.E": Positive(), "lower.spectrum.hurst": Bounded(0.3, 1)}. For several scenes
         `R20.shear.tau_f0` is a parameter of one scene, `*.shear.tau_f0` a parameter that all scenes share.
@@ -79,21 +79,21 @@ def fit(
         The result of another fit can be a prior: prior=fit_prony(data).as_prior("lower") | {...}.
     callback : called as callback(step, cost) after every step, or None
     loss, loss_width : "linear", "huber", "soft_l1" or "cauchy", and its width in standard errors
-        None: the width at which the loss is 95 % efficient for Gaussian data (`fitting.solvers.losses`).
+        If the width is None, the loss is 95 % efficient for Gaussian data (`fitting.solvers.losses`).
     decades : random starts of Positive parameters lie within a factor 10^decades of the scene's values
-    max_steps, tolerance : limits of the method; None: the method's defaults
+    max_steps, tolerance : limits of the method. If None, the method has default limits.
     quadrature : Quadrature of the forward model
-        None: chosen for the scene at the start. If the scene at the end needs a finer one, the fit continues
-        with it.
+        If None, the quadrature is chosen for the scene at the start. If the scene at the end needs a finer
+        quadrature, the fit continues with the finer one.
     scale_errors : "auto", True or False
         Estimate the size of the errors from the scatter about the fit. Error bars, bands and densities use
-        this estimate. "auto": only for data without given errors. If the scene does not explain data with
-        given errors, the report lists error bars with and without scaling by the scatter. True: given errors
-        are relative weights, all multiplied by `FitResult.error_scale`. False: no estimate; data without
-        errors have 10 %.
+        this estimate. With "auto", only errors of data without given errors are estimated. If the scene does
+        not explain data with given errors, the report lists error bars with and without scaling by the
+        scatter. With True, given errors are relative weights, all multiplied by `FitResult.error_scale`.
+        With False, nothing is estimated, and data without errors have an error of 10 %.
     discrepancy : Discrepancy or None
         error of the theory of friction, see `fitting.Discrepancy`. Error bars, bands and verdict include it,
-        and the report states its size. None: the theory is treated as exact.
+        and the report states its size. If None, the theory is treated as exact.
     progress : function of a line of text, or None
         called before steps that take seconds without callbacks, such as compiling.
 
@@ -156,7 +156,7 @@ def fit(
     to_estimate, assumed = unknown and scale_errors is not False, unknown
 
     def again(problem, x):
-        """Return the end of a fit from x, its linearised model and uncertainty, and its evaluations."""
+        """Fit again from x, and return the end, the linearised model, the uncertainty and the evaluations."""
         end, spent = _from(solver, problem, x, max_steps, callback, starts)
         model = linearised(problem, end.x)
         return end, model, uncertainty(problem, end.x, model), spent
@@ -208,14 +208,13 @@ def fit(
 
 
 def _from(solver, problem, x, max_steps, callback, starts):
-    """Return the result of a fit that begins at x, and its numbers of evaluations."""
     # Keep the batch size, because another one would need a compilation.
     end = run_fits(solver, problem, x[None], None, max_steps, callback, min(FIT_BATCH, starts)).row(0)
     return end, np.array([end.nfev, end.njev])
 
 
 def _resolved(solver, problem, end, data, max_steps, callback, starts, tell):
-    """Continue a fit until its quadrature is fine enough for the scene at its end."""
+    """Continue a fit until the quadrature is fine enough for the fitted scene."""
     evaluations = np.zeros(2, int)
     while succeeded(end.status) and (with_more := finer(problem, end.x, data)) is not None:
         tell("fitting on, with the quadrature that the scene at the end of the fit needs")
@@ -240,7 +239,7 @@ def _minima(problem, runs):
 
 
 def _not_finite(problem, data):
-    """Return a line about the predictions that are not finite at the start."""
+    """Return the error message for a model that is not finite at the start."""
     rows = residual_rows(problem, problem.start)
     for one, where in zip(data, problem.order, strict=True):
         bad = np.flatnonzero(~np.isfinite(rows[where]))
@@ -255,4 +254,4 @@ def _not_finite(problem, data):
             f"data {one.label!r}: the model is not finite at the start at {bad.size} of {where.size} values,"
             f" first at {one.place(bad[0])}: {advice}"
         )
-    return "a prior is not finite at the start: check the start values of the numbers that it is of"
+    return "a prior is not finite at the start; check the start values of the parameters in the prior"

@@ -40,17 +40,17 @@ _FEWEST = 6  # frequencies
 class KramersKronig:
     """Result of `kramers_kronig`: the contradiction between measured E' and E''.
 
-    The contradiction is the logarithm of measured E'' over the E'' that follows from E'.
+    The contradiction is the logarithm of measured E'' divided by the E'' that follows from E'.
 
     Attributes
     ----------
     omega : angular frequencies of nodes, evenly spaced in ln omega over the data [rad/s], shape (n,)
     contradiction : ln(E'' measured / E'' implied by E') at the nodes, linear between them [-], shape (n,)
-    stderr, covariance : standard errors and covariance of the contradiction, from the errors of the data
-        or, without them, from their scatter
-    counted : True for nodes whose standard error is below 0.25; False at the ends of data with scatter,
-        because relaxation beyond the ends is not measured
-    scatter : relative errors of E' and of E'', estimated from the scatter, or the median of the given errors
+    stderr, covariance : standard errors and covariance of the contradiction [-]
+        They follow from the errors of the data, or from the scatter if the data have no errors.
+    counted : True for nodes whose standard error is below 0.25
+        Nodes at the ends of noisy data are not counted, because relaxation beyond the ends is not measured.
+    scatter : relative errors of E' and of E'': estimates from the scatter, or medians of the given errors
     data : the data that were checked
     """
 
@@ -65,14 +65,15 @@ class KramersKronig:
 
     @property
     def stderr(self) -> np.ndarray:
-        """Standard errors of the contradiction."""
+        """Standard errors of the contradiction at the nodes [-], shape (n,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def rms(self) -> float:
-        """Root mean square of the contradiction at the counted nodes, minus the part due to scatter.
+        """Root mean square of the contradiction at the counted nodes [-].
 
-        Nodes have the weights 1/stderr^2. NaN if no node is counted.
+        Nodes have the weights 1/stderr^2. The part that scatter alone would cause is subtracted from the mean
+        square. The result is NaN if no node is counted.
         """
         if not self.counted.any():
             return np.nan
@@ -82,9 +83,9 @@ class KramersKronig:
 
     @property
     def chance(self) -> float:
-        """Probability, by a chi-square test, that consistent data scatter at least as much as these.
+        """Chi-square probability that consistent data scatter at least as much as the measured data.
 
-        NaN if no node is counted.
+        The probability is NaN if no node is counted.
         """
         c = self.counted
         if not c.any():
@@ -94,12 +95,16 @@ class KramersKronig:
 
     @property
     def consistent(self) -> bool:
-        """True if the contradiction is within the scatter, or below 1 % rms."""
+        """True if `chance` is at least 1 %, `rms` is below 1 %, or no node is counted."""
         return not self.chance < _CHANCE or self.rms < 0.01
 
     @property
     def worst(self) -> tuple[tuple[float, float, float], ...]:
-        """Tuples (omega, contradiction, stderr) of the most significant nodes, at most three, worst first."""
+        """Tuples (omega, contradiction, stderr) of the most significant nodes, at most three, worst first.
+
+        At every listed node the contradiction exceeds three standard errors. Listed nodes lie at least 0.9
+        decades apart.
+        """
         pull = np.where(self.counted, np.abs(self.contradiction) / self.stderr, 0.0)
         found = []
         for i in np.argsort(-pull):
@@ -197,9 +202,9 @@ def kramers_kronig(
     .. math:: \min_{H \ge 0, k} \sum_j \left(\frac{\ln E'_j / E'(\omega_j)}{s'}\right)^2
               + \left(\frac{\ln E''_j / E''(\omega_j) - k(\omega_j)}{s''}\right)^2
 
-    The free function k, linear in ln omega between nodes, is the logarithm of the factor by which E'' is too
-    large. There are three relaxation times per decade, up to two decades beyond the data, so that relaxation
-    outside the data is allowed for.
+    The free function k is the logarithm of the factor by which E'' is too large. k is linear in ln omega
+    between nodes. There are three relaxation times per decade. The times extend two decades beyond the data,
+    because relaxation outside the measured range contributes to E' and E''.
 
     Parameters
     ----------
@@ -222,9 +227,9 @@ def kramers_kronig(
 
     Notes
     -----
-    Errors that are not given are estimated from the scatter, separately for E' and E''. An error that
-    a relaxation spectrum can produce is not detected, such as a common constant factor of E' and E''. A
-    constant factor of E' alone, or of E'' alone, is detected.
+    If the data have no errors, the errors of E' and E'' are estimated separately from the scatter. A fault of
+    the data is not detected if a relaxation spectrum can produce it, for example a common constant factor
+    of E' and E''. A constant factor of E' alone, or of E'' alone, is detected.
 
     To see how a contradiction changes friction, compare the tabulated modulus, which uses E' and E'' as
     measured, with a Prony series, which is a compromise between them:
@@ -286,7 +291,6 @@ def kramers_kronig(
 
 
 def _relative(data):
-    """Return the relative errors of E' and E'' (1 if unknown), and True if they were given."""
     if data.error is None:
         return np.ones(len(data)), False
     return data.error if data.logarithmic else data.error / data.measured, True

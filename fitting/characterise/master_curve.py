@@ -43,7 +43,7 @@ class MasterCurve:
     offsets : mean of ln E' and of ln E'' minus the smooth curve for every sweep, shape (2, n)
     offset_errors : standard errors of `offsets`, from the scatter of the points, shape (2, n)
     bad_points : ("E'" or "E''", T [K], omega [rad/s]) of points <= 0 or beyond four standard deviations
-    scatter : relative errors of E' and E'': scatter of points within sweeps, or the given errors (median)
+    scatter : relative errors of E' and E'': scatter of points within sweeps, or medians of the given errors
     redchi : sum of squares divided by the degrees of freedom; 1 if the errors are estimated
     """
 
@@ -68,37 +68,37 @@ class MasterCurve:
 
     @property
     def log_aT(self) -> np.ndarray:
-        """ln a_T of every sweep."""
+        """ln a_T of every sweep [-], shape (n,)."""
         return self.shifts.log_a
 
     @property
     def log_bT(self) -> np.ndarray:
-        """ln b_T of every sweep."""
+        """ln b_T of every sweep [-], shape (n,)."""
         return self.shifts.log_b
 
     @property
     def covariance(self) -> np.ndarray:
-        """Covariance of ln a_T."""
+        """Covariance of ln a_T, shape (n, n)."""
         return self.shifts.covariance[: self.T.size, : self.T.size]
 
     @property
     def stderr(self) -> np.ndarray:
-        """Standard errors of ln a_T."""
+        """Standard errors of ln a_T [-], shape (n,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def stderr_bT(self) -> np.ndarray:
-        """Standard errors of ln b_T."""
+        """Standard errors of ln b_T [-], shape (n,)."""
         return np.sqrt(np.diag(self.shifts.covariance)[self.T.size :])
 
     @property
     def scatter(self) -> tuple[float, float]:
-        """Relative errors of E' and of E''."""
+        """Relative errors of E' and of E'': scatter within sweeps, or medians of the given errors."""
         return self.shifts.scatter
 
     @property
     def redchi(self) -> float:
-        """Sum of squares divided by the degrees of freedom; 1 if the errors are estimated."""
+        """Sum of squared residuals divided by the degrees of freedom, or 1 if errors are estimated."""
         return self.shifts.redchi
 
     @property
@@ -114,15 +114,15 @@ class MasterCurve:
 
     @property
     def shift(self) -> rf.WLF | rf.Arrhenius | rf.TabulatedShift:
-        """Shift of `law` if it agrees with the shifts within the errors, otherwise `table`."""
+        """Shift of `law` if `law` fits ln a_T within the errors, otherwise `table`."""
         law = self.law
         return law.shift if law is not None and law.holds else self.table
 
     def as_prior(self, body: str = "lower", widen: float = 1.0) -> dict[str, Prior]:
         """Return the fitted `shift` and its covariance as the `prior` of another fit.
 
-        The other scene must have this `shift`. The prior contains the parameters of a law, or a_T of a table
-        at all temperatures except T_ref.
+        The scene of the other fit must have this `shift`. The prior contains the parameters of a law, or a_T
+        of a table at all temperatures except T_ref.
 
         Parameters
         ----------
@@ -155,7 +155,7 @@ class MasterCurve:
         Parameters
         ----------
         omega : angular frequencies [rad/s], shape (points,)
-        temperature : between the lowest and highest temperature of the sweeps [K]
+        temperature : temperature of the further sweep [K], within the range of the measured sweeps
 
         Returns
         -------
@@ -194,7 +194,7 @@ class MasterCurve:
         return f"<MasterCurve: {self.T.size} sweeps, T_ref = {self.T_ref:.6g} K, {name}>"
 
     def report(self) -> str:
-        """Return shifts, laws, scatter, and sweeps that do not superpose, as text of several lines."""
+        """Return a report of several lines: shifts, laws, scatter, and sweeps that do not superpose."""
         low, high = self.data.omega[[0, -1]]
         lines = [
             f"Master curve of {self.T.size} sweeps at {self.T_ref:.6g} K, {low:.3g} ... {high:.3g} rad/s",
@@ -229,13 +229,12 @@ class MasterCurve:
         return "\n".join(lines)
 
     def _misfits(self):
-        """Return lines of text about sweeps and points that deviate from the curve."""
         lines = []
         if self.shifts.scaled:
             low, high = np.exp(self.shifts.hidden[[0, -1]])
             lines.append(
                 f"    moduli change with temperature by factors of {low:.3f} to {high:.3f}. The shifts allow"
-                ' for this change, `data` show it; vertical="entropic" removes it from `data`'
+                ' for this change, but `data` contain it; vertical="entropic" removes it from `data`'
             )
         expected = np.hypot(self.offset_errors, np.array(self.shifts.offset)[:, None])
         off = np.flatnonzero((np.abs(self.offsets) > 2.5 * expected).any(axis=0))
@@ -302,7 +301,8 @@ def fit_master_curve(
     same : largest difference between neighbouring temperatures within a sweep [K]
         A drift within a sweep is corrected with the shifts of the other sweeps.
     temperature_error : standard deviation of the temperature of a sweep [K]
-        Superposition cannot detect it. It adds temperature_error times the slope of ln a_T to the errors.
+        Superposition cannot detect an error of the temperature. temperature_error times the slope of ln a_T
+        therefore contributes to the standard errors.
 
     Returns
     -------
@@ -319,8 +319,8 @@ def fit_master_curve(
     Neighbours that share few points or none are joined by the smoothness of the curve and get large errors.
     If errors of the data are not given, they follow from the scatter. The standard errors also include an
     offset of each sweep (1 % or more), correlated scatter, a phase error of the instrument, and an unknown
-    vertical shift (T/T_ref)^m, m = 0 +/- 0.25. If moduli without vertical shifts fit much better with a
-    factor of about T/T_ref, ln a_T allows for this factor, and the report says so.
+    vertical shift (T/T_ref)^m, m = 0 +/- 0.25. If `vertical` is False, but the moduli fit much better with
+    a factor of about T/T_ref, ln a_T allows for this factor, and the report says so.
     """
     if not (isinstance(vertical, bool) or vertical == "entropic"):
         raise ValueError(f'vertical = {shown(vertical)}: must be True, False or "entropic"')

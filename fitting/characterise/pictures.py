@@ -23,15 +23,15 @@ def plot_master_curve(
     laws: Mapping[str, Shift],
     ax: style.Panels | None = None,
 ) -> style.Panels:
-    """Draw the shifted sweeps, with filled markers for E' and open ones for E'', and log10 a_T against T.
+    """Draw E' (filled markers) and E'' (open markers) of the shifted sweeps, and below log10 a_T over T.
 
     Parameters
     ----------
     data : the master curve
     of_sweep : index of the sweep of every point
     T : temperatures of the sweeps [K]
-    shifts : ln a_T, its standard errors, and the index of the reference
-    laws : name -> law, drawn as a line
+    shifts : ln a_T, standard errors of ln a_T, and the index of the reference sweep
+    laws : dict of name -> law; every law is drawn as a line
     ax : two axes; None: a new figure
 
     Returns
@@ -75,9 +75,9 @@ def plot_series(
 
     Parameters
     ----------
-    material : the series
-    data : points at other temperatures are shifted to the reference temperature.
-    residuals : residuals of E' and of E'', shape (2, n)
+    material : the fitted series
+    data : measured moduli; points at other temperatures are shifted to the reference temperature
+    residuals : ln(fit / measured) of E' and of E'', shape (2, n)
     ax : two axes; None: a new figure
 
     Returns

@@ -55,17 +55,18 @@ class PronyFit:
     residuals : ln(fit / measured) of E' and of E'', shape (2, n); NaN where measured <= 0
     rms_storage, rms_loss : root mean squares of the residuals of E' and of E''
     data : the data that were fitted
-    smooth : sigma of the `Smooth` prior (for "auto" the chosen one), or None
+    smooth : sigma of the `Smooth` prior, given or chosen by "auto"; None without a prior
     weights : weights of E' and of E''
     names : key paths of the moduli that were fitted
-    values, stderr, covariance : the moduli [Pa], their errors and covariance; NaN where withheld
-    correlation : correlation of ln E; NaN where withheld
-    withheld : reasons for missing error bars, by the names of the moduli
+    values, stderr, covariance : the moduli [Pa], their standard errors and covariance
+        Standard errors and covariance are NaN for moduli in `withheld`.
+    correlation : correlation of ln E; NaN for moduli in `withheld`
+    withheld : dict of name of a modulus -> reason why the modulus has no error bar
     unidentified : combinations of moduli that the data do not determine
-    estimated : relative error estimated from the scatter; None if errors were given
+    estimated : relative error estimated from the scatter; None if the data have errors
     freedom : degrees of freedom, number of measured values minus the effective number of moduli
     success : True if the minimum was reached
-    message : description of the end of the fit
+    message : statement whether the fit converged
     """
 
     material: rf.Prony
@@ -95,22 +96,22 @@ class PronyFit:
 
     @property
     def covariance(self) -> np.ndarray:
-        """Covariance of the moduli [Pa^2], NaN where withheld."""
+        """Covariance of the moduli [Pa^2], NaN for moduli in `withheld`."""
         return self.solution.uncertainty.covariance
 
     @property
     def stderr(self) -> np.ndarray:
-        """Standard errors of the moduli [Pa], NaN where withheld."""
+        """Standard errors of the moduli [Pa], NaN for moduli in `withheld`."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def correlation(self) -> np.ndarray:
-        """Correlation of the logarithms of the moduli, NaN where withheld."""
+        """Correlation of the logarithms of the moduli, NaN for moduli in `withheld`."""
         return self.solution.uncertainty.correlation
 
     @property
     def withheld(self) -> dict[str, str]:
-        """Reasons for missing error bars, by the names of the moduli."""
+        """Dict of name of a modulus -> reason why the modulus has no error bar."""
         return self.solution.uncertainty.withheld
 
     @property
@@ -120,7 +121,7 @@ class PronyFit:
 
     @property
     def estimated(self) -> float | None:
-        """Relative error estimated from the scatter; None if errors were given."""
+        """Relative error estimated from the scatter, or None if the data have errors."""
         return self.solution.scale
 
     @property
@@ -141,13 +142,14 @@ class PronyFit:
 
     @property
     def message(self) -> str:
-        """Description of the end of the fit."""
+        """Statement whether the fit converged."""
         return MESSAGES[self._status]
 
     def as_prior(self, body: str | None = None, widen: float = 1.0) -> dict[str, Prior]:
         """Return the fitted moduli and their covariance as the `prior` of another fit.
 
-        The other scene must have this `material`, or a Prony series with the same relaxation times.
+        The scene of the other fit must have this `material`, or a Prony series with the same relaxation
+        times.
 
         Parameters
         ----------
@@ -178,10 +180,10 @@ class PronyFit:
 
     @functools.cached_property
     def fit(self) -> FitResult:
-        """FitResult of `fitting.fit` for the same moduli, for intervals, profiles, bootstrap and files.
+        """Result of `fitting.fit` for the fitted moduli, with intervals, profiles, bootstrap and files.
 
-        It is computed on first access, which takes seconds to compile. Unequal weights of E' and E'' raise
-        ValueError.
+        The first access runs the fit, which takes seconds to compile. ValueError is raised if the weights of
+        E' and E'' differ.
         """
         if self.weights[0] != self.weights[1]:
             raise ValueError(
@@ -199,7 +201,7 @@ class PronyFit:
         return fit(scene, self.data, free, prior=prior)
 
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
-        """Draw measured E' and E'', the series, its terms, and the residuals below.
+        """Draw measured E' and E'' with the fitted series and its terms, and the residuals below.
 
         Needs matplotlib: pip install 'rubberfric[plot]'.
 
@@ -218,7 +220,7 @@ class PronyFit:
         return f"<PronyFit: {terms} terms, E' to {self.rms_storage:.2g}, E'' to {self.rms_loss:.2g} rms>"
 
     def report(self) -> str:
-        """Return the series and its error bars, as text of several lines."""
+        """Return a report of several lines: the series, its misfit and its error bars."""
         tau = np.asarray(self.material.tau)
         times = f"tau = {tau.min():.3g} ... {tau.max():.3g} s"
         lines = [
@@ -240,7 +242,6 @@ class PronyFit:
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        """Return a table for notebooks."""
         rows: list[tuple[str, ...] | str] = [*self._rows()]
         rows.append(f"rms of ln(fit / measured): E' {self.rms_storage:.2%}, E'' {self.rms_loss:.2%}")
         if self.dropped.size:
@@ -249,9 +250,9 @@ class PronyFit:
         return html.table(rows, ("tau [s]", "E [Pa]", "error [Pa]"), caption)
 
     def _rows(self):
-        """Return (time, modulus, error) of every term as texts, E_inf first.
+        """Return a tuple of texts (time, modulus, error) for every term, with E_inf first.
 
-        If the error is missing, its text is the reason.
+        If a modulus has no error bar, the third text is the reason.
         """
         tau, E = np.asarray(self.material.tau), np.asarray(self.material.E)
         rows = [("inf", "E_inf", float(self.material.E_inf))]
@@ -275,7 +276,7 @@ def fit_prony(
     .. math:: \min_{E \ge 0} w' \sum_k \left(\frac{\ln E'(\omega_k)/E'_k}{e_k}\right)^2
               + w'' \sum_k \left(\frac{\ln E''(\omega_k)/E''_k}{e_k}\right)^2
 
-    with absolute instead of logarithmic differences for data with absolute errors.
+    If the data have absolute errors, the differences are absolute instead of logarithmic.
 
     Parameters
     ----------
@@ -290,7 +291,7 @@ def fit_prony(
     E_inf : "fit", or a fixed value of the relaxed modulus [Pa] (0: a liquid)
     poisson, shift : fields of the material; `fit_master_curve` fits a shift
     smooth : sigma of a `Smooth` prior [-], or "auto", or None
-        For noisy data. With a prior no term vanishes, and gaps in the frequencies are bridged. "auto" chooses
+        A prior suits noisy data: no term vanishes, and gaps in the frequencies are bridged. "auto" chooses
         the sigma with the smallest prediction error by generalised cross-validation [Golub, Heath &
         Wahba, Technometrics 21 (1979) 215, doi:10.1080/00401706.1979.10489751].
     weights : (w', w''), >= 0 [-]
@@ -364,7 +365,6 @@ def _strength(smooth):
 
 
 def _weights(weights):
-    """Check the weights of E' and E'', and return them as an array."""
     weight = np.array([w if is_number(w) else np.nan for w in np.ravel(np.array(weights, object))], float)
     if weight.shape != (2,) or not (np.isfinite(weight) & (weight >= 0)).all() or not weight.any():
         raise ValueError(f"weights = {shown(weights)}: must be two numbers >= 0, for E' and E'', not both 0")
@@ -372,7 +372,7 @@ def _weights(weights):
 
 
 def _series(data, omega, tau, relaxed, weight):
-    """Return the least-squares problem with the rows whose weight is > 0."""
+    """Return the least-squares problem without the rows whose weight is 0."""
     tau = np.append(tau, np.inf) if relaxed is None else tau
     known = np.repeat([relaxed or 0.0, 0.0], omega.size)
     error = np.ones(len(data)) if data.error is None else data.error
@@ -391,7 +391,10 @@ def _series(data, omega, tau, relaxed, weight):
 
 
 def _peaks(data, omega, tau):
-    """Return initial E > 0: from E'' at the loss peak of every term, and half the lowest E' for E_inf."""
+    """Return initial moduli E > 0, shape (terms,).
+
+    E_i is estimated from E'' at the loss peak of term i. E_inf is half of the lowest E'.
+    """
     finite = np.isfinite(tau)
     order, at = np.argsort(omega), np.argsort(tau[finite])
     floor = 1e-6 * np.abs(data.storage).max()

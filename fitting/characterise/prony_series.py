@@ -40,7 +40,10 @@ _STRENGTHS = np.geomspace(0.03, 30.0, 19)
 
 
 def reduced(data: ModulusData, shift: Shift | None) -> ModulusData:
-    """Convert the data to the reference temperature: E(a_T omega) = E(omega, T) / b_T."""
+    """Return the data shifted to the reference temperature of `shift`.
+
+    The shifted modulus is E(a_T omega) = E(omega, T) / b_T. Data without temperatures are returned unchanged.
+    """
     if not isinstance(data, ModulusData):
         raise ValueError(
             f"data is a {type(data).__name__}: must be ModulusData, for example from fitting.read"
@@ -66,7 +69,10 @@ def reduced(data: ModulusData, shift: Shift | None) -> ModulusData:
 
 
 def grid(omega: np.ndarray, per_decade: float) -> np.ndarray:
-    """Return relaxation times from 1/omega_max to 1/omega_min, at least `per_decade` per decade."""
+    """Return relaxation times, evenly spaced in ln tau from 1/omega_max to 1/omega_min [s].
+
+    There are at least `per_decade` times per decade.
+    """
     if not (is_number(per_decade) and 0 < per_decade <= 100):
         raise ValueError(f"per_decade = {shown(per_decade)}: must be a number > 0, at most 100")
     decades = np.log10(omega.max() / omega.min())
@@ -75,7 +81,10 @@ def grid(omega: np.ndarray, per_decade: float) -> np.ndarray:
 
 
 def given(data: ModulusData, tau: ArrayLike, omega: np.ndarray) -> np.ndarray:
-    """Check the relaxation times that the caller chose, and return them."""
+    """Return the relaxation times `tau` as an array [s]. Raise ValueError if one is invalid.
+
+    Relaxation times must be > 0, all different, and within two decades of the range of 1/omega.
+    """
     tau = np.asarray(as_leaf("tau", tau, 1), float)
     check_values("tau", tau, POSITIVE)
     if tau.size == 0:
@@ -93,7 +102,7 @@ def given(data: ModulusData, tau: ArrayLike, omega: np.ndarray) -> np.ndarray:
 
 
 def fixed_modulus(E_inf: float | str) -> float | None:
-    """Return the relaxed modulus if it is held fixed, or None if it is fitted."""
+    """Return the relaxed modulus [Pa] as a number, or None if `E_inf` is "fit"."""
     if isinstance(E_inf, str) and E_inf == "fit":
         return None
     if isinstance(E_inf, str) or not (is_number(E_inf) and E_inf >= 0):
@@ -102,7 +111,10 @@ def fixed_modulus(E_inf: float | str) -> float | None:
 
 
 def check_gaps(data: ModulusData, omega: np.ndarray) -> None:
-    """Raise ValueError for gaps in the frequencies that leave a term undetermined."""
+    """Raise ValueError if neighbouring frequencies are more than two decades apart.
+
+    The data would not determine a relaxation time in the middle of a wider gap.
+    """
     sorted_omega = np.sort(omega)
     gaps = np.diff(np.log10(sorted_omega))
     if gaps.size and gaps.max() > _GAP:
@@ -115,11 +127,10 @@ def check_gaps(data: ModulusData, omega: np.ndarray) -> None:
 
 
 def nonnegative(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    r"""Return the x >= 0 that brings A x closest to b; zeros are exact.
+    """Return the x >= 0 that minimises |A x - b|^2.
 
-    .. math:: \min_{x \ge 0} |A x - b|^2
-
-    by the active sets of Lawson and Hanson (Solving least squares problems, 1974, ch. 23).
+    Elements of x at the limit are exactly 0. The active-set method of Lawson and Hanson is used (Solving
+    least squares problems, 1974, ch. 23).
     """
     # The columns are scaled to length 1, so that the tolerance of the search suits all of them.
     length = np.linalg.norm(A, axis=0)
@@ -134,17 +145,19 @@ def nonnegative_logarithmic(
     error: np.ndarray,
     ignored: np.ndarray | None = None,
 ) -> np.ndarray:
-    r"""Return the x >= 0 that brings ln(A x + known) closest to ln b, in units of `error`; zeros are exact.
+    r"""Return the x >= 0 that minimises the squared logarithmic differences of A x + known from b.
 
     .. math:: \min_{x \ge 0} \sum_k \left(\frac{\ln (A x + known)_k / b_k}{error_k}\right)^2
+
+    Elements of x at the limit are exactly 0.
 
     Parameters
     ----------
     A : shape (rows, unknowns), >= 0
     b, error : shape (rows,), > 0
     known : shape (rows,), >= 0
-    ignored : directions in the space of the logarithms along which differences do not count, as linearly
-        independent columns, shape (rows, directions), or None
+    ignored : linearly independent columns, shape (rows, directions), or None
+        The part of the logarithmic differences along these columns does not contribute to the sum.
 
     Returns
     -------
@@ -182,10 +195,10 @@ def nonnegative_logarithmic(
 
 
 class SeriesMinimum(NamedTuple):
-    """Moduli at a minimum, their uncertainty, and a measure of optimality."""
+    """Fitted moduli of a Prony series, their uncertainty, and a measure of convergence."""
 
     E: np.ndarray  # E_i, and E_inf last if it is fitted; > 0
-    scale: float | None  # relative error estimated from the scatter; None where errors were given
+    scale: float | None  # relative error estimated from the scatter; None if the data have errors
     uncertainty: Uncertainty  # of ln E
     slope: float  # largest cosine between the residuals and a change of ln E, 0 at a minimum
 
@@ -196,10 +209,11 @@ class SeriesProblem:
 
     Attributes
     ----------
-    columns : E' and then E'' of every term with E = 1, shape (rows, terms)
+    columns : model matrix, shape (rows, terms): E' and, in the rows below, E'' of every term with E = 1
     known : part of the model that is not fitted, shape (rows,)
-    measured, error : shape (rows,); `error` is of ln(measured) if `logarithmic`, otherwise of measured
-    estimate : True if only the ratios of `error` are known, so that its size is estimated
+    measured, error : measured values and standard errors, shape (rows,)
+    logarithmic : True if `error` is the standard error of ln(measured) instead of measured
+    estimate : True if only the ratios of the errors are known, and the fit estimates the size of the errors
     tau : relaxation times [s]; inf, at the end, stands for E_inf
     body : "lower" or "upper", part of the key paths of the moduli
     """
@@ -215,7 +229,7 @@ class SeriesProblem:
 
     @property
     def variables(self) -> Variables:
-        """The moduli as free parameters of a scene's body."""
+        """Moduli as free Positive parameters of the scene's body."""
         terms, path = int(np.isfinite(self.tau).sum()), f"{self.body}.material"
         groups = [Group(f"{path}.E", "Positive", 0, tuple(range(terms)), (0, terms))]
         if terms < self.tau.size:
@@ -232,7 +246,10 @@ class SeriesProblem:
         return dataclasses.replace(self, columns=self.columns[:, kept], tau=self.tau[kept])
 
     def bounded(self) -> np.ndarray:
-        """Return E at the minimum over E >= 0; zeros are exact."""
+        """Return the moduli E >= 0 that minimise the sum of squared residuals.
+
+        Moduli at the limit are exactly 0.
+        """
         if self.logarithmic:
             E = nonnegative_logarithmic(self.columns, self.measured, self.known, self.error)
         else:
@@ -242,7 +259,10 @@ class SeriesProblem:
         return np.where((self.columns * E > _ROUNDING * model[:, None]).any(0), E, 0.0)
 
     def rows(self, x: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the residuals at x = ln E in units of errors, and their derivatives with respect to x."""
+        """Return the residuals at x = ln E divided by `error`, and their derivatives with respect to x.
+
+        Residuals have shape (rows,), derivatives have shape (rows, terms).
+        """
         parts = self.columns * np.exp(x)
         model = parts.sum(1) + self.known
         if self.logarithmic:
@@ -250,10 +270,10 @@ class SeriesProblem:
         return (model - self.measured) / error, parts / error[:, None]
 
     def solved(self, E: np.ndarray, smooth: float | None = None) -> SeriesMinimum:
-        """Return the minimum near E > 0, and its uncertainty.
+        """Return the minimum near the moduli E > 0, with a `Smooth` prior of standard deviation `smooth`.
 
-        If `smooth` is None, E must be the minimum itself. Unknown errors are estimated from the scatter, as
-        in `fitting.fit`.
+        If `smooth` is None, there is no prior, and E must be the minimum itself. Unknown errors are estimated
+        from the scatter, as in `fitting.fit`.
         """
         bends = np.zeros((0, E.size)) if smooth is None else self._bends() / smooth
         x, error, scale = np.log(E), self.error, None
@@ -276,8 +296,9 @@ class SeriesProblem:
 
         .. math:: \min_\sigma \frac{n \sum_k r_k^2}{(n - \mathrm{tr} H)^2}
 
-        This is generalised cross-validation [Golub, Heath & Wahba, Technometrics 21 (1979) 215]. The
-        matrix H maps the data to the fit. Only the ratios of the errors matter, not their size.
+        This is generalised cross-validation [Golub, Heath & Wahba, Technometrics 21 (1979) 215] with n
+        residuals r_k and the matrix H that maps the data to the fit. If only the ratios of the errors are
+        known, the residuals with the weakest prior give the size of the errors. E > 0 is the initial guess.
         """
         bends, x, count = self._bends(), np.log(E), self.measured.size
         scores, unit = [], None
@@ -295,7 +316,10 @@ class SeriesProblem:
         return float(_STRENGTHS[::-1][int(np.argmin(scores))])
 
     def _bends(self) -> np.ndarray:
-        """Return the matrix that maps ln E to the changes of d ln E / d log10 tau from term to term."""
+        """Return the matrix that maps ln E to second differences of ln E, shape (terms - 2, unknowns).
+
+        Second differences are the changes of the slope d ln E / d log10 tau from term to term.
+        """
         terms = np.flatnonzero(np.isfinite(self.tau))
         order = terms[np.argsort(self.tau[terms])]
         if order.size < 3:
@@ -304,7 +328,10 @@ class SeriesProblem:
         return np.diff(slopes, axis=0)
 
     def _minimum(self, x, error, bends):
-        """Minimise the squared residuals of data and prior by Levenberg-Marquardt steps. Return x = ln E."""
+        """Return the x = ln E that minimises the squared residuals of data and prior.
+
+        The method is Levenberg-Marquardt with the initial guess x.
+        """
         damping, (r, J) = 1e-3, self._all(x, error, bends)
         for _ in range(_ITERATIONS):
             H, g = J.T @ J, J.T @ r
@@ -337,9 +364,9 @@ class SeriesProblem:
 
 
 def columns(omega: np.ndarray, tau: np.ndarray) -> np.ndarray:
-    """Return E' of every term with E = 1 at all frequencies, and E'' in the rows below.
+    """Return the matrix that maps moduli to E' and E'', shape (2 n, terms) for n frequencies.
 
-    The shape is (2 n, terms) for n frequencies. tau = inf stands for E_inf.
+    The first n rows are E' of every term with E = 1, the last n rows are E''. tau = inf stands for E_inf.
     """
     finite = np.isfinite(tau)
     a = omega[:, None] * np.where(finite, tau, 1.0)

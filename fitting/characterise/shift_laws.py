@@ -32,28 +32,29 @@ class ShiftLaw(NamedTuple):
 
     @property
     def stderr(self) -> np.ndarray:
-        """Standard errors of the parameters."""
+        """Standard errors of the parameters, shape (parameters,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def holds(self) -> bool:
         """True if the chi-square probability of a misfit at least as large is above 0.1 %.
 
-        Always True without degrees of freedom.
+        A law without degrees of freedom always holds.
         """
         return self.freedom == 0 or bool(scipy.stats.chi2.sf(self.chisqr, self.freedom) > _CHANCE)
 
     @property
     def aic(self) -> float:
-        """Akaike's criterion up to a constant; lower is better."""
+        """Akaike's information criterion up to a constant. The law with the lower value is better."""
         return self.chisqr + 2 * len(self.names)
 
 
 def wlf_through(T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref: float) -> ShiftLaw | None:
-    r"""Fit the WLF law log10 a_T = -C1 (T - T_ref) / (C2 + T - T_ref) to ln a_T with the given covariance.
+    """Fit the WLF law log10 a_T = -C1 (T - T_ref) / (C2 + T - T_ref) to ln a_T with the given covariance.
 
-    T and log_a have the shape (n,). They and the covariance exclude T_ref. Return None if n < 2, because one
-    parameter is then undetermined, or if the shifts do not decrease with temperature.
+    T and log_a have shape (n,). T, log_a and the covariance exclude the reference temperature. Return None if
+    n < 2, because a single shift does not determine two parameters. Return None if the shifts do not decrease
+    with temperature.
     """
     if T.size < 2:
         return None
@@ -97,7 +98,10 @@ def wlf_through(T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref:
 def arrhenius_through(
     T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref: float
 ) -> ShiftLaw | None:
-    """Fit the Arrhenius law to ln a_T with the given covariance. Return None if its energy is not > 0."""
+    """Fit the Arrhenius law to ln a_T with the given covariance.
+
+    T, log_a and the covariance exclude the reference temperature. Return None if the fitted energy is <= 0.
+    """
     whiten = _whitener(covariance)
     of_one_eV = np.asarray(rf.Arrhenius(1.0, T_ref).log_factor(T), float)
     column, aim = whiten @ of_one_eV, whiten @ log_a

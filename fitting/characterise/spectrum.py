@@ -2,9 +2,9 @@ r"""Fit a self-affine spectrum to a measured one: h_rms, H, q_r and their errors
 
 .. math:: \ln C = \ln C_0 \; (q < q_r), \qquad \ln C = \ln C_0 - 2(1 + H) \ln(q/q_r) \; (q > q_r)
 
-If the roll-off lies between two given neighbouring points of the data, the fit is linear in the other
-parameters. Each of these intervals is tried, which gives the global minimum. `fitting.fit` starts there and
-computes errors, correlations and the directions that the data do not determine.
+If the interval between neighbouring points that contains the roll-off is known, the fit is a linear problem.
+All intervals are tried, which gives the global minimum. `fitting.fit` starts at this minimum and computes
+errors, correlations and the directions that the data do not determine.
 """
 
 import dataclasses
@@ -53,7 +53,7 @@ class SpectrumFit:
 
     @property
     def stderr(self) -> dict[str, float]:
-        """Standard errors of the fields that were fitted, by name; NaN where withheld."""
+        """Dict of name of a fitted field -> standard error, NaN for a field without an error bar."""
         return dict(zip((name.rsplit(".", 1)[1] for name in self.fit.names), self.fit.stderr, strict=True))
 
     def __repr__(self) -> str:
@@ -64,7 +64,7 @@ class SpectrumFit:
         )
 
     def report(self) -> str:
-        """Return the spectrum and its error bars, as text of several lines."""
+        """Return a report of several lines: the spectrum, its misfit and its error bars."""
         lines = [
             f"Self-affine spectrum of {self.fit.data[0].label}",
             f"    {self.fit.message}",
@@ -77,7 +77,6 @@ class SpectrumFit:
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        """Return a table for notebooks."""
         rows = [
             (name, f"{value} {unit}".removesuffix(" -"), more) for name, unit, value, more in self._rows()
         ]
@@ -86,9 +85,9 @@ class SpectrumFit:
         return html.table(rows, ("parameter", "value", "error"), caption)
 
     def _rows(self):
-        """Return (name, unit, value, error) of every parameter as texts.
+        """Return a tuple of texts (name, unit, value, error) for every parameter.
 
-        If the error is missing, its text is the reason.
+        If a parameter has no error bar, the last text is the reason.
         """
         rows = []
         for name in ("h_rms", "hurst", "qr", "q0", "q1"):
@@ -100,7 +99,7 @@ class SpectrumFit:
 
 
 class Line(NamedTuple):
-    """Line of ln C over t = ln q that is flat up to a kink and then falls."""
+    """Broken line of ln C over t = ln q, which is constant up to a kink and then falls."""
 
     cost: float  # weighted sum of squares
     level: float  # ln C of the plateau
@@ -122,8 +121,8 @@ def fit_spectrum(
 
     .. math:: \min \sum_k \left( \frac{\ln C(q_k) - \ln C_k}{e_k} \right)^2
 
-    over h_rms, H and q_r, with absolute instead of logarithmic differences for data with absolute
-    errors.
+    The sum is minimised over h_rms, H and q_r. If the data have absolute errors, the differences are absolute
+    instead of logarithmic.
 
     Parameters
     ----------
@@ -153,7 +152,7 @@ def fit_spectrum(
     The relative error of data without errors is estimated from their scatter (`fitting.fit`). q_r is fixed at
     q0 if the data show no plateau, that is, if a straight line fits as well by Schwarz's criterion, or if
     at most one point lies below the roll-off. If the decrease is flatter than for H = 0 or steeper than for
-    H = 1, H is fixed at this limit. `SpectrumFit.remarks` reports both.
+    H = 1, H is fixed at this limit. `SpectrumFit.remarks` names the parameters that were fixed.
     """
     if isinstance(data, rf.TabulatedSpectrum):
         own = [None if end is None else float(end) for end in (data.q0, data.q1)]
@@ -211,7 +210,6 @@ def fit_spectrum(
 
 
 def _data(data, relative, body):
-    """Return the data as SpectrumData."""
     if isinstance(data, rf.TabulatedSpectrum):
         data = (data.q, data.C)
     if isinstance(data, tuple) and len(data) == 2:
@@ -230,7 +228,7 @@ def _data(data, relative, body):
 
 
 def _weights(data):
-    """Return 1 / variance of ln C, or 1 if the errors are unknown."""
+    """Return the weight of every ln C: 1 / variance, or 1 if the data have no errors."""
     if data.error is None:
         return np.ones(len(data))
     error = data.error if data.logarithmic else data.error / np.maximum(data.C, data.error)
@@ -246,7 +244,6 @@ def _cutoff(name, value, default):
 
 
 def _fixed(name: str, value: float | str, low: float, high: float) -> float | None:
-    """Return the value of a parameter that is held fixed, or None if the parameter is fitted."""
     if isinstance(value, str) and value == "fit":
         return None
     if isinstance(value, str) or not (is_number(value) and low <= value <= high):
@@ -255,13 +252,20 @@ def _fixed(name: str, value: float | str, low: float, high: float) -> float | No
 
 
 def _ordered(line, q0, q1, H):
-    """Return (qr, q1, H) of a line. qr is exactly q0 or q1 if the difference is only rounding."""
+    """Return (qr, q1, H) of a `Line`, limited to q0 <= qr <= q1 and 0 <= H <= 1.
+
+    If qr differs from q0 or q1 only by rounding, qr is exactly q0 or q1.
+    """
     qr = next((q for q in (q0, q1) if abs(line.kink - np.log(q)) < 1e-12), np.exp(line.kink))
     return float(np.clip(qr, q0, q1)), q1, float(np.clip(H, 0.0, 1.0))
 
 
 def _start(t, y, weight, slopes, fixed_qr, q0, q1, known):
-    """Return (Line, remarks): the best broken line, without a plateau unless the data show one."""
+    """Return the best `Line`, and a list of remarks on parameters that are fixed.
+
+    If `fixed_qr` is a number, the kink is at this wavevector. Otherwise the line has a plateau only if the
+    data show a roll-off.
+    """
     if fixed_qr is not None:
         return _line(t, y, weight, slopes, np.log(fixed_qr)), []
     flat = _line(t, y, weight, slopes, np.log(q0))
@@ -284,11 +288,12 @@ def broken_line(
     low: float,
     high: float,
 ) -> Line:
-    """Fit a line that is flat up to a kink and then falls with a slope within bounds, by least squares.
+    """Fit a line that is constant up to a kink and then falls, by weighted least squares.
 
-    Every interval between neighbouring t is tried. The best kink inside an interval is the intersection of
-    the best level before the interval and the best straight line behind it. If the intersection is outside,
-    the best kink is at an end of the interval.
+    The slope lies within the bounds `slopes`, and the kink lies between `low` and `high`. Every interval
+    between neighbouring t is tried. The best kink inside an interval is the intersection of the best level
+    before the interval and the best straight line behind the interval. If the intersection is outside the
+    interval, the best kink is at an end of the interval.
     """
     order = np.argsort(t, kind="stable")
     t, y, weight = t[order], y[order], weight[order]
@@ -311,7 +316,6 @@ def broken_line(
 
 
 def _line(t, y, weight, slopes, kink):
-    """Return the line that fits best among those with the given kink."""
     fall = np.maximum(t - kink, 0.0)
     middle, height = np.average(fall, weights=weight), np.average(y, weights=weight)
     spread = np.sum(weight * (fall - middle) ** 2)

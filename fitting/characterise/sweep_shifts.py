@@ -6,10 +6,10 @@ The model of point k in the sweep s at temperature T_s is
 
 and the same for E''. S' and S'' are cubic splines with a penalty on their second differences, u' and u'' are
 offsets that the sweeps do not share, and e' and e'' scatter. The phase error of an instrument adds
-phase^2 tan^2(delta) to the variance of ln E' and phase^2 / tan^2(delta) to that of ln E''. Coefficients and
-offsets enter linearly and are eliminated (variable projection) [Golub & Pereyra, SIAM J. Numer. Anal. 10
-(1973) 413]. Gauss-Newton steps find the shifts. The variances and the penalty maximise the restricted
-likelihood [Wood & Fasiolo, Biometrics 73 (2017) 1071, doi:10.1111/biom.12666].
+phase^2 tan^2(delta) to the variance of ln E' and phase^2 / tan^2(delta) to the variance of ln E''.
+Coefficients and offsets enter linearly and are eliminated (variable projection) [Golub & Pereyra, SIAM J.
+Numer. Anal. 10 (1973) 413]. Gauss-Newton steps find the shifts. The variances and the penalty maximise the
+restricted likelihood [Wood & Fasiolo, Biometrics 73 (2017) 1071, doi:10.1111/biom.12666].
 """
 
 import dataclasses
@@ -24,9 +24,9 @@ from rubberfric import Entropic
 
 # Phase error [rad] and offsets of ln E' and ln E'' that the initial guesses assume.
 _GUESSES = (0.003, (0.02, 0.02)), (0.03, (0.002, 0.02))
-_KNOTS = 2.5  # a decade
+_KNOTS = 2.5  # knots per decade
 _ROUNDS, _HOLD, _SCREEN = 50, 6, 14  # iterations in all, with fixed variances, and for each initial guess
-_OFFSET, _BELIEF = 0.01, 20.0  # expected offset of a sweep, and the number of sweeps that this counts for
+_OFFSET, _BELIEF = 0.01, 20.0  # expected offset of a sweep, and its weight in sweeps
 _STIFFEST = 300.0  # largest penalty; beyond it sharp bends pass for offsets
 _PHASE = (1e-4, 0.1)  # range of the phase error [rad]
 _EXACT = 1e-5  # least scatter of ln E
@@ -39,7 +39,10 @@ _FREE = 0.3  # standard deviation of free ln b_T
 
 
 class Shifts(NamedTuple):
-    """Shifts of all sweeps, and the smooth curve. The reference sweep has the shift 0 without error."""
+    """Shifts of all sweeps, and the smooth curve through the shifted sweeps.
+
+    The shift of the reference sweep is 0 and has no error.
+    """
 
     log_a: np.ndarray  # ln a_T, shape (sweeps,)
     log_b: np.ndarray  # ln b_T, shape (sweeps,); 0 without vertical shifts
@@ -61,7 +64,7 @@ class Shifts(NamedTuple):
 
 @dataclasses.dataclass
 class _Superposition:
-    """State of the fit: points, variances and shifts, which the iterations update."""
+    """Points, variances and shifts of the sweeps, which the iterations of the fit update."""
 
     sweeps: Sequence[Sweep]
     reference: int
@@ -91,11 +94,11 @@ class _Superposition:
         self.x = self.x - self.x[self.reference]
 
     def variance(self):
-        """Return the variance of every ln E' and ln E''."""
+        """Return the variance of every ln E' and ln E'', shape (2, points)."""
         return self.sigma2[:, None] + self.phase2 * self.by_phase if self.given is None else self.given**2
 
     def curve(self, x):
-        """Solve for the splines, offsets and vertical coefficients at the shifts x."""
+        """Solve for the splines, offsets and coefficients of ln b_T at fixed shifts x = ln a_T."""
         t = self.measured + x[self.which]
         inside = np.clip(t, self.knots[3] + 1e-9, self.knots[-4] - 1e-9)
         B = BSpline.design_matrix(inside, self.knots, 3).toarray()
@@ -122,9 +125,10 @@ class _Superposition:
         return _Curve(float(np.sum(w * r**2) + c @ prior @ c), H, c, r, slope, w, X, places, D, t)
 
     def bordered(self, found):
-        """Return the covariance of all unknowns, the Gauss-Newton step, and the derivatives of the model.
+        """Return the covariance of all unknowns, the Gauss-Newton step of the shifts, and the Jacobian.
 
-        The derivatives are with respect to the shifts.
+        The Jacobian contains the derivatives of the model with respect to the shifts. `found` is the `_Curve`
+        at the present shifts.
         """
         size, p = found.c.size, self.moving.size
         J = -found.slope[:, :, None] * self.each[:, self.moving]
@@ -141,9 +145,10 @@ class _Superposition:
         return C, C[size:, size:] @ right, -J
 
     def iterate(self, update):
-        """Make one Gauss-Newton step of the shifts, and return the largest change.
+        """Make one Gauss-Newton step of the shifts.
 
-        If `update` is True, update variances and weights too. Otherwise return inf.
+        If `update` is True, update variances and weights too, and return the largest change. Otherwise return
+        inf.
         """
         gradient = np.gradient(self.x, self.T)
         self.measured = np.concatenate([one.t for one in self.sweeps]) + (self.drift * gradient[self.which])
@@ -164,10 +169,10 @@ class _Superposition:
         return max(change, self.reweigh(found, C, J)) if update else np.inf
 
     def reweigh(self, found, C, J):
-        """Update variances, penalties and weights of outliers.
+        """Update variances, penalties and weights of outliers, and return a measure of their change.
 
-        Return the largest relative change divided by 50. The tolerance of `run`, 0.2 % for shifts, is thus
-        10 % for variances.
+        The measure is the largest |ln(new / old)| of variances and penalties divided by 50. The tolerance of
+        `run`, 0.2 % for shifts, thus corresponds to 10 % for variances.
         """
         old = np.concatenate([self.sigma2, self.tau2, self.penalty])
         variance, phase, leverage = self.variance(), np.zeros(2), _leverage(found, C, J)
@@ -190,7 +195,10 @@ class _Superposition:
         return np.abs(np.log(np.concatenate([self.sigma2, self.tau2, self.penalty]) / old)).max() / 50
 
     def correlated(self, z):
-        """Return how many points equal one independent point, from the correlation of neighbours."""
+        """Return the number of points that carry as much information as one independent point.
+
+        The number follows from the correlation of neighbouring residuals z, shape (points,).
+        """
         z = np.clip(z, -_OUTLIER, _OUTLIER)
         within = self.which[1:] == self.which[:-1]
         rho = np.mean((z[1:] * z[:-1])[within]) / max(np.mean(z**2), 1e-30)
@@ -204,7 +212,10 @@ class _Superposition:
         return self
 
     def misfit(self):
-        """Return the sum of ln(rms deviation from the curve) over ln E' and ln E'', offsets included."""
+        """Return the sum over E' and E'' of ln(rms deviation of ln E from the smooth curve).
+
+        Offsets of the sweeps count as deviations.
+        """
         found = self.curve(self.x)
         b, n = found.D.shape[1], self.T.size
         rest = found.r + np.array([self.each @ found.c[at[b : b + n]] for at in found.places])
@@ -213,7 +224,7 @@ class _Superposition:
 
 
 def _leverage(found, C, J):
-    """Return the derivative of every fitted value with respect to its measured value."""
+    """Return d (fitted value) / d (measured value) of every point, shape (2, points)."""
     each = [np.concatenate([at, np.arange(found.c.size, C.shape[0])]) for at in found.places]
     X = [np.concatenate([found.X, one], axis=1) for one in J]
     return (
@@ -223,18 +234,18 @@ def _leverage(found, C, J):
 
 
 class _Curve(NamedTuple):
-    """Solution of the linear part of the problem at given shifts."""
+    """Solution of the linear least-squares problem at fixed shifts."""
 
-    objective: float
-    H: np.ndarray
-    c: np.ndarray
-    r: np.ndarray
-    slope: np.ndarray
-    w: np.ndarray
-    X: np.ndarray
-    places: list[np.ndarray]
-    D: np.ndarray
-    t: np.ndarray
+    objective: float  # squared residuals and penalties
+    H: np.ndarray  # normal matrix
+    c: np.ndarray  # coefficients of the splines, offsets, and coefficients of ln b_T
+    r: np.ndarray  # residuals of ln E' and ln E'', shape (2, points)
+    slope: np.ndarray  # derivatives of the splines at the points, shape (2, points)
+    w: np.ndarray  # weights, shape (2, points)
+    X: np.ndarray  # columns of the model for ln E' or ln E''
+    places: list[np.ndarray]  # indices in c of the coefficients of ln E', and of ln E''
+    D: np.ndarray  # second differences of the coefficients of a spline
+    t: np.ndarray  # reduced ln omega of the points
 
 
 def shifts_of(
@@ -278,7 +289,7 @@ def shifts_of(
 
 
 def _result(fit, log_b, temperature_error, *, free=False, unseen=None):
-    """Return the shifts and their covariance, in which the errors of the temperatures are included.
+    """Return the `Shifts` of a converged fit, with a covariance that includes errors of temperature.
 
     free : True if the coefficients include ln b_T of the sweeps
     unseen : ln b_T that the moduli show although no vertical shift was requested

@@ -1,4 +1,4 @@
-r"""Split data into isothermal sweeps, and guess the shifts that superpose them.
+r"""Split data into isothermal sweeps, and guess the shifts that superpose the sweeps.
 
 The guess models ln E of two neighbouring sweeps as one smooth random function of ln omega, an integrated
 Wiener process.
@@ -30,8 +30,9 @@ class Sweep(NamedTuple):
 def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sweep]:
     """Return the sweeps of all data, by rising temperature.
 
-    Rows whose temperatures lie within `same` [K] of a neighbour belong to one sweep. Raise ValueError for
-    other data, for missing temperatures, for a single temperature, and for a sweep with too few points > 0.
+    Rows whose temperatures lie within `same` [K] of a neighbour belong to one sweep. Raise ValueError if
+    `data` is not ModulusData, if rows have no temperature, if all rows have one temperature, if only some
+    data sets have errors, or if a sweep has too few points > 0.
     """
     sets = [data] if isinstance(data, ModulusData) else data
     if not isinstance(sets, list | tuple) or not sets:
@@ -41,8 +42,8 @@ def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sw
     known = [one[3] is not None for one in rows]
     if any(known) and not all(known):
         raise ValueError(
-            f"isotherms[{known.index(False)}] has no errors, but other data sets have: give errors for all"
-            " data sets or for none"
+            f"isotherms[{known.index(False)}] has no errors, but other data sets have errors; give errors"
+            " for all data sets or for none"
         )
     T, t = np.concatenate([one[0] for one in rows]), np.concatenate([one[1] for one in rows])
     y = np.concatenate([one[2] for one in rows], axis=1)
@@ -69,7 +70,11 @@ def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sw
 
 
 def _rows(i, one):
-    """Return temperature, ln omega, ln E and the error of ln E for one data set."""
+    """Return T [K], ln omega, ln E and the error of ln E for the data set with the index i.
+
+    ln E and its error have shape (2, points), for E' and E''. ln E is NaN where E <= 0. The error is None if
+    the data have no errors.
+    """
     if not isinstance(one, ModulusData):
         raise ValueError(f"isotherms[{i}] is a {type(one).__name__}: must be ModulusData")
     if one.temperature is None:
@@ -82,11 +87,11 @@ def _rows(i, one):
 
 
 def first_shifts(sweeps: Sequence[Sweep], phase: float, offsets: tuple[float, float]) -> np.ndarray:
-    """Return an initial guess of ln a_T for every sweep, 0 for the first.
+    """Return an initial guess of ln a_T of every sweep relative to the first sweep, shape (sweeps,).
 
-    The likelihood of a common smooth curve through two neighbouring sweeps is tabulated over their relative
-    shift. The shifts follow the WLF law with the largest sum of log likelihoods over all pairs, because one
-    pair alone may be ambiguous.
+    The likelihood of a common smooth curve through two neighbouring sweeps is tabulated over the relative
+    shift. One pair alone may be ambiguous, so the WLF law with the largest sum of log likelihoods over all
+    pairs is found. Every shift is then chosen for a large likelihood and a small distance from this law.
 
     Parameters
     ----------
@@ -114,7 +119,7 @@ def first_shifts(sweeps: Sequence[Sweep], phase: float, offsets: tuple[float, fl
 
 
 def _pair(cold, warm, phase, offsets):
-    """Return trial shifts of the warmer sweep, and the log likelihood of each."""
+    """Return trial shifts of the warmer sweep, and the log likelihood of every trial shift."""
     shifts = np.linspace(cold.t.min() - warm.t.max() - 2 * np.log(10), 1.0, _TRIED)
     likelihood = np.zeros(_TRIED)
     first = np.arange(cold.t.size + warm.t.size) < cold.t.size
@@ -145,7 +150,10 @@ def _pair(cold, warm, phase, offsets):
 
 
 def _roughness(sweep, k):
-    """Return the scatter of ln E about a cubic fitted to the sweep, from the median deviation."""
+    """Return the standard deviation of ln E' (k = 0) or ln E'' (k = 1) about a cubic in ln omega.
+
+    The estimate uses the median absolute deviation of one sweep.
+    """
     ok = np.isfinite(sweep.y[k])
     t, y = sweep.t[ok], sweep.y[k][ok]
     fitted = np.polynomial.Polynomial.fit(t, y, min(3, t.size - 2))(t)

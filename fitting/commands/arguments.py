@@ -78,7 +78,7 @@ def _calibration_parser() -> Parser:
 
 
 def _laboratory_parser(kind: str, description: str, out: str, plot: str | None, suffixes: str) -> Parser:
-    """Return the parser of a command of `fitting.commands.laboratory`, with the common arguments only."""
+    """Return a parser with the arguments that all commands of `fitting.commands.laboratory` have."""
     from rubberfric.commands import Parser, add_common, add_outputs
 
     parser = Parser(prog=f"{PROGRAM} {kind}", description=description)
@@ -325,7 +325,7 @@ _MOST = 10**6
 
 
 class Command(NamedTuple):
-    """A sub-command: parser, check of the arguments, and the module of `fitting.commands` that runs it."""
+    """Parser of a sub-command, check of its arguments, and name of its module in `fitting.commands`."""
 
     parser: Callable[[], Parser]
     check: Callable[[argparse.Namespace], None]

@@ -75,7 +75,10 @@ REALS = ("loss_width", "decades", "tolerance")  # may be integers in TOML
 
 
 class Job(NamedTuple):
-    """Content of a job file, for fitting.fit(job.scene, job.data, job.free, prior=..., **job.options)."""
+    """Content of a job file.
+
+    The fit is `fitting.fit(job.scene, job.data, job.free, prior=job.prior, **job.options)`.
+    """
 
     scene: rf.Scene | dict[str, rf.Scene]
     data: list[Measured] | dict[str, list[Measured]]
@@ -100,7 +103,8 @@ def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
 
     Raises
     ------
-    ValueError : names the file, the key, its value and the rule, or the error in the scene or the data
+    ValueError
+        The job, a scene or data are invalid. The message names the file, the key, the value and the rule.
     """
     path = Path(path)
     if path.suffix.lower() != ".toml":
@@ -143,7 +147,7 @@ def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
 
 
 def _scene(path, key, file, of_data, data, outputs):
-    """Return a scene and its data sets, from the scene's file and the tables of the data."""
+    """Return the scene in `file`, and the data sets that the tables `data` of the job describe."""
     if not isinstance(data, list) or not data:
         raise ValueError(f"{path}: {of_data} = {shown(data)}: must be tables with the header [[{of_data}]]")
     files = {key: file}
@@ -155,7 +159,10 @@ def _scene(path, key, file, of_data, data, outputs):
 
 
 def _check_outputs(path, files, outputs):
-    """Raise ValueError if an output would overwrite a file of the job. Names are not checked otherwise."""
+    """Raise ValueError if an output would overwrite a file of the job.
+
+    `files` is a dict of key in the job -> name of a file. Names that are not text are ignored.
+    """
     for key, name in files.items():
         for output in outputs:
             if isinstance(name, str) and (path.parent / name).resolve() == Path(output).resolve():
@@ -169,14 +176,16 @@ def _text(path, key, value):
 
 
 def _one(path, key, value):
-    """Return one number. Raise ValueError for a list."""
     if isinstance(value, list):
         raise ValueError(f"{path}: {key} = {shown(value)}: must be one number")
     return toml.number(path, key, value)
 
 
 def _read(path, key, name, reader):
-    """Read a file whose path is relative to the job file. Error messages begin with the job file."""
+    """Return `reader(file)` for the file `name`, whose path is relative to the folder of the job file.
+
+    Error messages begin with the path of the job file.
+    """
     file = path.parent / _text(path, key, name)
     try:
         return reader(file)
@@ -197,7 +206,10 @@ def _data(path, key, content):
 
 
 def _check_paths(path, table, content, keys):
-    """Raise ValueError for a key path without quotes, which TOML reads as nested tables."""
+    """Raise ValueError if a key path in a table of the job has no quotes, or if the table "free" is empty.
+
+    TOML reads a key path without quotes as nested tables. `keys` are the keys of the innermost table.
+    """
     toml.check_keys(path, table, content, content)
     if table == "free" and not content:
         raise ValueError(f"{path}: free: is empty; must contain the key paths of free parameters")
@@ -229,7 +241,7 @@ def _rule(path, key, value):
 
 
 def _known(path, value):
-    """Return priors from a file that contains the result of another fit."""
+    """Return the priors that follow from a file with the result of another fit."""
     toml.check_keys(path, "prior.fit", value, FIT_KEYS, ("file",))
     given: dict[str, Any] = {}
     if "body" in value:
@@ -268,7 +280,6 @@ def _made(path, key, cls, values):
 
 
 def _options(path, content):
-    """Return keyword arguments of `fitting.fit`."""
     toml.check_keys(path, "fit", content, FILE_OPTIONS)
     try:
         check_options(**content)
@@ -282,7 +293,7 @@ def _options(path, content):
 
 @contextmanager
 def about(path: StrPath) -> Iterator[None]:
-    """Prefix ValueErrors with the name of a job file, in a `with` block."""
+    """Put the path of a job file before the message of a ValueError, in a `with` block."""
     try:
         yield
     except np.linalg.LinAlgError:  # a ValueError, but not about the input

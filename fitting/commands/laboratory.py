@@ -45,7 +45,7 @@ _FREE_SHEAR = ("shear.tau_f0", "shear.c", "shear.v0", "shear.shift.energy")
 
 
 def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
-    """Fit shifts and a Prony series to moduli, write a scene or the curve; return the exit status."""
+    """Fit shifts and a Prony series to moduli, write files, and return the exit status."""
     del interrupts
     data = [_moduli(arguments, path, T) for path, T in _with_temperatures(arguments)]
     temperatures = [T for one in data if one.temperature is not None for T in np.ravel(one.temperature)]
@@ -58,7 +58,7 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
         moduli, options["shift"] = curve.data, curve.shift
         texts.append(curve.report())
     elif len(data) > 1:
-        raise ValueError("several files without temperatures: give one file, or --temperature for each file")
+        raise ValueError("several files have no temperatures; give one file, or --temperature for each file")
     elif temperatures:
         moduli = ModulusData(moduli.omega, moduli.storage, moduli.loss, relative=moduli.relative)
     show("fitting a Prony series")
@@ -80,18 +80,16 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
 
 
 def _of_softening(softening):
-    """Return a line of text about the softening of the scene."""
     storage, loss = float(softening.storage[-1]), float(softening.loss[-1])
     strain = float(softening.strain[-1])
     return f"At a strain of {strain:.3g}, E' is {storage:.3g} and E'' {loss:.3g} times the value at rest.\n"
 
 
 def _with_temperatures(arguments):
-    """Return pairs (file, temperature or None), one for each file of moduli."""
     given = arguments.temperature or [None] * len(arguments.data)
     if len(given) != len(arguments.data):
         raise ValueError(
-            f"--temperature has {len(given)} values for {len(arguments.data)} files: must have one for each"
+            f"--temperature has {len(given)} values for {len(arguments.data)} files; give one for each file"
         )
     return list(zip(arguments.data, given, strict=True))
 
@@ -104,7 +102,11 @@ def _moduli(arguments, path, temperature):
 
 
 def _with_body(arguments, other, **changes):
-    """Return the scene of --scene with changes to one body, or a new scene of this body and `other`."""
+    """Return a scene in which one body has the given changes.
+
+    The scene is read from the file of --scene. Without --scene, a new scene is created, whose second body is
+    `other`.
+    """
     if arguments.scene is not None:
         scene = rf.load_scene(arguments.scene)
         return scene.replace(**{arguments.body: getattr(scene, arguments.body).replace(**changes)})
@@ -113,7 +115,7 @@ def _with_body(arguments, other, **changes):
 
 
 def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
-    """Compute and fit the spectrum of a measured surface, write it to a scene; return the exit status."""
+    """Compute and fit the spectrum of a measured surface, write files, and return the exit status."""
     del interrupts
     show(f"reading {arguments.data}")
     data, q0, text = _measured_spectrum(arguments)
@@ -133,7 +135,10 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
 
 
 def _measured_spectrum(arguments):
-    """Return SpectrumData, the lowest wavevector or None, and a line of text about the measurement."""
+    """Return SpectrumData, the cut-off q0, and a line of text about the measurement.
+
+    q0 is None if the first wavevector of the data is the cut-off.
+    """
     if arguments.normalisation is not None:
         data = read(
             arguments.data,
@@ -161,14 +166,13 @@ def _measured_spectrum(arguments):
 
 
 def _of_slope(spectrum):
-    """Return a line of text about the roughness in the scene."""
     q1 = float(spectrum.q[-1] if spectrum.q1 is None else spectrum.q1)
     slope, height = float(rf.rms_slope(spectrum)), float(rf.roughness.rms_height(spectrum))
     return f"In the scene: q1 = {q1:.4g} 1/m, rms height {height:.3g} m, rms slope {slope:.3g}.\n"
 
 
 def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
-    """Write a job file for `rubberfric-fit`, and print it; return the exit status."""
+    """Write and print a job file for `rubberfric-fit`, and return the exit status."""
     del interrupts
     show("writing the job")
     out = as_path(arguments.out)
@@ -201,7 +205,6 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
 
 
 def _from(out, path):
-    """Return a path relative to the folder of the job."""
     return os.path.relpath(path, out.parent).replace(os.sep, "/")
 
 
@@ -211,7 +214,7 @@ def _cutoffs(scene):
 
 
 def run_table(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
-    """Tabulate the friction of a fit or a scene, write it for other software; return the exit status."""
+    """Tabulate the friction of a fit or a scene for other software, and return the exit status."""
     del interrupts
     show(f"reading {arguments.fit}")
     axes: Any = [_one_or_two(getattr(arguments, name)) for name in ("velocity", "pressure", "temperature")]
@@ -249,7 +252,7 @@ def _ended(
     write: Callable[[str], object],
     draw: Callable[[], Any] | None,
 ) -> int:
-    """Write --out and --plot, print the texts; return the exit status."""
+    """Write the files of --out and --plot, print the texts, and return the exit status."""
     outputs = [("writing", arguments.out, write)]
     if draw is not None:
         outputs.append(("drawing", arguments.plot, lambda path: save_figure(path, draw())))

@@ -1,11 +1,13 @@
 """The command `rubberfric-fit`.
 
-The exit status is 0 for a good fit, 3 if the scene does not explain the data (`fitting.uncertainty.verdict`),
-1 if the fit did not converge or an error occurred, 2 for bad input, with one line on stderr and nothing
-written, and 130, 143 or 129 after an interrupt by Ctrl-C (SIGINT), SIGTERM or SIGHUP. An interrupt after the
-first step of a fit gives a message at once. The best values so far are reported and written, as for a fit
-that did not converge. An interrupt before the first step, or a second one, ends the process within a second.
-A bootstrap that was interrupted, or killed, continues with --resume.
+The exit status is 0 for a good fit, 1 if the fit did not converge or an error occurred, 2 for bad input, and
+3 if the scene does not explain the data (`fitting.uncertainty.verdict`). Bad input gives one line on stderr,
+and no file is written. An interrupt by Ctrl-C (SIGINT), SIGTERM or SIGHUP gives the exit status 130, 143 or
+129.
+
+An interrupt after the first step of a fit gives a message at once. The best values so far are reported and
+written, as for a fit that did not converge. An interrupt before the first step, or a second interrupt, ends
+the process within a second. A bootstrap that was interrupted or killed continues with --resume.
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ _MOST = {"candidates": 100_000, "n": 10_000, "draws": 100_000}
 
 
 def run_design(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
-    """Run a fit, choose measurements, write the requested files, print the report; return the exit status."""
+    """Fit a job, choose measurements, write files, print the report, and return the exit status."""
     show(f"reading {arguments.job}")
     job = read_job(arguments.job, [path for path in (arguments.out, arguments.plot) if path is not None])
     if job.design is None:
@@ -88,7 +88,10 @@ def run_design(arguments: argparse.Namespace, interrupts: Interrupts, show: Prog
 
 
 def read_design(path: StrPath, content: Any, scene: rf.Scene) -> dict[str, Any]:
-    """Return arguments of `fitting.design` from the table [design]. Raise ValueError if one is invalid."""
+    """Return the arguments of `fitting.design` from the table [design] of a job.
+
+    Raise ValueError if an argument is invalid.
+    """
     path = Path(path)
     toml.check_keys(path, "design", content, KEYS, ("velocity", "pressure", "n"))
     options: dict[str, Any] = {"candidates": _grid(path, "design", content, scene), "n": content["n"]}
@@ -113,7 +116,11 @@ def read_design(path: StrPath, content: Any, scene: rf.Scene) -> dict[str, Any]:
 
 
 def _grid(path, table, content, scene):
-    """Return every combination of velocity, pressure and temperature, as flat arrays."""
+    """Return flat arrays (velocity, pressure), or (velocity, pressure, temperature).
+
+    The arrays contain every combination of the values in `content`. The temperature is left out if `content`
+    contains none.
+    """
     given = {name: content[name] for name in _POINTS if name in content}
     conditions = read_conditions(path, table, given, scene)
     size = math.prod(values.size for values in conditions if values is not None)
@@ -125,7 +132,7 @@ def _grid(path, table, content, scene):
 
 
 def run_calibration(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
-    """Run a calibration, draw the requested figure, print the report; return the exit status."""
+    """Run a calibration, draw a figure, print the report, and return the exit status."""
     show(f"reading {arguments.job}")
     job = read_job(arguments.job, [] if arguments.plot is None else [arguments.plot])
     if not isinstance(job.scene, rf.Scene) or isinstance(job.data, dict):

@@ -1,4 +1,4 @@
-"""Work of the command `rubberfric-fit` after its arguments are checked."""
+"""Run the command `rubberfric-fit` after its arguments have been checked."""
 
 import argparse
 
@@ -17,7 +17,7 @@ _PROGRAM = "rubberfric-fit"
 
 
 def run_fit(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
-    """Fit a job file, write the requested files, print the report; return the exit status."""
+    """Fit a job, write files, print the report, and return the exit status."""
     show(f"reading {arguments.job}")
     outputs = (arguments.out, arguments.plot, arguments.checkpoint)
     job = read_job(arguments.job, [path for path in outputs if path is not None])
@@ -56,7 +56,6 @@ def run_fit(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
 
 
 def _left(result: FitResult, spread: EnsembleResult | None, interrupts: Interrupts) -> str:
-    """Describe the results that exist after an interrupt."""
     if not result.success:
         return "these are the best values so far"
     if not interrupts.stopped:
@@ -65,8 +64,6 @@ def _left(result: FitResult, spread: EnsembleResult | None, interrupts: Interrup
 
 
 def _fit(path: StrPath, job: Job, interrupts: Interrupts, show: Progress) -> FitResult:
-    """Fit a job and show the progress."""
-
     def callback(step: int, cost: float) -> None:
         show(f"step {step}, cost {cost:.6g}")
         interrupts.hold()  # from now on there is something to report
@@ -81,8 +78,6 @@ def _fit(path: StrPath, job: Job, interrupts: Interrupts, show: Progress) -> Fit
 def _profile(
     arguments: argparse.Namespace, result: FitResult, interrupts: Interrupts, show: Progress
 ) -> LikelihoodProfile:
-    """Compute the profile of one parameter and show the progress."""
-
     def callback(step: int, cost: float) -> None:
         del cost
         show(f"profile of {arguments.profile}: step {step}")
@@ -96,8 +91,6 @@ def _profile(
 def _bootstrap(
     arguments: argparse.Namespace, result: FitResult, interrupts: Interrupts, show: Progress
 ) -> EnsembleResult:
-    """Fit simulated data and show the progress."""
-
     def callback(done: int, members: int) -> None:
         show(f"bootstrap: {done} of {members} fits")
         interrupts.check()

@@ -15,7 +15,10 @@ _T = TypeVar("_T")
 
 
 def unit_rule(text: str, test: Callable[[np.ndarray], np.ndarray]) -> ValueRule:
-    """Return a rule for plausible values. A value that violates the rule is noise or in a wrong unit."""
+    """Return a rule for plausible values, which `check_units=False` switches off.
+
+    A value that violates the rule is noise or is given in another unit.
+    """
     return (f"{text} (check_units=False accepts it)", test)
 
 
@@ -31,8 +34,8 @@ class Field(NamedTuple):
 def numbers(value: ArrayLike) -> np.ndarray:
     """Return a float64 array of real numbers.
 
-    Raise ValueError for any other value, and for an empty one. The caller puts the name of the value before
-    the message.
+    Raise ValueError if `value` is empty or does not consist of real numbers. The message lacks the name of
+    the value, which the caller must put before the message.
     """
     try:
         array = np.asarray(value)
@@ -50,7 +53,8 @@ def numbers(value: ArrayLike) -> np.ndarray:
 class GivenArray:
     """Annotation of a field whose array must be given.
 
-    For type checkers: the constructor takes an ArrayLike (`__set__`), the data hold an array (`__get__`).
+    Type checkers learn that the constructor takes an ArrayLike (`__set__`) and that the attribute is an array
+    (`__get__`).
     """
 
     def __get__(self, instance: object, owner: type) -> np.ndarray: ...
@@ -65,7 +69,9 @@ class OptionalArray:
 
 
 def array(about: Field, *, default: Any = dataclasses.MISSING, kw_only: bool = False) -> Any:
-    """Return the field of a `measurement` that is annotated as GivenArray or OptionalArray.
+    """Return a field of a class that is decorated with `measurement`.
+
+    The field must be annotated as GivenArray or OptionalArray.
 
     Parameters
     ----------
@@ -77,14 +83,16 @@ def array(about: Field, *, default: Any = dataclasses.MISSING, kw_only: bool = F
 
 @dataclass_transform(field_specifiers=(array, dataclasses.field), frozen_default=True, eq_default=False)
 def measurement(cls: type[_T]) -> type[_T]:
-    """Decorate a kind of measured data, which becomes a frozen dataclass."""
+    """Turn a class of measured data into a frozen dataclass."""
     return dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
 
 
 def fields_in(
     frame: Any, fields: Mapping[str, Field], needed: Collection[str], units: Mapping[str, str] | None = None
 ) -> dict[str, np.ndarray]:
-    """Return a dict of field name -> values in SI from the columns of a frame; ignore other columns.
+    """Return a dict of field name -> values in SI, read from the columns of a frame.
+
+    Columns that belong to no field are ignored.
 
     Parameters
     ----------
@@ -99,8 +107,8 @@ def fields_in(
     Raises
     ------
     ValueError
-        A column is missing, occurs twice, or holds no numbers, a unit is unknown, or a key of `units` is not
-        a column. The message is one line.
+        A column is missing, occurs twice, or does not hold numbers. A unit is unknown. A key of `units` is
+        not the title of a column that is read. The message is one line.
     """
     units = dict(units or {})
     wanted = {about.column: name for name, about in fields.items()}
@@ -126,8 +134,8 @@ def fields_in(
         if field not in found:
             titles = ", ".join(str(title) for title in frame)
             raise ValueError(
-                f"the frame has no column {fields[field].column} [{fields[field].unit}], but {titles}: rename"
-                f" one, or give {field}="
+                f"the frame has no column {fields[field].column} [{fields[field].unit}]; it has the columns"
+                f" {titles}. Rename a column, or give {field}="
             )
     return found
 

@@ -119,7 +119,7 @@ def read(
 
 
 def write(path: StrPath, data: Measured) -> None:
-    """Write measured data as a .csv or an .h5 file, whole or not at all; see `Measured.write`.
+    """Write measured data to a .csv or .h5 file with `Measured.write`, completely or not at all.
 
     Raises
     ------
@@ -133,9 +133,10 @@ def write(path: StrPath, data: Measured) -> None:
 
 
 def read_group(group: h5py.Group | h5py.Dataset | h5py.Datatype, **given: Any) -> Measured:
-    """Return the measured data that `Measured.write_group` stored; `given` adds missing values as in `read`.
+    """Return the measured data that `Measured.write_group` stored in an HDF5 group.
 
-    Raise ValueError, with a message of one line, if the group does not contain such data.
+    `given` contains values that the group lacks, as in `read`. Raise ValueError, with a message of one line,
+    if the group does not contain measured data.
     """
     if not isinstance(group, h5py.Group):
         raise ValueError(f"{group.name}: must be a group, not a dataset")
@@ -156,7 +157,6 @@ def read_group(group: h5py.Group | h5py.Dataset | h5py.Datatype, **given: Any) -
 
 
 def _present(**arguments):
-    """Return the arguments that are not None."""
     return {name: value for name, value in arguments.items() if value is not None}
 
 
@@ -166,7 +166,10 @@ def _refuse(path, arguments, why):
 
 
 def _spectrum_columns(path, names, normalisation, hurst):
-    """Return the column names of the fields of a spectrum that has the given normalisation."""
+    """Return a dict of field -> name of a column, for a spectrum with the given normalisation.
+
+    A spectrum along a line has the column C_1D and no sigma.
+    """
     if normalisation is None:
         raise ValueError(f"{path}: normalisation is missing: {NORMALISATION_RULE}")
     try:
@@ -184,7 +187,6 @@ def _arguments(cls):
 
 
 def _made(cls, values, given, check_units):
-    """Create data from the fields of a file and from additional arguments."""
     for name, value in given.items():
         if name not in _arguments(cls):
             raise ValueError(f"{name} = {shown(value)}: must not be given; {cls.quantity} data have none")
@@ -194,7 +196,7 @@ def _made(cls, values, given, check_units):
 
 
 def _kind(path, columns, poisson, kind):
-    """Return the class of the data in a table, from `kind` or from the columns of measured values."""
+    """Return the class of the data in a table, which `kind` or the names of the columns determine."""
     if kind is not None:
         if not isinstance(kind, str) or kind not in KINDS:
             raise ValueError(f"{path}: kind = {shown(kind)}: {closest(kind, tuple(KINDS))}")
@@ -218,7 +220,7 @@ def _kind(path, columns, poisson, kind):
 
 
 def _spellings(cls):
-    """Yield, for each column that a kind of data needs, a text of the names that tables may use."""
+    """Yield the names that a needed column may have in tables as one text, for every needed column."""
     for name in cls.needed():
         column = cls.fields()[name].column
         yield " or ".join(

@@ -124,8 +124,8 @@ class AreaData(Measured):
     Parameters
     ----------
     velocity : sliding velocity, any sign and order [m/s]
-    area : real over nominal contact area, 0 < A/A0 <= 1 [-]
-        With check_units=False values outside this range are accepted, as noise may cause them.
+    area : real contact area divided by nominal contact area, 0 < A/A0 <= 1 [-]
+        check_units=False accepts values outside this range, because noise may cause them.
     sigma : standard deviation of `area`, > 0 [-], or None
     pressure, temperature, relative, name, check_units : as in `FrictionData`
     """
@@ -210,7 +210,10 @@ KINDS = {cls.quantity: cls for cls in (FrictionData, AreaData, ModulusData, Spec
 
 
 def as_data_sets(data: Measured | Sequence[Measured]) -> list[Measured]:
-    """Return the data sets as a list. Raise ValueError for an empty list or other objects."""
+    """Return one data set or several as a list.
+
+    Raise ValueError if `data` is empty or contains an object that is not measured data.
+    """
     kinds = "FrictionData, AreaData, ModulusData or SpectrumData"
     if isinstance(data, Measured):
         return [data]
@@ -239,12 +242,14 @@ def data_by_scene(
 
     Returns
     -------
-    (data sets, names of their scenes). The name of a single scene is "". With several scenes the labels of
-    the data sets begin with the name of their scene.
+    list of the data sets, and list of the scene's name for every data set. The name of a single scene is "".
+    If there are several scenes, the label of a data set begins with the name of the scene.
 
     Raises
     ------
-    ValueError : `data` is not a dict although there are several scenes, or its keys are not their names.
+    ValueError
+        `data` is not a dict although there are several scenes, or the keys of `data` are not the names of the
+        scenes.
     """
     if names is None:
         sets = as_data_sets(data)  # pyright: ignore[reportArgumentType]  # or its error
@@ -258,7 +263,7 @@ def data_by_scene(
     sets, of = [], []
     for name in names:
         if name not in data:
-            raise ValueError(f"scene {name!r} has no data; add data or leave it out")
+            raise ValueError(f"scene {name!r} has no data; add data, or leave out the scene")
         try:
             own = as_data_sets(data[name])
         except ValueError as error:
@@ -284,7 +289,6 @@ def warn_of_repeated(data: Sequence[Measured], of: Sequence[str]) -> None:
 
 
 def _named(data: Measured, scene: str) -> Measured:
-    """Put the name of the scene before the name of the data."""
     if data.name.split(":")[0] == scene:
         return data
     return dataclasses.replace(data, name=f"{scene}: {data.label}", check_units=False)

@@ -34,9 +34,10 @@ _RELATIVE = Field(
 
 @measurement
 class Measured:
-    """Base of the kinds of measured data, checked when constructed; see `fitting.data.kinds`.
+    """Base class of the kinds of measured data in `fitting.data.kinds`.
 
-    A subclass has a field for every array, and lists the fields that were measured in `values`.
+    The constructor checks all values. A subclass has a field for every array. The class variable `values`
+    lists the fields that were measured.
     """
 
     quantity: ClassVar[str]
@@ -79,7 +80,10 @@ class Measured:
             object.__setattr__(self, name, own)
 
     def _arrays(self) -> dict[str, np.ndarray]:
-        """Return the fields that are not None, as float64 arrays with the shapes that were given."""
+        """Return a dict of name -> float64 array for the fields that are not None.
+
+        Arrays keep the shape that was given. Raise ValueError if a required field is None.
+        """
         arrays = {}
         for name, about in self.fields().items():
             value = getattr(self, name)
@@ -90,7 +94,7 @@ class Measured:
         return arrays
 
     def _check_errors(self, arrays: dict[str, np.ndarray]) -> None:
-        """Raise ValueError unless the errors are relative, absolute for all values, or not given."""
+        """Raise ValueError if relative and absolute errors are given, or only some absolute errors."""
         kind = type(self).__name__
         given = [name for name in self.sigmas if name in arrays]
         if given and "relative" in arrays:
@@ -109,7 +113,7 @@ class Measured:
 
     @classmethod
     def fields(cls) -> dict[str, Field]:
-        """Return the fields that hold arrays; `relative`, which all kinds have, is the last."""
+        """Return a dict of name -> `Field` for the fields that hold arrays, with `relative` last."""
         fields = sorted(dataclasses.fields(cls), key=lambda field: bool(field.kw_only))
         return {field.name: field.metadata["about"] for field in fields if "about" in field.metadata}
 
@@ -120,17 +124,23 @@ class Measured:
 
     @property
     def measured(self) -> np.ndarray:
-        """Measured values in one array, shape (n,); for a modulus, E' and then E''."""
+        """Measured values in one array of shape (n,).
+
+        For moduli, the array contains all E' and then all E''.
+        """
         return np.concatenate([getattr(self, name) for name in self.values])
 
     @property
     def logarithmic(self) -> bool:
-        """Return True if residuals are differences of logarithms (relative or unknown errors)."""
+        """True if residuals are differences of logarithms, because errors are relative or unknown."""
         return all(getattr(self, name) is None for name in self.sigmas)
 
     @property
     def error(self) -> np.ndarray | None:
-        """Standard deviations of `measured`, or of its logarithm, shape (n,); None if unknown."""
+        """Standard deviations in one array of shape (n,), or None if unknown.
+
+        The array refers to ln(measured) if `logarithmic` is True, otherwise to `measured`.
+        """
         if not self.logarithmic:
             return np.concatenate([getattr(self, name) for name in self.sigmas])
         return None if self.relative is None else np.tile(self.relative, len(self.values))
@@ -153,7 +163,10 @@ class Measured:
         return ", ".join(texts)
 
     def place(self, k: int) -> str:
-        """Return the conditions of `measured[k]` in words: "velocity = 0.1 m/s, pressure = 1e+05 Pa"."""
+        """Return the conditions of `measured[k]` as text.
+
+        An example is "velocity = 0.1 m/s, pressure = 1e+05 Pa".
+        """
         given = {name: getattr(self, name) for name in self.conditions if getattr(self, name) is not None}
         fields = self.fields()
         return ", ".join(
@@ -161,13 +174,13 @@ class Measured:
         )
 
     def replaced(self, measured: ArrayLike) -> Self:
-        """Replace the measured values, for example by resampled or simulated ones.
+        """Return data with other measured values, for example resampled or simulated values.
 
         Parameters
         ----------
         measured : array_like, shape (n,), in the order and units of `measured`
-            With absolute errors, any finite values, because noise may exceed the range of a quantity.
-            Otherwise, values > 0.
+            Data with absolute errors allow any finite value, because noise may exceed the range of a
+            quantity. Other data need values > 0.
 
         Raises
         ------
@@ -191,12 +204,13 @@ class Measured:
             Columns with other titles are ignored.
         units : units of columns whose titles state no unit, such as {"v": "mm/s", "p": "MPa"}; the default
             is SI
-        given : arguments of the constructor that the frame lacks or that replace its columns: pressure=3e5
+        given : arguments of the constructor that the frame lacks, or that replace columns of the frame
+            An example is pressure=3e5.
 
         Raises
         ------
         ValueError
-            A column is missing, occurs twice, or holds no numbers, a unit is unknown, or the constructor
+            A column is missing, occurs twice, or does not hold numbers. A unit is unknown. The constructor
             raises ValueError. The message is one line.
         """
         needed = [name for name in cls.needed() if name not in given]
@@ -204,26 +218,29 @@ class Measured:
         return cls(**found | given)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """Return a dict of title "name [unit]" -> values in SI, which `from_frame` reads."""
+        """Return a dict of title of a column -> values in SI, which `from_frame` reads.
+
+        The title has the form "name [unit]".
+        """
         given = {about: getattr(self, name) for name, about in self.fields().items()}
         return {f"{a.column} [{a.unit}]": values for a, values in given.items() if values is not None}
 
     def to_dataframe(self) -> Any:
-        """Return `columns` as a pandas.DataFrame (which must be installed)."""
+        """Return the data as a pandas.DataFrame. Pandas must be installed."""
         import pandas
 
         return pandas.DataFrame(self.columns())
 
     def write(self, path: StrPath) -> None:
-        """Write a .csv or an .h5 file completely or not at all; `fitting.read` reads it back.
+        """Write a .csv or .h5 file completely or not at all, for `fitting.read`.
 
         A CSV file contains `name` and `body` only as comments, so `read` needs the body as an argument.
 
         Raises
         ------
         ValueError
-            The suffix is another one, the folder is missing, or a CSV file would contain values <= 0, which
-            noise may cause. The message is one line.
+            The suffix is neither .csv nor .h5, the folder is missing, or a CSV file would contain
+            values <= 0, which noise may cause. The message is one line.
         """
         check_writable(path, (".csv", ".h5"))
         if Path(path).suffix.lower() == ".h5":
@@ -237,7 +254,10 @@ class Measured:
         write_table(path, columns, "\n".join(comment))
 
     def write_group(self, group: h5py.Group) -> None:
-        """Store the data in an open, empty HDF5 group; `fitting.data.files.read_group` reads them back."""
+        """Store the data in an open, empty HDF5 group.
+
+        `fitting.data.files.read_group` reads the group.
+        """
         group.attrs["kind"] = self.quantity
         group.attrs["name"] = self.name
         if (body := getattr(self, "body", None)) is not None:

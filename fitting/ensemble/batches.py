@@ -1,9 +1,10 @@
 r"""Batches of an ensemble: one compiled step for many fits, distributed over the devices of a mesh.
 
-Each device has a batch of members. In one call, it takes one step of every fit in its batch. A processor
-takes these steps one after the other: one fit keeps a core busy, its working set stays in the cache, empty
-places of the batch take no time, and the results are bit-identical for every size of the batch. An
-accelerator, which one fit would not keep busy, takes all steps of a batch in one vectorised function.
+Each device has a batch of members. In one call, the device takes one step of every fit in the batch. A
+processor takes these steps one after the other: one fit keeps a core busy, the working set of the fit stays
+in the cache, empty places of the batch take no time, and the results are bit-identical for every size of
+the batch. One fit would not keep an accelerator busy, so an accelerator takes all steps of a batch in one
+vectorised function.
 
 Devices do not exchange data in a step. The results of a step, a few numbers for each member, go to all
 processes. Each process keeps the state of the whole ensemble.
@@ -26,7 +27,7 @@ from fitting.solvers.problem import Numbers, Targets
 from fitting.solvers.residuals import solver_objective
 
 AXIS = "members"
-# Members in the batch of a device, if memory allows. In turn: enough to hide the host's part of a step.
+# Largest number of members in the batch of a device. IN_TURN is large enough to hide the work of the host.
 IN_TURN, VECTORISED = 32, 1024
 
 Program = Callable[[Numbers, Targets, Iterate], Iterate]
@@ -61,9 +62,9 @@ def make_batch(
     ----------
     members : Members
     devices : list of devices
-    size : number of members per device; None: chosen from the number of members and the memory
-    vectorised : True if a device computes its members simultaneously; None: True unless the device is a
-        processor
+    size : number of members per device. If None, the number follows from all members and the memory.
+    vectorised : True if a device computes all members of a batch simultaneously. If None, this is the case
+        unless the device is a processor.
     max_memory : largest memory of a device for a step [B]
 
     Raises
@@ -94,9 +95,9 @@ def make_batch(
 
 
 def blank_iterate(members: Members) -> Iterate:
-    """Return the iterates of all members before their first step, with a leading axis of members.
+    """Return the iterates of all members before the first step, with a leading axis of members.
 
-    All arrays are zero, except x at the starts and the status RUNNING.
+    x contains the starts, the status is RUNNING, and all other arrays are zero.
     """
     targets, x = jax.tree.map(lambda a: a[0], (members.targets, members.starts))
     shapes = jax.eval_shape(functools.partial(_begin, members), members.problem.numbers, targets, x)
@@ -120,7 +121,7 @@ def advance_members(
     ----------
     program : batch.start or batch.step
     iterate : iterate of all members
-    which : indices of members, at most batch.count
+    which : indices of at most batch.count members
     """
     # Members are dealt to the devices in turn, so that the last few are distributed evenly.
     place = np.arange(which.size)
@@ -140,9 +141,9 @@ def advance_members(
 
 @functools.lru_cache(maxsize=8)  # a second ensemble of the same kind compiles nothing
 def _compiled(solver, structure, mesh, vectorised, tree, shapes, stepping):
-    """Compile the step or the start of a batch for arguments of given shapes.
+    """Compile one step of a batch, or the start if not `stepping`, for arguments of given shapes.
 
-    Every device gets the results of all members.
+    All devices get the results of all members.
     """
 
     def one(numbers, targets, iterate):
@@ -167,8 +168,6 @@ def _compiled(solver, structure, mesh, vectorised, tree, shapes, stepping):
 
 
 def _shapes(members, count, mesh):
-    """Return the shapes, dtypes and shardings of the arguments of a compiled function."""
-
     def shape(a, spec, rows=()):
         a = jnp.asarray(a) if not hasattr(a, "dtype") else a
         return jax.ShapeDtypeStruct((*rows, *a.shape), a.dtype, sharding=NamedSharding(mesh, spec))
@@ -180,7 +179,7 @@ def _shapes(members, count, mesh):
 
 
 def _put(array, mesh, spec):
-    """Put a copy of an array, whole or sharded by `spec`, on the devices of all processes."""
+    # A callback fills the array, because the devices may belong to several processes.
     array = np.asarray(array)
     return jax.make_array_from_callback(array.shape, NamedSharding(mesh, spec), lambda index: array[index])
 

@@ -84,39 +84,48 @@ class Calibration:
 
     @property
     def identified(self) -> np.ndarray:
-        """True for elements that data and prior determine to a factor e in most fits, shape (size,)."""
+        """True for each element whose standard deviation of x has a median < `KNOWN`, shape (size,)."""
         return np.median(self.deviation, 0) < KNOWN
 
     @property
     def doubtful(self) -> np.ndarray:
-        """Rows of fits with unreliable draws: small effective sample size, or tail index well above 0.7."""
+        """Indices of the fits whose draws are unreliable.
+
+        Draws are unreliable if the effective sample size is small, or if the tail index is well above 0.7.
+        """
         if self.effective is None or self.tail is None:
             return np.zeros(0, int)
         return np.flatnonzero(doubtful(self.effective, self.tail, self.draws))
 
     def on_normal(self) -> "Calibration":
-        """Return the calibration of the same fits, with normal approximations of the posteriors."""
+        """Return this calibration with ranks from the normal approximations of the posteriors."""
         if self.normal is None:
             return self
         bare = {"normal": None, "draws": 0, "effective": None, "tail": None}
         return dataclasses.replace(self, place=self.normal, on="normal", **bare)
 
     def ranks(self, draws: int = 99) -> np.ndarray:
-        """Return the rank of the truth among the draws of the posterior, shape (members, size)."""
+        """Return the ranks of the true values among `draws` draws, as integers of shape (members, size)."""
         return np.minimum((self.place * (draws + 1)).astype(int), draws)
 
     def coverage(self, level: float = 0.95) -> np.ndarray:
-        """Return the share of the truths within central intervals of probability `level`, shape (size,)."""
+        """Return the share of true values within central intervals of probability `level`.
+
+        The result has the shape (size,).
+        """
         check_options(level=level)
         return np.mean(np.abs(self.place - 0.5) < 0.5 * level, 0)
 
     def distribution(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return points between 0 and 1, and the share of fits with u below each point, (points, size)."""
+        """Return points between 0 and 1, and the share of fits whose rank u is below each point.
+
+        The points have the shape (points,), and the shares have the shape (points, size).
+        """
         at = np.arange(1, _POINTS) / _POINTS
         return at, np.mean(self.place[:, None] < at[:, None], 0)
 
     def envelope(self, level: float = 0.99) -> tuple[np.ndarray, np.ndarray]:
-        """Return lower and upper limits of `distribution`.
+        """Return lower and upper limits of `distribution`, two arrays of shape (points,).
 
         The distribution of a uniform u is within the limits at all points with the probability `level`.
         """
@@ -131,13 +140,13 @@ class Calibration:
         return scipy.stats.binom.ppf(tail, count, at) / count, scipy.stats.binom.isf(tail, count, at) / count
 
     def inside(self, level: float = 0.99) -> np.ndarray:
-        """Return True for elements whose distribution is within the envelope, shape (size,)."""
+        """Return booleans of shape (size,), True for elements whose distribution is within the envelope."""
         low, high = self.envelope(level)
         share = self.distribution()[1]
         return np.all((share >= low[:, None]) & (share <= high[:, None]), 0)
 
     def report(self) -> str:
-        """Return the report, with a line for each parameter."""
+        """Return the report as text of several lines, with one line for each parameter."""
         lines = [
             f"{len(self.place)} fits, {self.failed} did not converge; {self._posterior()}",
             "parameter: share within 68 %, 95 %",
@@ -162,7 +171,6 @@ class Calibration:
         )
 
     def _posterior(self):
-        """Return text on the representation of the posterior and the quality of its draws."""
         if self.effective is None or self.tail is None:
             return "normal approximation"
         middle, least = np.median(self.effective), self.effective.min()
@@ -217,7 +225,7 @@ def calibration(
     scene, free, quadrature : as for `fitting.fit`
     data_plan : data sets that give conditions and errors; their measured values are replaced by drawn ones
     prior : a Gaussian for every free number; truths are drawn from it
-    members : number of fits, each with its own truth and data; they start at the truth
+    members : number of fits; each fit has its own true parameters and data, and starts at the true parameters
     key : jax.random.key, or None for key(0)
     on : "normal" or "samples"
         representation of the posterior: the normal approximation of the error bars, or weighted draws, which
@@ -295,7 +303,10 @@ def calibration(
 
 
 def _twins(problem: Problem, members: int, key: jax.Array) -> tuple[np.ndarray, Targets]:
-    """Draw truths from the priors, shape (members, size), and data with errors from their scenes."""
+    """Draw true parameters from the priors, and data from the scenes with these parameters.
+
+    Return the true x of shape (members, size), and `Targets` with measured values of shape (members, rows).
+    """
     pairs = zip(problem.structure.prior.terms, problem.numbers.prior, strict=True)
     drawn = [(term.elements, *numbers) for term, numbers in pairs if isinstance(term, GaussianRows)]
     known = [i for elements, *_ in drawn for i in elements]
@@ -317,15 +328,15 @@ def _twins(problem: Problem, members: int, key: jax.Array) -> tuple[np.ndarray, 
 
 @functools.partial(jax.jit, static_argnums=0)
 def _models(structure, numbers, x):
-    """Return predictions at every x, computed one after the other, because each keeps a core busy."""
+    # One x after the other, because the prediction of one x keeps a core busy.
     return jax.lax.map(lambda x: predictions(structure, numbers, x)[0], x)
 
 
 @functools.partial(jax.jit, static_argnums=0)
 def _precisions(structure, numbers, targets, x):
-    """Return J^T J at every x, with the rows of the priors.
+    """Return the matrix J^T J at every row of `x`, where J includes the rows of the priors.
 
-    The result depends on the errors of the data, but not on the measured values.
+    J^T J depends on the errors of the data, but not on the measured values.
     """
     one = jax.tree.map(lambda a: a[0], targets)
 

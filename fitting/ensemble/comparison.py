@@ -12,7 +12,7 @@ from fitting.results.record import FitRecord
 from fitting.uncertainty.criteria import ALONE, Criteria, criteria
 from rubberfric.base import html
 
-# Differences of the sum of ln p that are small whatever their error, and errors that make one large
+# A difference of the sum of ln p is significant if it is > SMALL and > ERRORS times its standard error
 # [Sivula, Magnusson, Matamoros & Vehtari, arXiv:2008.10296].
 SMALL, ERRORS = 4.0, 2.0
 HEADINGS = ("scene", "k", "chi-square", "reduced", "AIC", "AICc", "BIC", "LOO", "worse by", "+/-", "explains")
@@ -20,7 +20,7 @@ _OPTIONS = ("shear", "heating", "softening")
 
 
 class Variant(NamedTuple):
-    """One fit in a comparison; lower values of aic, aicc, bic and loo are better."""
+    """One fit in a comparison. Lower values of aic, aicc, bic and loo are better."""
 
     name: str
     parameters: float  # number determined by the data, including estimated errors
@@ -50,12 +50,12 @@ class Comparison:
 
     @property
     def best(self) -> str:
-        """Name of the simplest variant that the data do not distinguish from the one with the lowest loo."""
+        """Name of the variant in `alike` with the fewest parameters."""
         return min(self.alike, key=lambda one: one.parameters).name
 
     @property
     def alike(self) -> tuple[Variant, ...]:
-        """Variants that the data do not distinguish from the one with the lowest loo."""
+        """Variants that the data do not distinguish from the variant with the lowest loo."""
         return tuple(one for one in self.variants if not is_distinguishable(one))
 
     def __getitem__(self, name: str) -> Variant:
@@ -63,7 +63,7 @@ class Comparison:
         return next(one for one in self.variants if one.name == name)
 
     def report(self) -> str:
-        """Return the table of the variants and its interpretation, as text of several lines."""
+        """Return the table of the variants and the interpretation as text of several lines."""
         rows = [HEADINGS, *self._table()]
         widths = [max(len(row[k]) for row in rows) for k in range(len(HEADINGS))]
         lines = []
@@ -79,7 +79,6 @@ class Comparison:
         return pandas.DataFrame([one._asdict() for one in self.variants]).set_index("name")
 
     def _repr_html_(self) -> str:
-        """Return a table for notebooks."""
         return html.table([*self._table(), *self.words], HEADINGS, self.words[0])
 
     def __repr__(self) -> str:
@@ -163,12 +162,11 @@ def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Compariso
 
 
 def is_distinguishable(one: Variant) -> bool:
-    """Return True if the data distinguish a variant from the one with the lowest loo."""
+    """Return True if the data distinguish a variant from the variant with the lowest loo."""
     return one.worse > max(2 * SMALL, ERRORS * one.worse_stderr)
 
 
 def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str, Criteria]) -> list[str]:
-    """Return the interpretation of a comparison, in lines of text."""
     alike, worse = (
         [one for one in variants if not is_distinguishable(one)],
         [one for one in variants if is_distinguishable(one)],
@@ -214,12 +212,12 @@ def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str,
 
 
 def _amplitudes(fit):
-    """Return the number of estimated parameters of the model error: amplitude and width."""
+    """Return how many of the two parameters of the model error, amplitude and width, were estimated."""
     return 0 if fit.discrepancy is None else fit.discrepancy.estimated + bool(fit.discrepancy.parts)
 
 
 def _place(fit, k):
-    """Return text with the data set and the conditions of value k, counted through all data sets."""
+    """Describe the data set and the conditions of value `k`, where `k` counts the values of all data sets."""
     for one in fit.data:
         if k < len(one):
             return f"{one.label!r} at {one.place(k)}"
@@ -232,7 +230,10 @@ def _prior_text(fit):
 
 
 def _named(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> dict[str, FitRecord]:
-    """Return a dict of name -> fit. Fits in a list are named after the optional parts of their scenes."""
+    """Return the fits as a dict by name.
+
+    Fits from a list are named after the optional parts of the scenes.
+    """
     if isinstance(results, Mapping):
         named = dict(results)
     elif isinstance(results, list | tuple):
@@ -252,7 +253,7 @@ def _named(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> dict[str, 
 
 
 def _what(fit: FitRecord) -> str:
-    """Describe the optional parts of the scene of a fit."""
+    """Name the optional parts of the scene of a fit."""
     scene: Any = fit.scene_at_start
     scenes = scene.values() if isinstance(scene, dict) else [scene]
     parts = [name for name in _OPTIONS if any(getattr(one, name) is not None for one in scenes)]
@@ -262,7 +263,7 @@ def _what(fit: FitRecord) -> str:
 
 
 def _check_same(name: str, fit: FitRecord, other_name: str, other: FitRecord) -> None:
-    """Raise ValueError unless two fits have the same data, loss and treatment of errors."""
+    """Raise ValueError unless two fits have the same data, loss and scaling of errors."""
     where = f"{other_name!r} and {name!r}"
     if len(fit.data) != len(other.data):
         raise ValueError(
@@ -280,12 +281,12 @@ def _check_same(name: str, fit: FitRecord, other_name: str, other: FitRecord) ->
         raise ValueError(f"{where}: losses are {losses[1]} and {losses[0]}; they must be the same")
     if (fit.error_scale != 1) != (other.error_scale != 1):
         raise ValueError(
-            f"{where}: errors of only one are scaled by the scatter; both or none must be scaled"
+            f"{where}: only one fit has errors scaled by the scatter; the errors of both or of neither must"
+            " be scaled"
         )
 
 
 def _same(one: Measured, other: Measured) -> bool:
-    """Return True if two data sets have the same kind and body, and equal numbers."""
     if type(one) is not type(other) or getattr(one, "body", None) != getattr(other, "body", None):
         return False
     pairs = [(getattr(one, name), getattr(other, name)) for name in one.fields()]

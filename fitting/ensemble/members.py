@@ -143,7 +143,7 @@ class EnsembleResult:
 
     @classmethod
     def load(cls, path: StrPath) -> Self:
-        """Load results from a file written by `save`; raise ValueError if the file is invalid."""
+        """Load results from a file written by `save`. Raise ValueError if the file is invalid."""
         with hdf5.reading(path, _FORMAT) as file:
             shown = ("format", "format_version", "rubberfric_version", *_ATTRIBUTES)
             hdf5.check_names(file, ("report", "names", *_UNITS, *_COUNTS), shown)
@@ -253,8 +253,8 @@ def multi_start(
 
     Parameters
     ----------
-    starts : number of starts (the first is the scene's, the others random), or start vectors of
-        shape (members, size) in the variables of the solver
+    starts : number of starts, or start vectors of shape (members, size) in the variables of the solver
+        If a number is given, the first start has the values of the scene, and the other starts are random.
     other arguments : as for `fitting.fit`
 
     Returns
@@ -299,8 +299,8 @@ def bootstrap_members(
     result : FitResult
     count : number of data sets
     key : jax.random.key, or None for key(0); the data sets are the same as in `FitResult.bootstrap`
-    tolerance : tolerance of the solver; None: its default. With 1e-6 a member ends within 1/50 of a
-        standard error of its minimum, and takes two thirds of the steps
+    tolerance : tolerance of the solver. If None, the default of the solver is used. With 1e-6, a member
+        ends within 1/50 of a standard error of the minimum, and takes two thirds of the steps.
     """
     check_options(count=count)
     starts, targets = result.bootstrap_fits(count, key)
@@ -319,7 +319,7 @@ def profile_members(
     Parameters
     ----------
     result : FitResult
-    names : names of the parameters; None: all
+    names : names of the parameters. If None, all parameters are used.
     level, points : as for `FitResult.profile`
     """
     check_options(level=level, points=points)
@@ -334,7 +334,6 @@ def profile_members(
 
 
 def _members(kind, problem, starts, targets, solver, max_steps=None, parameter=None, source=None, level=0.95):
-    """Return `Members` whose arrays have the dtype of the problem."""
     dtype = problem.start.dtype
     targets = jax.tree.map(lambda a: np.asarray(a, dtype), targets)
     parameter = np.full(len(starts), -1) if parameter is None else parameter

@@ -63,7 +63,7 @@ def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Check
     Parameters
     ----------
     fingerprint : fingerprint of the job to be continued
-    blank : checkpoint of that job before its first step; the file must have the same shapes
+    blank : checkpoint of the same job before the first step; the file must have arrays of the same shapes
 
     Raises
     ------
@@ -100,7 +100,7 @@ def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Check
 
 
 def _same(file: h5py.File, name: str, like: np.ndarray) -> np.ndarray:
-    """Return an array of a file; raise ValueError unless it has the shape and dtype of `like`."""
+    """Read an array, and raise ValueError unless the array has the shape and dtype of `like`."""
     data = file[name]
     array = np.asarray(data[()] if isinstance(data, h5py.Dataset) else None)
     if array.shape != like.shape or array.dtype != like.dtype:
@@ -111,19 +111,22 @@ def _same(file: h5py.File, name: str, like: np.ndarray) -> np.ndarray:
 
 
 def check_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint, resume: bool) -> Checkpoint:
-    """Return the first checkpoint of a run, after checking that checkpoints can be written.
+    """Return the first checkpoint of a run, after a test that checkpoints can be written.
+
+    The checkpoint is read from the file if the file exists. Otherwise `blank` is returned.
 
     Raises
     ------
     ValueError
-        one line: the path cannot be written to, or the run cannot be continued from the existing file.
+        the path cannot be written to, or the run cannot be continued from the existing file. The message is
+        one line.
     """
     check_writable(path, (".h5",))
     if Path(path).exists() and not resume:
         raise ValueError(f"{path}: the file exists; continue it with resume=True, or remove it")
     checkpoint = read_checkpoint(path, fingerprint, blank) if Path(path).exists() else blank
     try:
-        # Twice, because the disk holds both files for a moment, as at all later times.
+        # Written twice, because every later write also needs space for the old and the new file.
         write_checkpoint(path, fingerprint, checkpoint)
         write_checkpoint(path, fingerprint, checkpoint)
     except OSError as error:
@@ -148,16 +151,16 @@ def run_ensemble(
     Parameters
     ----------
     members : Members, from `multi_start`, `bootstrap_members` or `profile_members`
-    devices : list of jax devices; None: all, of all processes
+    devices : list of jax devices. If None, all devices of all processes are used.
     checkpoint : path of an HDF5 file (.h5) for the state of the ensemble, or None
     every : seconds between checkpoints; 0: after every step of the batch
-    resume : True continues from the checkpoint, with the results of an uninterrupted run, or begins if the
-        file does not exist. False refuses to overwrite a file.
-    max_memory : bytes of each device that a step may take [B]
-    batch : number of members per device that take a step together, before their results are examined;
-        None: chosen from the number of members and the memory
-    vectorised : True: the members of a batch are computed simultaneously; False: one after the other;
-        None: simultaneously unless the device is a processor
+    resume : True to continue from the checkpoint; the results are those of an uninterrupted run
+        If the file does not exist, a new run begins. If False, an existing file raises a ValueError.
+    max_memory : largest memory of a device for a step [B]
+    batch : number of members per device that take a step before the results are examined
+        If None, the number follows from the number of all members and the memory.
+    vectorised : True if the members of a batch are computed simultaneously, False if one after the other
+        If None, the members are computed simultaneously unless the device is a processor.
     callback : called as callback(members done, members) after every step of the batch, or None
         A KeyboardInterrupt, raised by the callback or from the keyboard, ends the run. The values reached
         are returned, and written to the checkpoint.
@@ -165,8 +168,8 @@ def run_ensemble(
     Returns
     -------
     EnsembleResult
-        `status` and `failed` report a member that fails (a start that is not finite, or no minimum within its
-        steps). It does not affect the others.
+        `status` and `failed` report members that fail (a start that is not finite, or no minimum within
+        `max_steps` steps). A member that fails does not affect other members.
 
     Raises
     ------
@@ -249,7 +252,7 @@ def run_ensemble(
 
 
 class _Record:
-    """The checkpoint of a run in memory, and the file to which it is written."""
+    """Checkpoint of a run in memory, and the file to which the checkpoint is written."""
 
     def __init__(self, members, path, every, together):
         self.path, self.every, self.together = path, every, together
@@ -262,7 +265,7 @@ class _Record:
         self.written, self.changed, self.pending = time.monotonic(), False, None
 
     def begin(self, resume):
-        """Read or make the checkpoint. If it cannot be used, all processes raise an error."""
+        """Read the checkpoint if the file exists. All processes raise an error if the file cannot be used."""
         error = None
         if self.path is not None and self.writes:
             try:
@@ -279,14 +282,17 @@ class _Record:
             raise error
 
     def keep(self, which, new, stepped, seconds):
-        """Store the iterates of some members after a step or a start, and write the file every `every` s."""
+        """Store new iterates of the members `which`. Write the file if `every` seconds have passed."""
         self.pending = which, new, self.checkpoint.steps[which] + stepped, seconds
         self._take_in()
         if time.monotonic() - self.written >= self.every:
             self.write()
 
     def _take_in(self):
-        """Copy the pending rows into the checkpoint. The next call repeats a copy that was interrupted."""
+        """Copy the pending rows into the checkpoint.
+
+        If an interrupt stops the copy, the rows stay pending, and the next call copies all rows again.
+        """
         if self.pending is None:
             return
         which, iterate, steps, seconds = self.pending
@@ -298,7 +304,7 @@ class _Record:
         self.pending, self.changed = None, True
 
     def write(self):
-        """Write the checkpoint; a failure gives a warning, and the run continues."""
+        """Write the checkpoint to the file. If this fails, give a warning and let the run continue."""
         self._take_in()
         if self.path is None or not (self.writes and self.changed):
             return
@@ -314,7 +320,7 @@ class _Record:
 def _several_processes(devices):
     """Return True if there are several processes and the devices belong to all of them.
 
-    Return False if the devices belong to this process only; raise ValueError for any other set.
+    Return False if the devices belong to this process only. Raise ValueError for any other devices.
     """
     owners = {device.process_index for device in devices}
     if owners != {jax.process_index()} and owners != set(range(jax.process_count())):
@@ -326,7 +332,7 @@ def _several_processes(devices):
 
 
 def _from_first(checkpoint):
-    """Send the checkpoint of the first process to all processes, and return it."""
+    """Broadcast the checkpoint of the first process to all processes, and return this checkpoint."""
     leaves, tree = jax.tree.flatten(checkpoint)
     # Sent as bytes, because a sum over processes would change the bits of a NaN.
     sent = [multihost_utils.broadcast_one_to_all(_bytes(leaf)) for leaf in leaves]

@@ -27,7 +27,7 @@ def is_number(value: object) -> bool:
 
 @dataclasses.dataclass(frozen=True)
 class Positive:
-    """A value > 0, fitted in its logarithm.
+    """Rule of a parameter > 0, which the fit varies on a logarithmic scale.
 
     Parameters
     ----------
@@ -40,7 +40,9 @@ class Positive:
 
 @dataclasses.dataclass(frozen=True)
 class Bounded:
-    """A value between two bounds, fitted in the logit of its relative position between the bounds.
+    """Rule of a parameter between two bounds.
+
+    The fit varies the logit of the relative position of the value between the bounds.
 
     Parameters
     ----------
@@ -59,12 +61,13 @@ class Bounded:
 
 @dataclasses.dataclass(frozen=True)
 class Free:
-    """A value without limits, fitted in units of its scale.
+    """Rule of a parameter without limits. The fit varies value / scale.
 
     Parameters
     ----------
     start : as for `Positive`
-    scale : size of a considerable change, > 0; None: absolute start value, or 1 if the value is 0
+    scale : size of a considerable change, > 0
+        None: the absolute start value, or 1 if the start value is 0.
     """
 
     start: Start = None
@@ -77,12 +80,12 @@ class Free:
 
 @dataclasses.dataclass(frozen=True)
 class Tied:
-    """A value that is a constant ratio times another free parameter.
+    """Rule of a value that equals a constant ratio times another free parameter.
 
     Parameters
     ----------
     to : key path of the other parameter
-        It must not be tied itself, and must have one element, or as many elements as this parameter.
+        The other parameter must not be tied, and must have one element or as many as this parameter.
     ratio : ratio of this value to the value of `to` [-]; None: the ratio of the start values
     """
 
@@ -96,10 +99,10 @@ class Tied:
 
 @dataclasses.dataclass(frozen=True)
 class RmsSlope:
-    """A cut-off wavevector q1 that is determined by the rms slope of the roughness below it.
+    """Rule of a cut-off wavevector q1 at which the roughness up to q1 has a given rms slope.
 
-    Use it for key paths that end in .q1. The other parameters of the spectrum may be free or fixed. When q1
-    changes, a self-affine spectrum keeps its rms height, and a table keeps C(q).
+    Use the rule for key paths that end in .q1. The other parameters of the spectrum may be free or fixed.
+    When q1 changes, a self-affine spectrum keeps its rms height, and a table keeps C(q).
 
     Parameters
     ----------
@@ -131,14 +134,14 @@ def common_values(
     places: list[LeafElements],
     leaves: list[np.ndarray],
 ) -> np.ndarray:
-    """Return the values of the scene for the elements that a path names.
+    """Return the values in the scene of the elements that a key path names.
 
-    All scenes must have the same value of a shared element, unless the rule gives a start value.
+    A shared element must have one value in all scenes, unless the rule gives a start value.
 
     Parameters
     ----------
     path, rule : key and value of an item of `free`
-    paths : key paths that `path` stands for, one in each scene
+    paths : key paths that `path` stands for, one for each scene if the parameter is shared
     places : leaf and elements of each path in `paths`
     leaves : leaves of the scenes
     """
@@ -160,7 +163,10 @@ def common_values(
 
 
 def start_values(path: str, rule: Positive | Bounded | Free, values: np.ndarray) -> np.ndarray:
-    """Return the start values of a group from its rule, or `values` of the scene if the rule has none."""
+    """Return the start value of every element of a free parameter.
+
+    If the rule gives no start value, return `values`, the values in the scene.
+    """
     if rule.start is None:
         return values
     try:
@@ -181,7 +187,11 @@ def start_values(path: str, rule: Positive | Bounded | Free, values: np.ndarray)
 def value_range(
     path: str, rule: Positive | Bounded | Free, values: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Check the start values of a group, and return (low, width) of its rule."""
+    """Return (low, width) of the allowed range, one number for every element.
+
+    For Bounded, low and low + width are the bounds. For Free, width is the scale. Otherwise low is 0, and
+    width is 1. Raise ValueError if a start value in `values` is outside the range.
+    """
     zero, one = np.zeros(values.shape), np.ones(values.shape)
     if isinstance(rule, Positive):
         if not (values > 0).all():
@@ -203,7 +213,10 @@ def value_range(
 
 
 def with_starts(scene: Scenes, free: Mapping[str, Constraint]) -> Scenes:
-    """Return the scene with the values that the rules give to absent numbers, such as q1 of a table."""
+    """Return the scene with start values for free numbers that are None in the scene.
+
+    An example is q1 of a table. The start value follows from the rule, or is the end of the table.
+    """
     given = {}
     for path, rule in ((path, rule) for key, rule in free.items() for path in paths_of(scene, key)):
         owner, name = owner_of(scene, path)
@@ -227,7 +240,10 @@ def with_starts(scene: Scenes, free: Mapping[str, Constraint]) -> Scenes:
 
 
 def cutoff_of(scene: Scenes, path: str, slope: float | jax.Array) -> jax.Array:
-    """Return the q1 at which the rms slope of a spectrum is `slope`. Raise ValueError if none exists."""
+    """Return the q1 at which the rms slope of a spectrum is `slope`.
+
+    Raise ValueError if no such q1 exists, or if `path` is not the q1 of a spectrum.
+    """
     owner, name = owner_of(scene, path)
     if name != "q1" or not (hasattr(owner, "power_law") and name in fields_of(type(owner))):
         raise ValueError(f"free[{path!r}]: RmsSlope is for the q1 of a spectrum; must end in .q1")
@@ -238,9 +254,10 @@ def cutoff_of(scene: Scenes, path: str, slope: float | jax.Array) -> jax.Array:
 
 
 def cutoff_path(scene: Scenes, path: str | None) -> str:
-    """Return `path` if it names the q1 of a spectrum. Raise ValueError otherwise.
+    """Return the key path of the q1 of a spectrum.
 
-    None stands for the q1 of the only spectrum.
+    If `path` is None, return the path of the only q1 in the scene. Raise ValueError if `path` names another
+    number, or if `path` is None and the scene has no q1 or several.
     """
     known = [
         f"{name}.{side}.spectrum.q1".lstrip(".")
@@ -258,6 +275,9 @@ def cutoff_path(scene: Scenes, path: str | None) -> str:
 
 
 def last_wavevector(scene: Scenes, path: str) -> float:
-    """Return the largest possible q1 at a key path [1/m]: the end of a table, or inf without a table."""
+    """Return the largest possible q1 at a key path [1/m].
+
+    The largest q1 is the last wavevector of a table, or inf if the spectrum is not a table.
+    """
     ends = [getattr(owner_of(scene, one)[0], "q", None) for one in paths_of(scene, path)]
     return min((float(q[-1]) for q in ends if q is not None), default=float("inf"))

@@ -36,8 +36,8 @@ class Correlated:
     mean : means in the units of the numbers, shape (n,)
     covariance : covariance of t, shape (n, n)
     low, high : limits of every number, -inf and inf if there are none, shape (n,)
-    places : abscissa of every number, such as its relaxation time, NaN if it has none, shape (n,);
-        or None. A scene with other abscissae is refused, because its elements have another meaning.
+    places : abscissa of every number, such as its relaxation time, NaN if a number has none, shape (n,);
+        or None. A scene with other abscissae is refused, because its numbers have another meaning.
     """
 
     mean: ArrayLike
@@ -70,7 +70,10 @@ class Correlated:
             raise ValueError("Correlated: mean must be finite and between low and high")
 
     def read(self, place: PriorContext) -> list[tuple["CorrelatedRows", tuple[np.ndarray, ...]]]:
-        """Return structure and numbers of the prior. Raise ValueError if it does not apply to the scene."""
+        """Return the structure and the numbers of the prior, as a list with one pair.
+
+        Raise ValueError if the prior does not apply to the scene.
+        """
         where, chosen = place.where, place.selection(",", ", or several separated by commas")
         mean, low, high = (np.array(value) for value in (self.mean, self.low, self.high))
         if chosen.size != mean.size:
@@ -122,7 +125,10 @@ class Correlated:
 
 
 class CorrelatedRows(NamedTuple):
-    """Rows of a `Correlated` prior, whose numbers are t(mean), C^(-1/2), low and high."""
+    """Rows that a `Correlated` prior adds to the residuals.
+
+    The numbers of the prior are t(mean), C^(-1/2), low and high.
+    """
 
     chosen: Selection
 
@@ -132,18 +138,25 @@ class CorrelatedRows(NamedTuple):
         return self.chosen.size
 
     def rows(self, numbers: tuple[Array, ...], leaves: list[Array], x: jax.Array) -> jax.Array:
-        """Return the rows of a scene, shape (size,)."""
+        """Return the residuals of the prior for the leaves of a scene, shape (size,)."""
         del x
         centre, whiten, low, high = numbers
         return jnp.asarray(whiten) @ (coordinates(self.chosen.of(leaves), low, high) - centre)
 
     def moved(self, to: dict[int, int]) -> "CorrelatedRows":
-        """Return the rows for a scene with the same leaves at other indices."""
+        """Return the rows for a scene whose leaves have other indices.
+
+        `to` maps the index of a leaf to the new index.
+        """
         return CorrelatedRows(self.chosen.moved(to))
 
 
 def coordinates(v: Array, low: Array, high: Array) -> jax.Array:
-    """Return the transformed numbers t(v), which are not finite if v is outside the limits."""
+    """Return the transformed values t(v) of a `Correlated` prior.
+
+    t(v) is ln((v - low) / (high - v)) if both limits are finite, ln(v - low) if only low is finite, and v
+    without limits. t(v) is not finite if v is outside the limits.
+    """
     floor, roof = jnp.isfinite(low), jnp.isfinite(high)
     # The branch that is not selected must have a finite derivative.
     above = jnp.log(jnp.where(floor, v - jnp.where(floor, low, 0.0), 1.0))
@@ -152,7 +165,10 @@ def coordinates(v: Array, low: Array, high: Array) -> jax.Array:
 
 
 def whitener(covariance: np.ndarray) -> np.ndarray:
-    """Return W with W C W^T = 1, even if the standard deviations differ by many orders of magnitude."""
+    """Return W with W C W^T = 1 for a covariance matrix C.
+
+    The standard deviations in C may differ by many orders of magnitude.
+    """
     size = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
     # Smaller eigenvalues are rounding, if a number is an exact function of others.

@@ -101,27 +101,34 @@ class Discrepancy:
 
 
 def rational_quadratic(x: np.ndarray, width: float) -> np.ndarray:
-    """Return the correlation of the errors of one curve at x for a given width, shape (n, n)."""
+    """Return the correlation of model errors at the abscissae x of one curve, shape (n, n).
+
+    The correlation is 1 / (1 + (x_i - x_j)^2 / (2 width^2)).
+    """
     return 1 / (1 + 0.5 * ((x[:, None] - x) / width) ** 2)
 
 
 def squared_exponential(x: np.ndarray, width: float) -> np.ndarray:
-    """Return the correlation of the errors of one curve at x for one of several widths, shape (n, n)."""
+    """Return the correlation of model errors at the abscissae x of one curve, shape (n, n).
+
+    The correlation is exp(-(x_i - x_j)^2 / (2 width^2)).
+    """
     return np.exp(-0.5 * ((x[:, None] - x) / width) ** 2)
 
 
 def between_curves(near: np.ndarray, curve: np.ndarray, shared: float) -> np.ndarray:
-    """Return the correlation of the errors of all curves, shape (n, n).
+    """Return the correlation of model errors at the points of several curves, shape (n, n).
 
-    `near` is the correlation if all points belong to one curve.
+    `near`, of shape (n, n), is the correlation within one curve. `curve`, of shape (n,), is the index of the
+    curve of every point. Points on different curves have the correlation `shared` times `near`.
     """
     return np.where(curve[:, None] == curve, near, shared * near)
 
 
 def covariances(x: np.ndarray, curve: np.ndarray, discrepancy: Discrepancy) -> np.ndarray:
-    """Return the covariance of the theory's errors, shape (n, n).
+    """Return the covariance of the model errors of all points, shape (n, n).
 
-    `x` and `curve`, of shape (n,), are the abscissa and the curve of every point.
+    `x` and `curve`, of shape (n,), are the abscissa ln(v a_T) of every point and the index of its curve.
     """
     amplitude, width = discrepancy.amplitude, discrepancy.width
     if amplitude is None or width is None:
@@ -135,7 +142,7 @@ def covariances(x: np.ndarray, curve: np.ndarray, discrepancy: Discrepancy) -> n
 
 
 def text_of(discrepancy: Discrepancy) -> str:
-    """Describe a discrepancy in a report."""
+    """Return a line of text that describes a discrepancy in a report."""
     if discrepancy.amplitude is None or discrepancy.width is None:
         return "the theory may be off; the size of its error was not estimated"
     source = "estimated from the data" if discrepancy.estimated else "as given"

@@ -28,7 +28,7 @@ class Gaussian:
 
     Parameters
     ----------
-    mean, sigma : mean and standard deviation in the parameter's unit, one for all elements or one for each
+    mean, sigma : mean and standard deviation in the parameter's unit, for all elements or for each element
         For a Positive parameter sigma / mean is the standard deviation of its logarithm.
     """
 
@@ -46,7 +46,10 @@ class Gaussian:
                 object.__setattr__(self, name, tuple(map(float, each)))
 
     def read(self, place: PriorContext) -> list[tuple["GaussianRows", tuple[np.ndarray, np.ndarray]]]:
-        """Return structure and numbers of the prior. Raise ValueError unless its key is a free parameter."""
+        """Return the structure and the numbers of the prior, as a list with one pair.
+
+        Raise ValueError if the key is not a free parameter, or if a mean violates the rule of the parameter.
+        """
         find(place.scene, place.key)  # raises an error with similar paths
         group, variables, constants = place.group(), place.variables, place.constants
         if group is None or group.kind in FOLLOWING:
@@ -64,7 +67,10 @@ class Gaussian:
 
 
 class GaussianRows(NamedTuple):
-    """Rows of a `Gaussian` prior, whose numbers are the mean and the sigma of x."""
+    """Rows that a `Gaussian` prior adds to the residuals.
+
+    The numbers of the prior are the mean and the standard deviation of x.
+    """
 
     elements: tuple[int, ...]  # in x
 
@@ -74,19 +80,19 @@ class GaussianRows(NamedTuple):
         return len(self.elements)
 
     def rows(self, numbers: tuple[Array, Array], leaves: list[Array], x: jax.Array) -> jax.Array:
-        """Return the rows at x, shape (size,)."""
+        """Return the residuals of the prior at x, shape (size,)."""
         del leaves
         mean, sigma = numbers
         return (x[np.array(self.elements)] - mean) / sigma
 
     def moved(self, to: dict[int, int]) -> "GaussianRows":
-        """Return the rows unchanged, because they do not depend on leaves."""
+        """Return the rows unchanged, because the residuals depend on x and not on leaves."""
         del to
         return self
 
 
 def _x_of_mean(where, group, mean, low, width):
-    """Return the variables x that correspond to the prior means of the elements of a group."""
+    """Return the value of x for the prior mean of every element of a free parameter."""
     if group.kind == "Positive" and not (mean > 0).all():
         raise ValueError(f"{where}: mean = {mean.min():g}: must be > 0, because the parameter is Positive")
     inside = (low < mean) & (mean < low + width)
@@ -96,7 +102,7 @@ def _x_of_mean(where, group, mean, low, width):
     return to_x(group.kind, low, width, mean)
 
 
-# Temperatures of a table span a small part of a decade, so their u is T over this [K].
+# Temperatures of a table span a small part of a decade, so u is T divided by this temperature [K].
 _STEP = 10.0
 
 
@@ -123,9 +129,9 @@ class Smooth:
             raise ValueError(f"Smooth: sigma = {self.sigma!r}: must be a finite number > 0")
 
     def read(self, place: PriorContext) -> list[tuple["SmoothRows", float]]:
-        """Return the structure and sigma of every vector.
+        """Return a list with the structure and sigma for every vector in the key.
 
-        Raise ValueError unless each vector has at least three elements, all > 0, and some of them are free.
+        Raise ValueError if a vector has fewer than three elements, an element <= 0, or no free element.
         """
         found = []
         for path in (path.strip() for path in place.key.split(",")):
@@ -154,10 +160,13 @@ class Smooth:
 
 
 class SmoothRows(NamedTuple):
-    """Rows of a `Smooth` prior of one vector, whose only number is sigma."""
+    """Rows that a `Smooth` prior of one vector adds to the residuals.
 
-    leaf: int
-    over: int
+    The only number of the prior is sigma.
+    """
+
+    leaf: int  # index of the leaf with the vector
+    over: int  # index of the leaf with the abscissa
     count: int  # elements of the vector
     warm: bool  # True if the abscissa is a temperature
 
@@ -167,7 +176,7 @@ class SmoothRows(NamedTuple):
         return self.count - 2
 
     def rows(self, sigma: Array, leaves: list[Array], x: jax.Array) -> jax.Array:
-        """Return the rows of a scene, shape (size,)."""
+        """Return the residuals of the prior for the leaves of a scene, shape (size,)."""
         del x
         at = jnp.asarray(leaves[self.over])
         order = jnp.argsort(at)
@@ -175,13 +184,16 @@ class SmoothRows(NamedTuple):
         return jnp.diff(jnp.diff(jnp.log(jnp.asarray(leaves[self.leaf])[order])) / jnp.diff(u)) / sigma
 
     def moved(self, to: dict[int, int]) -> "SmoothRows":
-        """Return the rows for a scene with the same leaves at other indices."""
+        """Return the rows for a scene whose leaves have other indices.
+
+        `to` maps the index of a leaf to the new index.
+        """
         return self._replace(leaf=to[self.leaf], over=to[self.over])
 
 
 @dataclasses.dataclass(frozen=True)
 class Sum:
-    r"""Prior that keeps a sum s of numbers of the scene within limits of a relative width `sigma`.
+    r"""Prior that keeps the sum s of several numbers of the scene within soft limits.
 
     .. math:: r = \frac{\max(\ln s - \ln high,\, 0) - \max(\ln low - \ln s,\, 0)}{sigma}
 
@@ -213,7 +225,10 @@ class Sum:
             raise ValueError(f"Sum: sigma = {self.sigma!r}: must be a finite number > 0")
 
     def read(self, place: PriorContext) -> list[tuple["SumRows", tuple[float, float, float]]]:
-        """Return structure and numbers of the prior. Raise ValueError unless the sum is > 0 and not fixed."""
+        """Return the structure and the numbers of the prior, as a list with one pair.
+
+        Raise ValueError if the sum is not > 0, or if the fit changes none of the summands.
+        """
         chosen = place.selection("+", " or a sum with some")
         start = float(np.sum(np.asarray(chosen.of(place.start))))
         if not start > 0:
@@ -224,7 +239,10 @@ class Sum:
 
 
 class SumRows(NamedTuple):
-    """Row of a `Sum` prior, whose numbers are ln low, ln high and sigma."""
+    """Row that a `Sum` prior adds to the residuals.
+
+    The numbers of the prior are ln low, ln high and sigma.
+    """
 
     chosen: Selection
 
@@ -234,7 +252,7 @@ class SumRows(NamedTuple):
         return 1
 
     def rows(self, numbers: tuple[Array, Array, Array], leaves: list[Array], x: jax.Array) -> jax.Array:
-        """Return the row of a scene, shape (1,)."""
+        """Return the residual of the prior for the leaves of a scene, shape (1,)."""
         del x
         low, high, sigma = numbers
         log_sum = jnp.log(jnp.sum(self.chosen.of(leaves)))
@@ -242,7 +260,10 @@ class SumRows(NamedTuple):
         return (beyond / sigma)[None]
 
     def moved(self, to: dict[int, int]) -> "SumRows":
-        """Return the rows for a scene with the same leaves at other indices."""
+        """Return the rows for a scene whose leaves have other indices.
+
+        `to` maps the index of a leaf to the new index.
+        """
         return SumRows(self.chosen.moved(to))
 
 
@@ -256,7 +277,10 @@ class PriorStructure(NamedTuple):
     terms: tuple[Rows, ...]
 
     def moved(self, to: dict[int, int]) -> "PriorStructure":
-        """Return the rows for a scene with the same leaves at other indices."""
+        """Return the structure for a scene whose leaves have other indices.
+
+        `to` maps the index of a leaf to the new index.
+        """
         return PriorStructure(tuple(term.moved(to) for term in self.terms))
 
 
@@ -267,7 +291,10 @@ PriorNumbers = tuple[Any, ...]
 def read_priors(
     scene: Scenes, variables: Variables, constants: Constants, prior: Mapping[str, Prior] | None
 ) -> tuple[PriorStructure, PriorNumbers]:
-    """Return the structure and numbers of the priors of a fit. A ValueError names the key that is wrong."""
+    """Return the structure and the numbers of all priors of a fit.
+
+    The message of a ValueError names the key of the prior that is wrong.
+    """
     terms, numbers = [], []
     for key, rule in (prior or {}).items():
         where = f"prior[{key!r}]"
@@ -282,12 +309,18 @@ def read_priors(
 def prior_residuals(
     structure: PriorStructure, numbers: PriorNumbers, scene: Scenes, x: jax.Array
 ) -> jax.Array:
-    """Return the rows of all priors at x, in the order of the priors, shape (rows,)."""
+    """Return the residuals of all priors at x in one array of shape (rows,).
+
+    The residuals have the order of the priors.
+    """
     leaves = jax.tree.leaves(scene) if structure.terms else []
     rows = [term.rows(own, leaves, x) for term, own in zip(structure.terms, numbers, strict=True)]
     return jnp.concatenate(rows) if rows else jnp.zeros(0, x.dtype)
 
 
 def prior_size(structure: PriorStructure) -> int:
-    """Return the number of rows without the rows of `Sum`, which are zero within the limits."""
+    """Return the number of residuals of all priors except `Sum` priors.
+
+    The residual of a `Sum` prior is zero within the limits and does not count as a datum.
+    """
     return sum(term.size for term in structure.terms if not isinstance(term, SumRows))

@@ -1,9 +1,9 @@
-"""Scenes of a fit (one, or several by name), key paths in them, and the required order of their numbers.
+"""Scenes of a fit, key paths of numbers in scenes, and the required order of numbers.
 
 A key path names a number, "upper.material.E[3]". With several scenes a key path begins with the name of a
-scene, "R20.shear.tau_f0", or with "*" for a number that all scenes share: "*.shear.tau_f0". Scenes are a
-dict, which is a pytree like a single scene. Some numbers must keep an order, such as q0 <= qr <= q1, which
-objects declare in `rising`.
+scene, "R20.shear.tau_f0", or with "*" for a number that all scenes share: "*.shear.tau_f0". Several scenes
+form a dict of name -> scene, which is a pytree like a single scene. Some numbers must keep an order, such as
+q0 <= qr <= q1. Objects declare this order in `rising`.
 """
 
 import itertools
@@ -37,7 +37,10 @@ _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 
 
 def as_scenes(scene: rf.Scene | Mapping[str, rf.Scene]) -> Scenes:
-    """Return a scene, or a dict of scenes. Raise ValueError for anything else."""
+    """Return a scene unchanged, or a mapping of name -> scene as a dict.
+
+    Raise ValueError if `scene` is another object or a name cannot be the first step of a key path.
+    """
     if isinstance(scene, rf.Scene):
         return scene
     if not isinstance(scene, Mapping):
@@ -56,17 +59,23 @@ def as_scenes(scene: rf.Scene | Mapping[str, rf.Scene]) -> Scenes:
 
 
 def by_name(scenes: _S | dict[str, _S]) -> dict[str, _S]:
-    """Return scenes, or one object for each scene, as a dict by scene name. A single scene is named ""."""
+    """Return a dict of scene name -> object.
+
+    If there is a single scene, `scenes` is the object itself, and the name is "".
+    """
     return scenes if isinstance(scenes, dict) else {"": scenes}
 
 
 def each_scene(scenes: Scenes, names: Sequence[str]) -> list[rf.Scene]:
-    """Return the scene of each name in `names`, for example one for each data set."""
+    """Return a list with the scene of every name in `names`, such as the names of all data sets."""
     return [by_name(scenes)[name] for name in names]
 
 
 def chosen_scene(scenes: Scenes, name: str | None) -> rf.Scene:
-    """Return the only scene of a fit, or the scene `name`. Raise ValueError for a wrong or missing name."""
+    """Return the scene with the given name, or the only scene of a fit if `name` is None.
+
+    Raise ValueError if no scene has this name, or if `name` is None although there are several scenes.
+    """
     if name is None and isinstance(scenes, rf.Scene):
         return scenes
     if isinstance(scenes, rf.Scene):
@@ -77,32 +86,36 @@ def chosen_scene(scenes: Scenes, name: str | None) -> rf.Scene:
 
 
 def paths_of(scenes: Scenes, path: Any) -> list[str]:
-    """Return the key paths that a path stands for: one for each scene if the path begins with "*"."""
+    """Return a list of the key paths that `path` stands for.
+
+    If there are several scenes, a path that begins with "*" stands for one key path in every scene. Any other
+    path stands for itself.
+    """
     if isinstance(scenes, dict) and isinstance(path, str) and path.startswith(ALL):
         return [f"{name}.{path.removeprefix(ALL)}" for name in scenes]
     return [path]
 
 
 def next_step(owner: Any, step: str) -> Any:
-    """Return the object at a step of a key path, or None."""
+    """Return the object in `owner` that a step of a key path names, or None if there is none."""
     return owner.get(step) if isinstance(owner, dict) else getattr(owner, step, None)
 
 
 def scene_paths(scene: Scenes) -> list[str]:
-    """Return the key paths of all leaves of a scene, or of several, in the order of flattening."""
+    """Return the key paths of all leaves of one scene or several, in the order of `jax.tree.flatten`."""
     flat = jax.tree_util.tree_flatten_with_path(scene)[0]
     return [jax.tree_util.keystr(path, simple=True, separator=".") for path, _ in flat]
 
 
 def find(scene: Scenes, path: str) -> tuple[int, tuple[int, ...] | None]:
-    """Return the index of the leaf that a key path names, and the named elements (None for a scalar).
+    """Return the index of the leaf that a key path names, and the elements that the path names.
 
-    For shared parameters, return the index of the leaf of the first scene.
+    The elements are None for a scalar leaf. A shared parameter has the leaf of the first scene.
 
     Raises
     ------
     ValueError
-        the path is unknown (the message suggests similar paths), names a static field or an object, or has
+        The path is unknown (the message suggests similar paths), names a static field or an object, or has
         elements that do not exist.
     """
     parsed = parse_key_path(paths_of(scene, path)[0])
@@ -114,7 +127,10 @@ def find(scene: Scenes, path: str) -> tuple[int, tuple[int, ...] | None]:
 
 
 def owner_of(scene: Scenes, path: str) -> tuple[Any, str]:
-    """Return the object that contains the number at a key path, or None, and the name of the number."""
+    """Return the object that contains the number at a key path, and the name of the number.
+
+    The object is None if the scene has no such object.
+    """
     *steps, name = parse_key_path(paths_of(scene, path)[0]).names
     owner: Any = scene
     for step in steps:
@@ -135,13 +151,15 @@ def path_over(scene: Scenes, path: str) -> str | None:
 
 
 def leaf_names(path: str, elements: tuple[int, ...] | None) -> list[str]:
-    """Return the names of the elements of a key path."""
+    """Return the key path of every element, such as "upper.material.E[3]".
+
+    If `elements` is None, the list contains only the key path of the scalar leaf.
+    """
     name = path.split("[")[0]
     return [name] if elements is None else [f"{name}[{i}]" for i in elements]
 
 
 def _why_not(scene, name, names):
-    """Return the reason why a path names no leaf, for an error message."""
     below = [other for other in names if other.startswith(name + ".")]
     if below:
         return f"is an object; must be one of its numbers: {', '.join(below)}"
@@ -183,7 +201,7 @@ class OrderedPair(NamedTuple):
 
 
 def ordered_pairs(scene: Scenes) -> tuple[OrderedPair, ...]:
-    """Return the pairs of neighbouring numbers that must be in order, in a scene or in several."""
+    """Return the pairs of numbers that must satisfy low <= high, in one scene or in several."""
     names, pairs = {name: i for i, name in enumerate(scene_paths(scene))}, []
     for prefix, one in by_name(scene).items():
         for path, part in parts_of(one, prefix):
@@ -198,7 +216,10 @@ def ordered_pairs(scene: Scenes) -> tuple[OrderedPair, ...]:
 
 
 def in_order(pairs: tuple[OrderedPair, ...], leaves: Any) -> Any:
-    """Return True, as a scalar array, if low <= high in all pairs of the leaves of a scene."""
+    """Return True if low <= high for all pairs of numbers in the leaves of a scene.
+
+    The result is a boolean scalar array, except if there are no pairs.
+    """
     found = True
     for low, high in dict.fromkeys((pair.low.leaf, pair.high.leaf) for pair in pairs):
         own = [pair for pair in pairs if (pair.low.leaf, pair.high.leaf) == (low, high)]
@@ -211,7 +232,7 @@ def in_order(pairs: tuple[OrderedPair, ...], leaves: Any) -> Any:
 
 
 def check_start(scene: Scenes, pairs: tuple[OrderedPair, ...], leaves: list[np.ndarray]) -> None:
-    """Raise ValueError if start values of a fit are out of order."""
+    """Raise ValueError if start values of a fit violate low <= high by more than rounding."""
     names = scene_paths(scene)
     for low, high in pairs:
         below, above = (

@@ -18,38 +18,44 @@ class Rows(Protocol):
 
     @property
     def size(self) -> int:
-        """Number of rows."""
+        """Number of residuals that the prior adds."""
         ...
 
     def rows(self, numbers: Any, leaves: list[Array], x: jax.Array) -> jax.Array:
-        """Return the rows from the leaves of a scene and from x, shape (size,)."""
+        """Return the residuals of the prior from the leaves of a scene and from x, shape (size,)."""
         ...
 
     def moved(self, to: dict[int, int]) -> Self:
-        """Return the rows for a scene with the same leaves at other indices."""
+        """Return the rows for a scene whose leaves have other indices.
+
+        `to` maps the index of a leaf to the new index.
+        """
         ...
 
 
 class Selection(NamedTuple):
-    """Numbers of a scene that the key of a prior names, as elements of leaves; hashable."""
+    """Numbers of a scene that the key of a prior names.
+
+    The three fields have one entry for every key path. A selection is hashable.
+    """
 
     paths: tuple[str, ...]
-    leaves: tuple[int, ...]
+    leaves: tuple[int, ...]  # index of the leaf
     elements: tuple[tuple[int, ...] | None, ...]  # None: a scalar leaf
 
     @property
     def size(self) -> int:
-        """Number of elements."""
+        """Number of selected elements."""
         return sum(len(chosen or (0,)) for chosen in self.elements)
 
     @property
     def names(self) -> list[str]:
-        """Key path of every element."""
+        """Key path of every selected element."""
         pairs = zip(self.paths, self.elements, strict=True)
         return [name for path, chosen in pairs for name in leaf_names(path, chosen)]
 
     def of(self, leaves: list[Array]) -> jax.Array:
-        """Return the values of the elements, shape (size,)."""
+        """Return the values of the selected elements from the leaves of a scene, shape (size,)."""
         parts = []
         for leaf, chosen in zip(self.leaves, self.elements, strict=True):
             values = jnp.asarray(leaves[leaf])
@@ -57,18 +63,24 @@ class Selection(NamedTuple):
         return jnp.concatenate(parts)
 
     def moved(self, to: dict[int, int]) -> "Selection":
-        """Return the selection for a scene with the same leaves at other indices."""
+        """Return the selection for a scene whose leaves have other indices.
+
+        `to` maps the index of a leaf to the new index.
+        """
         return self._replace(leaves=tuple(to[leaf] for leaf in self.leaves))
 
     def changing(self, variables: Variables) -> np.ndarray:
-        """Return a mask, shape (size,), that is True for elements that a fit changes (free or tied)."""
+        """Return a boolean array of shape (size,) that is True for the elements that a fit changes.
+
+        A fit changes free elements, and elements that depend on free elements, such as tied elements.
+        """
         free = {(group.leaf, chosen) for group in variables.groups for chosen in group.elements or (None,)}
         pairs = zip(self.leaves, self.elements, strict=True)
         return np.array([(leaf, one) in free for leaf, chosen in pairs for one in chosen or (None,)])
 
 
 class PriorContext(NamedTuple):
-    """Key, scene and free parameters of a prior: the argument of its method `read`."""
+    """Key, scene and free parameters that the method `read` of a prior needs."""
 
     where: str  # for errors: "prior['gamma']"
     key: str  # key of the prior: one or several key paths
@@ -82,11 +94,14 @@ class PriorContext(NamedTuple):
         return list(self.constants.leaves)
 
     def group(self) -> Group | None:
-        """Return the free parameter with the prior's key, or None."""
+        """Return the free parameter whose key path is the key of the prior, or None if there is none."""
         return next((group for group in self.variables.groups if group.path == self.key), None)
 
     def selection(self, separator: str, separated: str) -> Selection:
-        """Return the elements that the key names. Raise ValueError unless the fit changes at least one."""
+        """Return the elements that the key names. Raise ValueError if the fit changes none of them.
+
+        `separator` separates key paths in the key. `separated` is a part of the error message.
+        """
         paths = tuple(path.strip() for path in self.key.split(separator))
         found = [find(self.scene, path) for path in paths]
         chosen = Selection(paths, tuple(leaf for leaf, _ in found), tuple(one for _, one in found))

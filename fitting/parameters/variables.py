@@ -55,7 +55,7 @@ Array = jax.Array | np.ndarray
 
 
 class Group(NamedTuple):
-    """Elements of one leaf of the scene to which one rule applies; hashable."""
+    """Elements of one leaf of the scene to which one rule applies. A group is hashable."""
 
     path: str
     kind: str  # "Positive", "Bounded", "Free", "Tied", "RmsSlope", "Shared": the value of another scene
@@ -65,7 +65,10 @@ class Group(NamedTuple):
 
 
 class Variables(NamedTuple):
-    """Hashable structure of a set of free parameters. A function is compiled once for each structure."""
+    """Hashable structure of a set of free parameters.
+
+    A function is compiled once for each structure.
+    """
 
     tree: Hashable  # structure of the scene, as jax.tree flattens it
     groups: tuple[Group, ...]
@@ -74,7 +77,7 @@ class Variables(NamedTuple):
 
     @property
     def own(self) -> list[Group]:
-        """Return the groups that have elements in x, which excludes Tied, RmsSlope and Shared groups."""
+        """Groups that have elements in x of their own, which are all except Tied, RmsSlope and Shared."""
         return [group for group in self.groups if group.kind not in FOLLOWING]
 
 
@@ -102,8 +105,9 @@ def free_parameters(scene: Scenes, free: Mapping[str, Constraint]) -> tuple[Vari
     Raises
     ------
     ValueError
-        the message names the key path: it is unknown (similar ones are suggested), a static field, an object
-        instead of a number, or free twice, or its start value violates its rule.
+        A key path is unknown, names a static field or an object, or is free twice, or the start value
+        violates the rule. The message names the key path. If the path is unknown, the message suggests
+        similar paths.
     """
     if not isinstance(free, dict) or not free:
         raise ValueError('free: must be a dict of key paths, like {"upper.spectrum.hurst": Bounded(0.3, 1)}')
@@ -150,7 +154,10 @@ def free_parameters(scene: Scenes, free: Mapping[str, Constraint]) -> tuple[Vari
 
 
 def _take(path, places, taken):
-    """Record the elements that a path frees. Raise ValueError if another path frees one of them."""
+    """Record in `taken` that the key path `path` frees the elements at `places`.
+
+    Raise ValueError if another key path already frees one of the elements.
+    """
     for leaf, elements in places:
         for element in elements or (None,):
             if (leaf, element) in taken:
@@ -161,7 +168,10 @@ def _take(path, places, taken):
 
 
 def to_x(kind: str, low: Array, width: Array, values: Any) -> Any:
-    """Return the variables x from the values of elements with the rule `kind`; inverse of `from_x`."""
+    """Return the variables x that correspond to the values of elements with the rule `kind`.
+
+    `from_x` is the inverse function.
+    """
     xp = jnp if isinstance(values, jax.Array) else np
     if kind == "Positive":
         return xp.log(values)
@@ -179,7 +189,7 @@ def from_x(kind: str, low: Array, width: Array, x: Any) -> Any:
 
 
 def slopes_of(kind: str, width: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return d value / d x for elements with the rule `kind`, as a NumPy array; see `slopes`."""
+    """Return d value / d x of elements with the rule `kind`, as a NumPy array."""
     if kind == "Positive":
         return np.exp(x)
     far = np.exp(-np.abs(x))
@@ -187,7 +197,11 @@ def slopes_of(kind: str, width: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _follow(rules, groups, leaves, tree):
-    """Set the slots of Tied groups; return all groups, and the ratios or slopes of dependent groups."""
+    """Return all groups, with the slots of Tied groups set, and the ratios of the dependent groups.
+
+    The ratios are a list with one array for each dependent group: the ratios of a Tied group, or the slope of
+    an RmsSlope group.
+    """
     by_path = {group.path: group for group in groups}
     done, ratios = [], []
     for group in groups:
@@ -208,7 +222,7 @@ def _follow(rules, groups, leaves, tree):
         if sources not in (1, count):
             raise ValueError(
                 f"free[{group.path!r}]: has {count} elements, but {rule.to!r} has {sources};"
-                " it must have as many, or one"
+                " tie it to a parameter with as many elements, or with one"
             )
         own, other = (
             leaves[g.leaf][list(g.elements)] if g.elements else leaves[g.leaf] for g in (group, source)
@@ -222,13 +236,19 @@ def _follow(rules, groups, leaves, tree):
 
 
 def to_values(variables: Variables, constants: Constants, x: Array) -> Array:
-    """Return the values of the free elements at x, shape (..., size); NumPy if x is a NumPy array."""
+    """Return the values of the free elements at x, shape (..., size).
+
+    The result is a NumPy array if x is a NumPy array.
+    """
     xp = np if isinstance(x, np.ndarray) else jnp
     return xp.concatenate(list(_by_slot(variables, constants, x).values()), -1)
 
 
 def _by_slot(variables, constants, x) -> dict[tuple[int, int], Array]:
-    """Return a dict of slot -> values, which depend only on this slot of x, so derivatives are sparse."""
+    """Return a dict of slot -> values of the free elements in this slot of x.
+
+    The values depend only on the elements of x in the slot, so derivatives are sparse.
+    """
     xp = np if isinstance(x, np.ndarray) else jnp
     low, width, parts = xp.asarray(constants.low), xp.asarray(constants.width), {}
     for group in variables.own:
@@ -238,7 +258,7 @@ def _by_slot(variables, constants, x) -> dict[tuple[int, int], Array]:
 
 
 def to_scene(variables: Variables, constants: Constants, x: Array) -> Any:
-    """Return the scene, or the scenes by name, with the values of the free elements at x."""
+    """Return the scene, or a dict of scenes, with the free parameters at the values for x."""
     values = _by_slot(variables, constants, x)
     leaves, ratios, cut = list(constants.leaves), iter(constants.ratios), []
     for group in variables.groups:
@@ -282,8 +302,8 @@ def unconstrained(
     Returns
     -------
     x : shape (n,) [-]
-        ln of Positive parameters, logit of Bounded ones, value over scale of Free ones. A step of 1 changes a
-        parameter by about its own size.
+        x is the logarithm of a Positive parameter, the logit of a Bounded parameter, and value / scale of a
+        Free parameter. A step of 1 in x changes a parameter by about its own size.
     to_scene : pure function of x, which `jit`, `vmap` and `grad` support; returns the scene or scenes
         The order of numbers in a scene, such as q0 <= qr <= q1, is not enforced.
 
@@ -298,7 +318,7 @@ def unconstrained(
 
 
 def slopes(variables: Variables, constants: Constants, x: np.ndarray) -> np.ndarray:
-    """Return d value / d x of every free element, as a NumPy array."""
+    """Return d value / d x of every free element, as a NumPy array of shape (size,)."""
     width = np.asarray(constants.width)
     parts = [slice(*group.slot) for group in variables.own]
     return np.concatenate(

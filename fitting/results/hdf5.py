@@ -90,7 +90,7 @@ GROUPS = ("scene_at_start", "data", "free", "prior", "quadrature", "parameters",
 
 
 def write_scenes(parent: h5py.Group, name: str, scenes: Scenes) -> None:
-    """Write a scene as the group `name`, or several scenes as its subgroups by name."""
+    """Write a scene as the group `name`, or a dict of scenes as subgroups of the group."""
     if not isinstance(scenes, dict):
         write_object(parent, name, scenes)
         return
@@ -100,7 +100,7 @@ def write_scenes(parent: h5py.Group, name: str, scenes: Scenes) -> None:
 
 
 def read_scenes(group: h5py.Group) -> Any:
-    """Return the scene, or the dict of name -> scene, that `write_scenes` wrote to a group."""
+    """Read the scene, or the dict of scenes by name, that `write_scenes` wrote to a group."""
     if "kind" in group.attrs:
         return read_object(group)
     return {name: read_object(one) for name, one in group.items()}
@@ -120,7 +120,10 @@ def write_rules(group: h5py.Group, rules: Mapping[str, Constraint | Prior]) -> N
 
 
 def read_rules(group: h5py.Group, classes: Mapping[str, type[RuleOrPrior]]) -> dict[str, RuleOrPrior]:
-    """Return a dict of key path -> rule or prior from a file; a ValueError names an invalid group."""
+    """Read the rules or priors in a group, and return them as a dict by key path.
+
+    If a rule is invalid, a ValueError names its group in the file.
+    """
     rules = {}
     for one in numbered(group):
         found = {name: _python(value) for name, value in one.attrs.items()}
@@ -185,7 +188,7 @@ def read_uncertainty(group: h5py.Group, parameters: h5py.Group, size: int) -> Un
 
 
 def write_minima(group: h5py.Group, minima: Iterable[Minimum], size: int) -> None:
-    """Write the cost, values and number of starts of every minimum, one row each."""
+    """Write the cost, the values and the number of starts of every minimum."""
     hdf5.write_values(group, "cost", np.array([minimum.cost for minimum in minima], float), "-")
     hdf5.write_values(
         group, "values", np.array([m.values for m in minima], float).reshape(-1, size), "as in units"
@@ -202,12 +205,11 @@ def read_minima(group: h5py.Group, size: int) -> tuple[Minimum, ...]:
 
 
 def numbered(group: h5py.Group) -> Iterator[h5py.Group]:
-    """Return the subgroups "0", "1", ... of a group, in this order."""
+    """Return the subgroups "0", "1", ... of a group in numerical order."""
     return (hdf5.subgroup(group, str(i)) for i in range(len(group)))
 
 
 def _python(value):
-    """Return an attribute as a string, a float or a list of floats."""
     return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
 
 
@@ -239,7 +241,7 @@ def save(
         hdf5.write_texts(file, "data_scenes", result.data_scenes)
         try:
             write_scenes(file, "scene", result.scene)
-        except ValueError:  # a fit may end where no constructor would
+        except ValueError:  # the constructors may refuse the fitted values
             if "scene" in file:
                 del file["scene"]
         group = file.create_group("data")
@@ -263,7 +265,7 @@ def save(
 
 
 def load(path: StrPath, cls: type[ResultType]) -> ResultType:
-    """Load a fit from a file written by `save`, as an object of `cls`, such as `fitting.FitResult`.
+    """Load a fit from a file written by `save`, as an object of the class `cls`.
 
     Numbers are equal to the last bit if they are loaded in the precision of the fit (float64 becomes
     float32 unless JAX's x64 mode is on).
@@ -283,7 +285,6 @@ def load(path: StrPath, cls: type[ResultType]) -> ResultType:
 
 
 def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
-    """Return the fields of the `FitRecord` in a file."""
     found, options = hdf5.attributes(file, FIELDS), hdf5.attributes(file, OPTIONS)
     if found["status"] not in MESSAGES:
         raise ValueError(f"status = {found['status']!r}: must be one of {', '.join(map(str, MESSAGES))}")
@@ -320,7 +321,7 @@ def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
         "x": hdf5.read_array(groups["parameters"], "x", "-", (size,)),
         "minima": read_minima(groups["minima"], size),
         "estimated": estimated,
-        # Files without it are from a time when the value was the sign.
+        # Older files have no such attribute. There, an error equal to ASSUMED was assumed.
         "assumed": bool(file.attrs.get("assumed", ASSUMED in scales)),
         "uncertainty": read_uncertainty(groups["uncertainty"], groups["parameters"], size),
         **found,

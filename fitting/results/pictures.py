@@ -47,7 +47,7 @@ class PlottedPoints(NamedTuple):
 
 
 class PlottedCurve(NamedTuple):
-    """Points that share one line of a plot; if a plot has no lines, the points of one data set."""
+    """Points that share one line of a plot, or the points of one data set if the plot has no lines."""
 
     text: str
     conditions: tuple[str, str, float, float] | None  # (scene, body, temperature, pressure), None: no line
@@ -88,7 +88,11 @@ def measured_points(result: FitRecord, quantity: str) -> PlottedPoints:
 
 
 def fitted_curves(points: PlottedPoints) -> list[PlottedCurve]:
-    """Return the curves by scene, body, temperature and pressure; E' and E'' have separate curves."""
+    """Return one curve for each combination of scene, body, temperature and pressure.
+
+    E' and E'' have separate curves. If there are more than ten combinations, the points are grouped by data
+    set, and the curves have no conditions.
+    """
     columns = (points.scene, points.body, points.temperature, points.pressure)
     keys = sorted(set(zip(*(column.tolist() for column in columns), strict=True)))
     if len(keys) <= _CURVES:
@@ -110,7 +114,6 @@ def fitted_curves(points: PlottedPoints) -> list[PlottedCurve]:
 
 
 def _text(key, several):
-    """Return the conditions of a curve as text, with the body only if there are several bodies."""
     scene, body, temperature, pressure = key
     texts = [scene] * bool(scene) + [body] * several
     if pressure != _ABSENT:
@@ -123,9 +126,9 @@ def _text(key, several):
 def lines(
     result: FitRecord, quantity: str, points: PlottedPoints, curves: list[PlottedCurve], level: float
 ) -> list[tuple[np.ndarray, Band] | None]:
-    """Return (x, Band) for every curve, or None for a curve without a line.
+    """Return a pair (x, Band) for every curve, or None for a curve without conditions.
 
-    The bands are linear in the logarithm of positive quantities, as in `FitResult.band`.
+    The bands are computed as in `FitResult.band`.
     """
     ends, groups = {}, {}
     for curve in curves:
@@ -154,7 +157,6 @@ def lines(
 
 
 def _band(result, blocks, conditions, level):
-    """Return the prediction and band at conditions other than the measured ones."""
     x, found = result.uncertainty.x, []
     for block, columns in zip(blocks, conditions, strict=True):
         key = block.quantity, block.body, block.scene
@@ -163,7 +165,7 @@ def _band(result, blocks, conditions, level):
 
 
 def _compiled(result, block, columns, x):
-    """Return the predictions and their derivatives by a separately compiled function."""
+    # Predictions and derivatives at conditions that the compiled function of the fit does not cover.
     structure = result.problem.structure._replace(blocks=(block,))
     numbers = result.problem.numbers._replace(conditions=(columns,))
     found = quick_jit()(lambda x: forward(lambda x: predictions(structure, numbers, x)[0], x))(jnp.asarray(x))
@@ -173,16 +175,16 @@ def _compiled(result, block, columns, x):
 def plot_correlation(result: Any, ax: style.Axes | None = None) -> style.Axes:
     """Draw the correlation matrix of a fit's free parameters.
 
-    Each cell shows its correlation as a number. With more than 14 parameters, cells show only the signs of
-    correlations beyond +-0.5, and with more than 40 parameters no text. Cells are hatched if an error bar is
-    withheld.
+    Each cell shows the correlation as a number. With more than 14 parameters, a cell shows only the sign, and
+    only if the correlation is beyond +-0.5. With more than 40 parameters, the cells have no text. Cells of
+    parameters without an error bar are hatched.
 
     Parameters
     ----------
     result : FitResult, PronyFit or SpectrumFit
     ax : matplotlib axes, or None
-        None: axes of a new figure, `ax.figure`, which pyplot does not know. The colour bar is the last
-        of `ax.figure.axes`.
+        If None, the axes belong to a new figure, `ax.figure`, which is not registered with pyplot. The
+        colour bar is the last of `ax.figure.axes`.
 
     Returns
     -------
@@ -211,7 +213,7 @@ def plot_correlation(result: Any, ax: style.Axes | None = None) -> style.Axes:
 
 
 def _write(axes, correlation):
-    """Write numbers or signs into the cells, so that the signs can be read without colours."""
+    # Numbers or signs, so that the signs can be read without colours.
     count = len(correlation)
     if count > _SIGNS:
         return
@@ -225,7 +227,6 @@ def _write(axes, correlation):
 
 
 def _hatch(axes, correlation):
-    """Hatch cells without a correlation, and draw a legend for them."""
     from matplotlib.patches import Patch, Rectangle
 
     look = {"facecolor": "0.9", "edgecolor": "0.6", "hatch": "////", "linewidth": 0}

@@ -23,18 +23,19 @@ _LEVEL = 0.95
 def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
     """Draw measured and fitted values, and below each panel the residuals in standard errors.
 
-    Friction and area are drawn over log10 v, with one curve for each temperature and pressure. E' and E''
-    (open symbols, dashed) over omega and C over q are drawn in log-log. The 95 % band of the curve is shaded;
-    measured points have the error bars that the fit used.
+    Friction and area are drawn against log10 v, with one curve for each temperature and pressure. E' and E''
+    are drawn against omega, and C is drawn against q, with logarithmic axes. E'' has open symbols and dashed
+    lines. The 95 % band of each curve is shaded. Measured points have the error bars that the fit used.
 
     Parameters
     ----------
     result : FitResult
-        Velocities <= 0 have no logarithm and are left out. Data at more than ten conditions have no
-        lines: small crosses are fitted values.
+        Points at velocities <= 0 have no logarithm and are left out. If the data have more than ten
+        different conditions, small crosses show the fitted values instead of lines.
     ax : sequence of matplotlib axes, or None
-        Two for each quantity among the data, a panel and its residuals, in the order friction, area,
-        modulus, spectrum. None: axes of a new figure, `ax[0].figure`, which pyplot does not know.
+        Two axes for each quantity among the data, a panel and the residuals below, in the order friction,
+        area, modulus, spectrum. If None, the axes belong to a new figure, `ax[0].figure`, which is not
+        registered with pyplot.
 
     Returns
     -------
@@ -64,17 +65,20 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
 
 
 def plot_profile(profile: LikelihoodProfile, ax: style.Panels | None = None) -> style.Panels:
-    """Draw the rise of chi-square over a parameter with its interval, and the other parameters below.
+    """Draw a likelihood profile: the rise of chi-square, and the other parameters in a panel below.
+
+    The other parameters are drawn relative to their values at the lowest cost. Vertical lines show the ends
+    of the confidence interval.
 
     Parameters
     ----------
     profile : LikelihoodProfile, from `FitResult.profile` or `FitResult.profile_cutoff`
     ax : two matplotlib axes, or None
-        None: axes of a new figure, `ax[0].figure`.
+        If None, the axes belong to a new figure, `ax[0].figure`.
 
     Returns
     -------
-    the two axes; the other parameters are drawn relative to their values at the lowest cost
+    the two axes
     """
     panels: style.Panels = style.new_figure((7.0, 6.0), "").subplots(2, 1, sharex=True) if ax is None else ax
     upper, lower = panels
@@ -106,7 +110,6 @@ def save_plot(path: StrPath, result: FitRecord, title: str = "") -> None:
 
 
 def _present(result):
-    """Return the names of the measured quantities, in the order of `LABELS`."""
     return [name for name in LABELS if any(one.quantity == name for one in result.data)]
 
 
@@ -157,7 +160,6 @@ def _draw(quantity, points, curves, fitted, upper, lower):
 
 
 def _dress(quantity, points, upper, lower):
-    """Set the scales, limits and labels of a pair of axes."""
     logarithmic = quantity in ("modulus", "spectrum")
     if logarithmic:
         for axes in (upper, lower):

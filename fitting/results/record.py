@@ -30,10 +30,10 @@ class Minimum(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """Value, standard error and start value of a free number, or arrays with an entry per element."""
+    """Value, standard error and start value of one free number, or of all free elements of an array."""
 
     value: Any
-    stderr: Any  # NaN where withheld
+    stderr: Any  # NaN if the error bar is withheld
     start: Any
 
 
@@ -50,7 +50,7 @@ class FitRecord(SolvedProblem):
     nfev, njev : number of evaluations of the residuals and of their Jacobian
     seconds : wall time [s]
     minima : distinct minima that the starts found
-    assumed : True if the relative errors in `estimated` were assumed and could not be estimated
+    assumed : True if data without errors have an assumed relative error, False if this error was estimated
     """
 
     scene_at_start: Scenes
@@ -86,14 +86,14 @@ class FitRecord(SolvedProblem):
         return Fitted(*(column[which] for column in columns))
 
     def freed(self, path: str, rule: Constraint | None = None) -> Self:
-        """Return this record with one more free parameter, at its present value.
+        """Return this record with the parameter `path` free in addition, at the value in the fitted scene.
 
         Nothing is fitted again, so the result is not a minimum with respect to the new parameter.
 
         Parameters
         ----------
         path : key path of a number of the scene
-        rule : rule of the parameter; None: Positive
+        rule : rule of the parameter. If None, the rule is Positive().
 
         Raises
         ------
@@ -108,7 +108,7 @@ class FitRecord(SolvedProblem):
         return dataclasses.replace(self, free=free, problem=problem, x=problem.start, uncertainty=known)
 
     def _shared(self, path):
-        """Return the shared name of a parameter if all scenes share it, otherwise the given key path."""
+        # The shared name, such as *.shear.tau_f0, if all scenes share the parameter.
         scene, _, below = path.partition(".")
         shared = f"{ALL}{below}"
         known = {name.split("[")[0] for name in self.names}
@@ -144,22 +144,22 @@ class FitRecord(SolvedProblem):
 
     @property
     def stderr(self) -> np.ndarray:
-        """Standard errors of the values, NaN where withheld."""
+        """Standard errors of the values, NaN for elements listed in `withheld`."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def covariance(self) -> np.ndarray:
-        """Covariance of the values, NaN where withheld."""
+        """Covariance of the values, NaN for elements listed in `withheld`."""
         return self.uncertainty.covariance
 
     @property
     def correlation(self) -> np.ndarray:
-        """Correlation of x, NaN where withheld."""
+        """Correlation of x, NaN for elements listed in `withheld`."""
         return self.uncertainty.correlation
 
     @property
     def withheld(self) -> dict[str, str]:
-        """Reasons for missing error bars, by the names of the elements."""
+        """Elements without a standard error: a dict from the name to the reason."""
         return self.uncertainty.withheld
 
     @property
@@ -186,18 +186,18 @@ class FitRecord(SolvedProblem):
 
     @functools.cached_property
     def verdict(self) -> Verdict:
-        """Result of the tests of whether the scene explains the data; see `fitting.uncertainty.verdict`."""
+        """Verdict of the tests whether the scene explains the data. See `fitting.uncertainty.verdict`."""
         loss, known = self.problem.structure.loss, self.uncertainty.parameters
         return verdict(self.data, self.residuals, known, self.estimated, loss)
 
     @functools.cached_property
     def valleys(self) -> tuple[Valley, ...]:
-        """Closely correlated parameters, with a check of their error bars."""
+        """Pairs of closely correlated parameters, with a check of the linear confidence intervals."""
         return valleys(self)
 
     @functools.cached_property
     def verdicts(self) -> dict[str, Verdict]:
-        """Verdict of every scene, by its name; "" for a single scene."""
+        """Verdict on every scene, as a dict by name. The name of a single scene is ""."""
         loss, total = self.problem.structure.loss, self.problem.targets.measured.size
         found = {}
         for name in dict.fromkeys(self.data_scenes):
@@ -217,7 +217,7 @@ class FitRecord(SolvedProblem):
 
     @property
     def redchi(self) -> float:
-        """Reduced chi-square: `chisqr` over the degrees of freedom, NaN without degrees of freedom."""
+        """Reduced chi-square: `chisqr` divided by `freedom`, or NaN if there are no degrees of freedom."""
         return self.chisqr / self.freedom if self.freedom > 0.5 else np.nan
 
     def __repr__(self) -> str:

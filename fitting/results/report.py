@@ -28,16 +28,16 @@ _BARE = 4
 
 
 def unit(scene: Scenes, path: str) -> str:
-    """Return the unit of the number at a key path of a scene or scenes, "" if dimensionless."""
+    """Return the unit of the number at a key path, or "" if the number is dimensionless."""
     owner, name = owner_of(scene, path)
     found = unit_of(type(owner), name)
     return "" if found == "-" else found
 
 
 def variable_rows(result: FitRecord) -> list[tuple[str, ...] | str]:
-    """Return the texts of every free element: name, value, error, unit, relative error, start and a remark.
+    """Return texts for every free element: name, value, error, unit, relative error, start, remark.
 
-    One text stands for the elements of a long array that are left out.
+    The elements in the middle of a long array are replaced by one line of text.
     """
     values, starts, errors = result.values, result.start_values, result.stderr
     names, rows = result.names, []
@@ -62,21 +62,23 @@ def variable_rows(result: FitRecord) -> list[tuple[str, ...] | str]:
 
 
 def _by_scatter(result, error):
-    """Return the error bar scaled by the scatter if the verdict rejects the scene, otherwise ""."""
+    """Return the error times sqrt(reduced chi-square), in brackets.
+
+    Return "" if the verdict does not reject the scene, or if the errors are already scaled.
+    """
     if result.verdict.explains is not False or result.error_scale != 1 or not result.redchi > 1:
         return ""
     return f"[{error * np.sqrt(result.redchi):#.2g}]"
 
 
 def _left_out(result, elements):
-    """Return one line for the elements of a long array that are not listed."""
     bare = sum(result.names[i] in result.withheld for i in elements)
     remark = f", {bare} of them without an error bar" if bare else ""
     return f"... {len(elements)} more, see result.values{remark}"
 
 
 def _digits(value, error):
-    """Format a value so that its last digit is the second significant digit of its error."""
+    """Format a value so that the last digit is the second significant digit of the error."""
     if not (error > 0 and value and np.isfinite(value)):
         return f"{value:.6g}"
     digits = int(np.floor(np.log10(abs(value))) - np.floor(np.log10(error))) + 2
@@ -84,7 +86,7 @@ def _digits(value, error):
 
 
 def tied_lines(result: FitRecord) -> list[str]:
-    """Return a line for every key path that is tied to another one, with its value and the rule."""
+    """Return a line with the value and the rule for every key path that is tied to another key path."""
     leaves, lines = jax.tree.leaves(result.scene), []
     groups = [group for group in result.variables.groups if group.kind in ("Tied", "RmsSlope")]
     rules = [
@@ -106,9 +108,9 @@ def tied_lines(result: FitRecord) -> list[str]:
 
 
 def error_text(result: Any, name: str, value: float) -> str:
-    """Return text on the error of a value: the error, the reason why it has none, or "(fixed)".
+    """Return the error of a value as text, or the reason why there is none, or "(fixed)".
 
-    `result` is a FitResult or PronyFit; `name` is the last step of a key path.
+    `result` is a FitResult or PronyFit, and `name` is the last step of a key path.
     """
     errors = dict(zip((full.rsplit(".", 1)[1] for full in result.names), result.stderr, strict=True))
     withheld = {full.rsplit(".", 1)[1]: why for full, why in result.withheld.items()}
@@ -120,11 +122,12 @@ def error_text(result: Any, name: str, value: float) -> str:
 def report(result: FitRecord) -> str:
     """Return the report of a `fitting.FitResult` as text of several lines.
 
-    Sections are [[Verdict]], [[Fit]], [[Data]], [[Statistics]], [[Variables]] with value, standard error and
-    start, and, if not empty, [[Tied]], [[Priors]], [[Not identified]] (directions; reasons of withheld error
-    bars have their numbers), [[Minima]] (of several starts), [[Correlations]]. The first line states if the
-    fit did not converge, or if the scene does not explain the data. If an array has more free elements
-    than `LISTED`, only the first and the last are listed.
+    The sections are [[Verdict]], [[Fit]], [[Data]], [[Statistics]] and [[Variables]] with value, standard
+    error and start. The further sections [[Tied]], [[Priors]], [[Not identified]], [[Minima]] and
+    [[Correlations]] are left out if empty. [[Not identified]] numbers the directions that the data do not
+    determine, and the reasons for missing error bars refer to these numbers. The first line states if the fit
+    did not converge, or if the scene does not explain the data. If an array has more free elements than
+    `LISTED`, only the first and the last elements are listed.
     """
     lines = [line for line in headlines(result) for line in (line, "")]
     sections = {
@@ -146,7 +149,10 @@ def report(result: FitRecord) -> str:
 
 
 def headlines(result: FitRecord) -> list[str]:
-    """Return the headlines on failures and rejected scenes, a line each; empty for a good fit."""
+    """Return a headline if the fit did not succeed or the verdict rejects the scene.
+
+    The list is empty for a good fit.
+    """
     if not result.success:
         return [f"THE FIT DID NOT SUCCEED: {result.message}"]
     found = result.verdict
@@ -170,8 +176,8 @@ def _verdict(result):
     reasons = [f"  {reason}" for reason in found.reasons]
     if found.explains is False and result.error_scale == 1 and np.isfinite(result.redchi):
         reasons.append(
-            "  the error bars below hold for a scene that explains the data; in brackets those by the scatter"
-            " (scale_errors)"
+            "  the error bars below are valid if the scene explains the data; error bars in brackets are"
+            " scaled by the scatter (scale_errors)"
         )
     if found.explains is False and result.success and sum(one.count for one in result.minima) == 1:
         reasons.append("  reached from one start; starts=8 looks for a lower minimum")
@@ -196,7 +202,6 @@ def _fit(result):
 
 
 def _contact_model(result):
-    """Return the contact model of the friction and area data, with its error against boundary elements."""
     kinds = (FrictionData, AreaData)
     scenes = [
         scene
@@ -209,7 +214,6 @@ def _contact_model(result):
 
 
 def _contact_text(scene):
-    """Return the contact model of a scene, with the range of its errors in similar scenes."""
     found = theory_error(scene)
     if found is None:
         return f"{contact_model_name(scene)}, of unknown error in such scenes"
@@ -227,7 +231,6 @@ def _data(result):
 
 
 def _errors(data, scale, result):
-    """Describe the origin of the errors of a data set."""
     if scale is not None:
         if result.assumed:
             why = "too few values to estimate" if result.freedom < 0.5 else "not estimated, as was asked for"
@@ -301,7 +304,7 @@ def _priors(result):
 
 
 def _of_several(result, key, prior):
-    """Return a line on a prior of several parameters, with the fitted value."""
+    """Describe a `Sum` or `Correlated` prior, and compare the fitted values with the prior."""
     place = PriorContext("", key, result.scene, result.variables, result.problem.numbers.constants)
     [(rows, numbers)] = prior.read(place)
     leaves = jax.tree.leaves(result.scene)

@@ -59,15 +59,15 @@ class FitResult(FitRecord):
 
         Parameters
         ----------
-        path : key path that ends in .q1, free in this fit or not; None: q1 of the only rough solid
+        path : key path that ends in .q1, free in this fit or not. If None, the only rough solid is used.
         level : confidence level of the interval
-        values : values of q1 [1/m]; None: 0.1 to 10 times the fitted value, within the table of a
-            tabulated spectrum
+        values : values of q1 [1/m]. If None, 12 values from 0.1 to 10 times the fitted value are used, as far
+            as a tabulated spectrum contains them.
 
         Returns
         -------
         LikelihoodProfile
-            its `parameters` are the other parameters, fitted again: `fitting.plot.plot_profile` draws them.
+            `parameters` contains the other parameters. `fitting.plot.plot_profile` draws the profile.
         """
         path = cutoff_path(self.scene, path)
         fit = self if path in self.names else self.freed(path)
@@ -77,7 +77,7 @@ class FitResult(FitRecord):
         return fit.profile(path, level, callback=callback, values=values)
 
     def log_density(self, x: Array) -> jax.Array:
-        """Return the log density at x, which is -cost up to a constant; see `fitting.log_density`."""
+        """Return the log density at x, which is -cost up to a constant. See `fitting.log_density`."""
         return log_density(self)(x)
 
     def sample(
@@ -92,8 +92,8 @@ class FitResult(FitRecord):
     ) -> Samples:
         """Draw from the posterior with the residuals, errors, loss, priors and bounds of the fit.
 
-        Uses the No-U-Turn sampler of numpyro and the diagnostics of arviz-stats (pip install
-        'rubberfric[sampling]'). The metric and starts come from the fit's covariance; see
+        The draws use the No-U-Turn sampler of numpyro and the diagnostics of arviz-stats (pip install
+        'rubberfric[sampling]'). The metric and the starts follow from the covariance of the fit, see
         `fitting.uncertainty.posterior`.
 
         Parameters
@@ -107,7 +107,7 @@ class FitResult(FitRecord):
 
         Returns
         -------
-        Samples : draws with R-hat and effective sample sizes; `reliable` is True if these are sufficient.
+        Samples : draws with R-hat and effective sample sizes. `reliable` is True if the diagnostics are good.
 
         Raises
         ------
@@ -118,7 +118,7 @@ class FitResult(FitRecord):
         Notes
         -----
         Errors that were estimated from the scatter are treated as known. The first draw compiles the density
-        and its gradient; other data or numbers of the same kind compile nothing.
+        and its gradient. A later fit of the same kind compiles nothing.
         """
         return drawn(self, n, warmup, chains, key, flat, callback)
 
@@ -127,9 +127,9 @@ class FitResult(FitRecord):
 
         Parameters
         ----------
-        body : "lower" or "upper", the body in the other scene; None: the same body as in this scene
-        widen : factor of all standard deviations
-            To allow for model error, or for a scene that does not explain its data.
+        body : "lower" or "upper", the body in the other scene. If None, the body stays the same.
+        widen : factor by which all standard deviations are multiplied
+            A factor > 1 allows for model error, or for a scene that does not explain the data.
 
         Returns
         -------
@@ -144,29 +144,27 @@ class FitResult(FitRecord):
         return dict(prior_of(self, body, widen))
 
     def report(self) -> str:
-        """Return the fit as text of several lines, laid out as lmfit does; see `fitting.results.report`."""
+        """Return the fit as text of several lines, laid out as lmfit does. See `fitting.results.report`."""
         return report(self)
 
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
-        """Draw data, fit and band with residuals below; see `fitting.plot.plot_fit`."""
+        """Draw data, fit and band with residuals below. See `fitting.plot.plot_fit`."""
         return plot_fit(self, ax)
 
     def save(self, path: StrPath) -> None:
-        """Write the fit to an HDF5 file (.h5), completely or not at all; see `fitting.results.hdf5`."""
+        """Write the fit to an HDF5 file (.h5), completely or not at all. See `fitting.results.hdf5`."""
         hdf5.save(path, self)
 
     @classmethod
     def load(cls, path: StrPath) -> Self:
-        """Load a fit from a file written by `save`; see `fitting.results.hdf5.load`."""
+        """Load a fit from a file written by `save`. See `fitting.results.hdf5.load`."""
         return hdf5.load(path, cls)
 
     def _repr_html_(self) -> str:
-        """Return a table for notebooks."""
         return _html(self)
 
 
 def _html(result: FitRecord) -> str:
-    """Return a table of the fitted values for notebooks, followed by the folded report and scene."""
     rows = []
     for row in variable_rows(result):
         if isinstance(row, tuple):

@@ -30,7 +30,7 @@ _ARRAYS = ("log_density", "diverging", "accepted", "steps")
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Samples:
-    """Draws from the posterior of a fit; made by `FitResult.sample`.
+    """Draws from the posterior of a fit, made by `FitResult.sample`.
 
     Attributes
     ----------
@@ -95,7 +95,9 @@ class Samples:
         return not self._warnings()
 
     def quantiles(self, levels: Sequence[float] | float = _QUANTILES) -> np.ndarray:
-        """Return quantiles of the values at levels 0 ... 1, shape (levels, size), or (size,) for one level.
+        """Return quantiles of the values at one or several levels between 0 and 1.
+
+        The result has the shape (levels, size), or (size,) if `levels` is a number.
 
         Raises
         ------
@@ -107,7 +109,7 @@ class Samples:
         return np.quantile(self._rows, asked, axis=0)
 
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-        """Return the lower and upper ends of the central intervals of all values."""
+        """Return the lower and the upper ends of the central intervals of all values, of shape (size,)."""
         check_options(level=level)
         low, high = self.quantiles((0.5 - 0.5 * level, 0.5 + 0.5 * level))
         return low, high
@@ -122,7 +124,7 @@ class Samples:
         draws: int = 200,
         scene: str | None = None,
     ) -> Band:
-        """Return the median prediction of the draws, and the central band that contains a share of the draws.
+        """Return the median prediction of the draws, and a central band with the share `level` of the draws.
 
         Parameters
         ----------
@@ -149,7 +151,7 @@ class Samples:
         return Band(value, low, high)
 
     def to_dataframe(self) -> Any:
-        """Return the draws as a pandas.DataFrame: chain, draw, values, log_density."""
+        """Return a pandas.DataFrame: chain, draw, one column for each free number, and log_density."""
         import pandas
 
         chains, draws, _ = self.x.shape
@@ -175,7 +177,6 @@ class Samples:
         return "\n".join(lines) + "\n"
 
     def _repr_html_(self) -> str:
-        """Return a table for notebooks."""
         headings = ("parameter", "2.5 %", "median", "97.5 %", "fit", "R-hat", "effective draws")
         chains, draws, _ = self.x.shape
         caption = "; ".join(self._warnings()) or f"{chains * draws} draws of {chains} chains"
@@ -187,7 +188,6 @@ class Samples:
         return f"<Samples: {chains} chains of {draws} draws, {size} numbers{said}>"
 
     def _table(self):
-        """Return texts for every parameter: name, quantiles, fitted value, R-hat, effective sample size."""
         columns = (*self.quantiles(), self.fit.values)
         return [
             (name, *(f"{column[i]:.5g}" for column in columns), f"{self.rhat[i]:.4f}", f"{self.ess[i]:.0f}")
@@ -195,7 +195,7 @@ class Samples:
         ]
 
     def _warnings(self):
-        """Return the reasons why the draws are unreliable, a line each, with advice."""
+        """Return the reasons why the draws are unreliable, with advice, one line of text per reason."""
         found, chains = [], self.x.shape[0]
         worst = int(np.argmax(self.rhat))
         if not self.rhat[worst] < _RHAT:
@@ -216,9 +216,9 @@ class Samples:
         return found
 
     def save(self, path: StrPath) -> None:
-        """Write the fit and its draws to an HDF5 file (.h5), completely or not at all.
+        """Write the fit and the draws to an HDF5 file (.h5), completely or not at all.
 
-        `Samples.load` reads the fit with its draws, `FitResult.load` only the fit.
+        `Samples.load` reads the fit with the draws, and `FitResult.load` reads only the fit.
         """
         fit_files.save(path, self.fit, samples=self._write)
 
@@ -231,7 +231,10 @@ class Samples:
 
     @classmethod
     def load(cls, path: StrPath) -> Self:
-        """Load a fit and its draws from a file written by `save`; a ValueError names the file and fault."""
+        """Load a fit and the draws from a file written by `save`.
+
+        If the file is invalid, a ValueError names the file and the fault.
+        """
         fit = fit_files.load(path, FitRecord)
         with hdf5.reading(path, fit_files.FIT_FORMAT) as file:
             group = hdf5.subgroup(file, "samples")
@@ -257,7 +260,7 @@ def drawn(
     flat: str,
     callback: DrawProgress | None,
 ) -> Samples:
-    """Draw from the posterior of a fit; see `fitting.FitResult.sample`."""
+    """Draw from the posterior of a fit. See `fitting.FitResult.sample`."""
     check_options(n=n, warmup=warmup, chains=chains, key=key, callback=callback)
     if flat not in FLAT:
         raise ValueError(f"flat = {flat!r}: must be one of {', '.join(FLAT)}")

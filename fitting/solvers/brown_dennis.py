@@ -9,7 +9,7 @@ of these functions within a trust radius. This saves time if an evaluation of th
 linear algebra. If residuals stay large at the minimum, Gauss-Newton steps converge linearly, while these
 steps converge superlinearly. A rejected step still updates H.
 
-The functions use NumPy and treat one fit at a time. They store H, shape (rows, size, size).
+The functions use NumPy and treat one fit at a time. H is stored as an array of shape (rows, size, size).
 """
 
 from typing import NamedTuple
@@ -32,9 +32,9 @@ from fitting.solvers.levenberg_marquardt import LONGEST_STEP
 _FIRST, _LAST = 1.0, 1e-9
 # Parts of the predicted gain above which the trust radius grows, and below which it shrinks.
 _MUCH, _LITTLE = 0.75, 0.25
-# Smallest damping of the inner problem over the largest singular value squared, the factor by which the
-# damping falls until the move is too long, and the number of bisections, in the logarithm, between the last
-# two.
+# Smallest damping of the inner problem, divided by the largest singular value squared. Factor by which the
+# damping falls until the move is too long. Number of bisections, in the logarithm, between the last two
+# dampings.
 _SOFTEST, _SOFTER, _HALVINGS = 1e-16, 4.0, 2
 _INNER_STEPS, _INNER_TRIALS = 30, 12
 # Ratio of eigenvalues below which one counts as 0, for example of the fixed parameter of a profile.
@@ -46,7 +46,7 @@ _EVALUATIONS, _GAINED, _PROMISED = 3, 0.1, 10.0
 
 
 class QuadraticModel(NamedTuple):
-    """Quadratic models of the residuals of one fit; arrays of several fits have a leading axis."""
+    """Quadratic models of the residuals of one fit, or of several fits with a leading axis."""
 
     rows: np.ndarray  # residuals at x, (rows,)
     jacobian: np.ndarray  # (rows, size)
@@ -56,7 +56,10 @@ class QuadraticModel(NamedTuple):
 
 
 def begin_quadratic(x: np.ndarray, rows: np.ndarray, jacobian: np.ndarray) -> Iterate:
-    """Return the first iterate of a fit from residuals (rows,) and Jacobian (rows, size) at x."""
+    """Return the first iterate of a fit, given the residuals and the Jacobian at x.
+
+    `rows` has the shape (rows,), and `jacobian` has the shape (rows, size).
+    """
     finite = np.isfinite(rows).all() and np.isfinite(jacobian).all()
     hessians, costs = np.zeros((*jacobian.shape, x.size)), np.full(_EVALUATIONS, np.inf)
     model = QuadraticModel(rows, jacobian, hessians, np.asarray(_FIRST), costs)
@@ -66,7 +69,10 @@ def begin_quadratic(x: np.ndarray, rows: np.ndarray, jacobian: np.ndarray) -> It
 
 
 def propose_move(iterate: Iterate, longest: float = LONGEST_STEP) -> np.ndarray:
-    """Return the next move, shape (size,), within the trust radius and at most `longest` in any x."""
+    """Return the next move, an array of shape (size,).
+
+    The length of the move is at most the trust radius, and no element of x changes by more than `longest`.
+    """
     model = iterate.own
     largest = np.linalg.norm(model.jacobian, 2) ** 2
 
@@ -163,7 +169,10 @@ def _promise(model, move):
 
 
 def _linear_promise(model, longest):
-    """Return the gain in cost that linear models predict for steps of at most `longest` per direction."""
+    """Return the gain in cost that linear models of the residuals predict.
+
+    The step along each singular vector of the Jacobian is limited to `longest`.
+    """
     U, s, _ = np.linalg.svd(model.jacobian, full_matrices=False)
     along = np.abs(U.T @ model.rows)
     return float(np.sum(np.minimum(0.5 * along**2, along * s * longest)))
@@ -201,7 +210,7 @@ def _least(model, damping, move):
 
 
 def _updated_hessians(model, move, jacobian):
-    """Return H updated with the Jacobian after a move."""
+    """Return H after the symmetric Broyden update with the Jacobian after a move."""
     unit, length = move / np.linalg.norm(move), np.linalg.norm(move)
     left = (jacobian - model.jacobian) / length - model.hessians @ unit
     both = left[:, :, None] * unit

@@ -2,9 +2,9 @@
 
 A fit needs predictions at several x, for trial steps and for several starts. It also needs derivatives, at
 every step and for error bars, bands and figures. One compiled function serves all these purposes, or two if
-derivatives use reverse mode. It takes up to `PLACES` points x and computes only the given ones, one
-after the other, with derivatives along the requested directions. The steps compile quickly and are separate
-functions (`fitting.solvers.levenberg_marquardt`).
+derivatives use reverse mode. The function takes up to `PLACES` points x and computes only the given points,
+one after the other, with derivatives along the requested directions. The steps compile quickly and are
+separate functions (`fitting.solvers.levenberg_marquardt`).
 """
 
 import functools
@@ -23,14 +23,14 @@ from rubberfric.base import quick_jit
 
 # Number of x in one call of a compiled function.
 PLACES = 8
-# So many calls of a compiled function take less time than another compilation.
+# Up to this number of calls, a compiled function takes less time than another compilation.
 CALLS = 100
 
 
 def evaluate_rows(
     structure: FitStructure, numbers: Numbers, x: Array, slopes: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the result of `fitting.solvers.residuals.rows_of` at every row of x, and its derivatives.
+    """Evaluate `fitting.solvers.residuals.rows_of` at every row of x, with derivatives if `slopes`.
 
     Parameters
     ----------
@@ -40,7 +40,9 @@ def evaluate_rows(
 
     Returns
     -------
-    (rows, slopes), shapes (k, rows) and (k, rows, size); without derivatives (k, rows, 0)
+    (rows, slopes)
+        arrays of shapes (k, rows) and (k, rows, size). Without derivatives, `slopes` has the shape
+        (k, rows, 0).
     """
     x, rows, found = np.asarray(x), [], []
     name = "both" if slopes else "rows"
@@ -58,7 +60,10 @@ def evaluate_rows(
 
 
 def _by_forward_mode(structure, numbers):
-    """Return True if all derivatives use forward mode: one compiled function then serves all calls."""
+    """Return True if the derivatives of all blocks use forward mode.
+
+    One compiled function then serves calls with and without derivatives.
+    """
     scenes = _scenes(structure, numbers)
     return all(
         block.quantity not in CURVE_QUANTITIES
@@ -70,7 +75,10 @@ def _by_forward_mode(structure, numbers):
 
 
 def takes_long(structure: FitStructure, numbers: Numbers) -> bool:
-    """Return True if any scene is solved by iteration, which takes hundreds of times as long as others."""
+    """Return True if friction or area of any scene is computed by iteration.
+
+    An iteration takes hundreds of times as long as a computation without iteration.
+    """
     scenes = _scenes(structure, numbers)
     return any(
         block.quantity in CURVE_QUANTITIES and "converged" in rf.quantities_of(scenes[block.scene])
@@ -79,25 +87,31 @@ def takes_long(structure: FitStructure, numbers: Numbers) -> bool:
 
 
 def _scenes(structure, numbers):
-    """Return the scenes of a fit at its start, by name."""
+    # Scenes at the start of the fit.
     return by_name(jax.tree.unflatten(structure.variables.tree, numbers.constants.leaves))
 
 
 def rows(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
-    """Return the rows at one x, without derivatives."""
+    """Return the result of `rows_of` at one x, and an array of shape (rows, 0) instead of derivatives."""
     del directions
     values = rows_of(structure, numbers, x)
     return values, jnp.zeros((values.size, 0), x.dtype)
 
 
 def both(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
-    """Return the rows and their derivatives, in forward or reverse mode as suits each block."""
+    """Return the result of `rows_of` at one x, and the derivatives with respect to x.
+
+    It depends on the block whether forward or reverse mode is used.
+    """
     del directions
     return rows_and_slopes(structure, numbers, x)
 
 
 def along(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
-    """Return the rows and their derivatives with respect to the first `directions` elements of x."""
+    """Return the result of `rows_of` at one x, and derivatives by forward mode.
+
+    Only the derivatives with respect to the first `directions` elements of x are computed. All others are 0.
+    """
     values, push = jax.linearize(lambda x: rows_of(structure, numbers, x), x)
 
     def add(k, slopes):
@@ -107,7 +121,11 @@ def along(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: j
 
 
 def _at_places(kind):
-    """Return a function of several x: a loop over the first `count`, or all at once on an accelerator."""
+    """Return a function that evaluates `kind` at several x.
+
+    A processor evaluates the first `count` points, one after the other. An accelerator evaluates all points
+    at once.
+    """
     # jit traces it once only.
     traced = jax.jit(kind, static_argnums=0)
 
@@ -133,7 +151,7 @@ _PROGRAMS = {kind.__name__: quick_jit(static_argnums=(0,))(_at_places(kind)) for
 
 
 def residual_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Return the residuals of the data, then of the priors, in units of their errors."""
+    """Return the residuals at x, in units of the errors. The rows of the priors follow the data."""
     of = padded(problem)
     return of.kept(np.asarray(errors_of_rows(of.structure, of.numbers, of.targets, _rows_at(of, x))))
 
@@ -144,7 +162,7 @@ errors_of_slopes = quick_jit(static_argnums=(0,))(slopes_in_errors)
 
 
 def model_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Return predictions of the measured values, or of their logarithms if errors are relative."""
+    """Return predictions of the measured values, or of the logarithms if the errors are relative."""
     of = padded(problem)
     return _rows_at(of, x)[of.data]
 
@@ -156,19 +174,21 @@ def _rows_at(of, x):
 def at_conditions(
     problem: Problem, key: tuple[str, str | None, str], conditions: tuple[Array | None, ...], x: Array
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return predictions and their derivatives at other conditions, with the fit's compiled function.
+    """Return predictions and derivatives at other conditions, with the compiled function of the fit.
 
     Parameters
     ----------
     problem : Problem
     key : quantity, body and scene of a `Block`
-    conditions : conditions of this kind of data, arrays of one length or None
-    x : shape (size,), also the variable of the derivatives
+    conditions : conditions of this kind of data, arrays of equal length or None
+    x : shape (size,); the derivatives are with respect to x
 
     Returns
     -------
-    (values, slopes), shapes (parts * n,) and (parts * n, size), never of logarithms; a modulus has E' and
-    then E". None if the fit has no such data, or so few that the conditions would take many calls
+    (values, slopes), or None
+        arrays of shapes (parts * n,) and (parts * n, size), never of logarithms. For a modulus, all E' come
+        before all E". The result is None if the fit has no such data, or if the number of conditions would
+        require more than `CALLS` calls.
     """
     of = padded(problem)
     given = [c is not None for c in conditions]

@@ -1,7 +1,7 @@
 """First-order solvers from optax, with the same methods `init` and `step` as `LevenbergMarquardt`.
 
-They use only the gradient of the cost, computed by reverse mode. They serve for comparison, and for problems
-with more parameters than residuals. Levenberg-Marquardt is much faster for curves.
+The solvers use only the gradient of the cost, computed by reverse mode. They serve for comparison, and for
+problems with more parameters than residuals. Levenberg-Marquardt is much faster for curves.
 """
 
 import abc
@@ -30,8 +30,8 @@ class FirstOrder(abc.ABC):
 
     def init(self, objective: Objective, x: jax.Array) -> Iterate:
         """Return the iterate at a start vector x."""
-        # Its own: the solver's x, the arrays of its transformation, and the steps since the cost
-        # last fell by more than the tolerance.
+        # `own` contains the present x, which may be worse than the best x so far, the state of the
+        # transformation, and the number of steps since the cost last fell by more than the tolerance.
         return first_iterate(objective.cost(x), x, (x, self.optimiser().init(x), jnp.asarray(0)))
 
     def step(self, objective: Objective, iterate: Iterate) -> Iterate:
@@ -95,7 +95,7 @@ class Adam(FirstOrder):
 
     Parameters
     ----------
-    rate : length of the first steps in x; 1 changes a Positive parameter by a factor e
+    rate : length of the first steps in x. A step of 1 changes a Positive parameter by a factor e.
     max_steps : number of steps until the rate is zero
     tolerance, patience : as in `LBFGS`
     """
@@ -109,12 +109,12 @@ class Adam(FirstOrder):
     patience: int = 200
 
     def optimiser(self) -> Any:
-        """Return Adam with its rate schedule."""
+        """Return Adam with the cosine schedule of the learning rate."""
         return _optax().adam(_optax().cosine_decay_schedule(self.rate, self.max_steps))
 
 
 def _optax() -> Any:
-    """Import optax where it is used, because its import takes a quarter of the time of `import fitting`."""
+    # A late import, because optax takes a quarter of the time of `import fitting`.
     import optax
 
     return optax

@@ -29,25 +29,28 @@ MESSAGES = {
 
 
 class Iterate(NamedTuple):
-    """State of a fit; a pytree."""
+    """State of a fit, as a pytree."""
 
     x: Array  # best so far
     cost: Array
-    status: Array  # one of the above
+    status: Array  # RUNNING, CONVERGED, ...
     nfev: Array  # number of evaluations of the residuals, or of the cost
-    njev: Array  # number of evaluations of their Jacobian, or of the gradient
+    njev: Array  # number of evaluations of the Jacobian, or of the gradient
     own: Any  # arrays of the solver
 
 
 def first_iterate(cost: jax.Array, x: jax.Array, own: Any) -> Iterate:
-    """Return the iterate of a fit before its first step; `own` is the internal state of the solver."""
+    """Return the iterate of a fit before the first step.
+
+    `own` is the internal state of the solver.
+    """
     status = jnp.where(jnp.isfinite(cost), RUNNING, NOT_FINITE)
     zero = jnp.asarray(0)
     return Iterate(x, cost, status, zero + 1, zero, own)
 
 
 def unless_done(before: Iterate, after: Iterate) -> Iterate:
-    """Return the iterate after a step, or the one before it if the fit had already ended."""
+    """Return `after`, the iterate after a step, or `before` if the fit has already ended."""
     running = before.status == RUNNING
     return jax.tree.map(lambda new, old: jnp.where(running, new, old), after, before)
 
@@ -61,7 +64,7 @@ def status_after(
 ) -> jax.Array:
     """Return the status after a step.
 
-    `near` : True if the gain that a step may still bring to a stalled fit is negligible
+    `near` is True if further steps can bring only a negligible gain. A fit that stalls there has converged.
     """
     stalled, near = jnp.asarray(stalled), jnp.asarray(near)
     ends = [NOT_FINITE, PERFECT, CONVERGED, PRECISE, STALLED]
@@ -69,5 +72,5 @@ def status_after(
 
 
 def succeeded(status: np.ndarray | int) -> np.ndarray:
-    """Return True for fits that ended at a minimum."""
+    """Return True for the status of a fit that ended at a minimum."""
     return np.isin(status, (CONVERGED, PERFECT, PRECISE))

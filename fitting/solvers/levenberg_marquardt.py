@@ -21,7 +21,7 @@ from fitting.solvers.iterate import NEGLIGIBLE, Iterate, first_iterate, status_a
 from fitting.solvers.losses import SQUARES, Loss, Objective, Residuals, ResidualsAndJacobian
 
 TRIALS = (0.1, 3.0)  # times the damping of the last step
-SOFTEST, STIFFEST = 1e-30, 1e9  # damping over the largest singular value squared
+SOFTEST, STIFFEST = 1e-30, 1e9  # dampings, divided by the largest singular value squared
 SUFFICIENT = 0.9  # part of the predicted decrease of the cost that makes a second trial unnecessary
 PROBE = 0.1  # part of a step at which its curvature is measured
 LONGEST_STEP = 3.0  # largest change of any x in a step: a factor of 20 for a Positive parameter
@@ -29,14 +29,15 @@ LONGEST_STEP = 3.0  # largest change of any x in a step: a factor of 20 for a Po
 
 @dataclasses.dataclass(frozen=True)
 class LevenbergMarquardt:
-    """Levenberg-Marquardt solver, the default of fits; hashable.
+    """Levenberg-Marquardt solver, the default of fits. Objects of the class are hashable.
 
     Parameters
     ----------
     tolerance : float
-        the fit ends when the predicted and the actual relative decrease of the cost are both below it.
+        the fit ends when the predicted and the actual relative decrease of the cost are below this value.
     damping : float
-        damping of the first step; smaller for fits that start near their minimum.
+        damping of the first step, divided by the largest singular value of the Jacobian squared. A small
+        value saves steps if the fit starts near the minimum.
     """
 
     title: ClassVar[str] = "Levenberg-Marquardt"
@@ -70,14 +71,16 @@ def step(
     rounding: ArrayLike = 0.0,
     longest: float = LONGEST_STEP,
 ) -> Iterate:
-    """Return the iterate after one step for least squares or a robust loss; works with jit and vmap.
+    """Return the iterate after one step for least squares or a robust loss.
+
+    The function supports jit and vmap.
 
     Parameters
     ----------
     residuals : function of x, shape (size,), to residuals, shape (rows,)
-    residuals_and_jacobian : function of x to residuals and their derivatives, shape (rows, size)
+    residuals_and_jacobian : function of x to residuals and derivatives, shapes (rows,) and (rows, size)
     iterate : from `fitting.solvers.iterate.first_iterate` with `own` = lambda / (largest singular
-        value)^2, or from the last step; returned unchanged if the fit has ended
+        value)^2, or from the last step. If the fit has ended, this iterate is returned.
     loss : Loss of the residuals
     tolerance : as in `LevenbergMarquardt`
     rounding : cost due to rounding, below which the data are fitted exactly
@@ -91,7 +94,7 @@ def step(
     plan = plan_step(*residuals_and_jacobian(x), iterate, loss, longest)
 
     def evaluated(state):
-        """Evaluate the residuals at PROBE times a velocity, or after the accelerated move."""
+        """Evaluate the residuals after PROBE times a velocity, or, if `count` is odd, after a whole move."""
         count, moves, rows, _ = state
         i, ahead = count // 2, count % 2 == 0
         move = jnp.where(ahead, PROBE * plan.velocities[i], accelerated_move(plan, i, rows[i]))
@@ -102,7 +105,7 @@ def step(
         count, _, _, enough = state
         return (count < 2) | ((count < 4) & ~enough)
 
-    # A loop, so that the model is compiled once for all of them.
+    # A loop, so that the model is compiled once for all evaluations.
     rows = jnp.zeros((len(TRIALS), *plan.plain.shape), plan.plain.dtype)
     begun = jnp.asarray(0), jnp.zeros_like(plan.velocities), rows, jnp.asarray(False)
     _, moves, rows, _ = jax.lax.while_loop(needed, evaluated, begun)
@@ -112,7 +115,7 @@ def step(
 
 
 class Plan(NamedTuple):
-    """Two trial steps by the linear model, one for each damping."""
+    """Two trial steps from the linear model of the residuals, one for each damping."""
 
     plain: jax.Array  # residuals, shape (rows,)
     factor: jax.Array  # factors of the rows of the Jacobian, from the loss
@@ -134,7 +137,7 @@ def plan_step(
     loss: Loss = SQUARES,
     longest: float = LONGEST_STEP,
 ) -> Plan:
-    """Plan a step from the residuals and their Jacobian."""
+    """Plan the two trial steps from the residuals `plain` and the Jacobian."""
     damping, dtype = iterate.own, jnp.asarray(iterate.x).dtype
     of_rows, factor = loss.factors(plain)
     rows, jacobian = plain * of_rows, jacobian * factor[:, None]
@@ -155,7 +158,10 @@ def plan_step(
 
 
 def accelerated_move(plan: Plan, i: int | jax.Array, ahead: jax.Array) -> jax.Array:
-    """Return the accelerated move with damping i, from residuals `ahead` at PROBE times its velocity."""
+    """Return the velocity with damping `i` plus the geodesic acceleration.
+
+    `ahead` contains the residuals after a move by PROBE times the velocity.
+    """
     velocity = plan.velocities[i]
     # Second derivative of the residuals along the step, by a finite difference.
     second = 2 / PROBE * (plan.factor * (ahead - plan.plain) / PROBE - plan.jacobian @ velocity)
@@ -167,7 +173,11 @@ def accelerated_move(plan: Plan, i: int | jax.Array, ahead: jax.Array) -> jax.Ar
 
 
 def is_sufficient(plan: Plan, tried: jax.Array, iterate: Iterate, loss: Loss = SQUARES) -> jax.Array:
-    """Return True if the residuals after the step with the smaller damping make the second unnecessary."""
+    """Return True if the trial step with the smaller damping makes the second trial unnecessary.
+
+    `tried` contains the residuals after the step. The step is sufficient if the cost falls by the part
+    `SUFFICIENT` of the predicted decrease.
+    """
     # (|r|^2 - |r + J v|^2) / 2 for the velocity before its length was limited. A limited velocity would
     # predict less, so that the other damping is never tried and all steps stay short.
     moved = plan.s * plan.gains[0]
@@ -186,9 +196,10 @@ def accept_better(
     rounding: ArrayLike = 0.0,
     longest: float = LONGEST_STEP,
 ) -> Iterate:
-    """Return the iterate after the better of two moves, from the residuals after both, shape (2, rows).
+    """Return the iterate after the better one of two moves.
 
-    If the first move `is_sufficient`, the second was not evaluated and is ignored.
+    `tried` contains the residuals after each move, shape (2, rows). If the first move `is_sufficient`, the
+    second move is ignored, because its residuals were not evaluated.
     """
     x, damping = jnp.asarray(iterate.x), iterate.own
     enough = is_sufficient(plan, tried[0], iterate, loss)
@@ -221,6 +232,6 @@ def accept_better(
 
 
 def _limited(moves, longest):
-    """Return the factors <= 1 that keep every element of every move below `longest`."""
+    """Return a factor <= 1 for each move, so that no element of the product exceeds `longest`."""
     length = jnp.max(jnp.abs(moves), -1, keepdims=True)
     return jnp.minimum(1.0, longest / jnp.where(length > 0, length, 1.0))

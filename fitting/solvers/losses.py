@@ -28,7 +28,7 @@ LOSS_WIDTHS = {"linear": 1.0, "huber": 1.345, "soft_l1": 1.287, "cauchy": 2.385}
 
 
 def rho(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Return rho of every residual, and its first and second derivative with respect to r^2."""
+    """Return rho of every residual, and the first and second derivatives of rho with respect to r^2."""
     z = (residual / width) ** 2
     if loss == "linear":
         return residual**2, jnp.ones_like(z), jnp.zeros_like(z)
@@ -45,10 +45,10 @@ def rho(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, jax.A
 
 
 def factors(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return factors for the residuals and for the rows of their Jacobian in a step with a robust loss.
+    """Return factors of the residuals and of the Jacobian rows for a Gauss-Newton step with a robust loss.
 
-    The gradient is exact; the curvature rho' + 2 r^2 rho'' is kept positive, as Triggs et
-    al. (Bundle adjustment, 2000, sec. 4.3) do, so that the step goes downhill.
+    The gradient is exact. The curvature rho' + 2 r^2 rho'' is kept positive as in Triggs et al. (Bundle
+    adjustment, 2000, sec. 4.3), so that the step goes downhill.
     """
     _, first, second = rho(loss, width, residual)
     # A tenth of rho' at least: beyond it an outlier's curvature turns negative.
@@ -57,19 +57,19 @@ def factors(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, j
 
 
 class Loss(NamedTuple):
-    """Loss of the residuals of data, which are the first `rows`; residuals of priors enter as squares."""
+    """Loss of residuals. The first `rows` residuals are of data, and all others enter as squares."""
 
     kind: str = "linear"
     width: Scalar = 1.0
     rows: int = 0
 
     def cost(self, residuals: jax.Array) -> jax.Array:
-        """Return half the sum of rho over the data rows and of the squared residuals over the prior rows."""
+        """Return half the sum of rho over the data rows, plus half the sum of squares of the other rows."""
         robust = rho(self.kind, self.width, residuals[: self.rows])[0]
         return 0.5 * (jnp.sum(robust) + jnp.sum(residuals[self.rows :] ** 2))
 
     def factors(self, residuals: jax.Array) -> list[jax.Array]:
-        """Return `factors` for all residuals and for all rows of their Jacobian."""
+        """Return `factors` for the data rows, with factors of 1 for the other rows."""
         ones = jnp.ones(residuals.size - self.rows, residuals.dtype)
         robust = factors(self.kind, self.width, residuals[: self.rows])
         return [jnp.concatenate([part, ones]) for part in robust]
@@ -82,7 +82,7 @@ ResidualsAndJacobian = Callable[[jax.Array], tuple[jax.Array, jax.Array]]
 
 
 class Objective(NamedTuple):
-    """Functions of x, shape (size,), that solvers need."""
+    """Functions of x that a solver needs, where x has the shape (size,)."""
 
     residuals: Residuals  # shape (rows,)
     residuals_and_jacobian: ResidualsAndJacobian  # shapes (rows,) and (rows, size); 0 for fixed elements of x

@@ -45,7 +45,7 @@ def _or_none(rule: OptionRule) -> OptionRule:
 _POSITIVE = _rule(
     "a finite number > 0", lambda value: not isinstance(value, bool) and is_number(value) and value > 0
 )
-# Options that a job file may hold.
+# Options that a job file may contain.
 FILE_OPTIONS: dict[str, OptionRule] = {
     "method": _choice(SOLVERS),
     "starts": _integer(1, 10_000),
@@ -81,14 +81,17 @@ OPTION_RULES: dict[str, OptionRule] = FILE_OPTIONS | {
 
 
 def check_options(**options: object) -> None:
-    """Raise a ValueError that names an invalid option; `fitting.fit` describes the options."""
+    """Raise a ValueError that names the first invalid option. `fitting.fit` describes the options."""
     for name, value in options.items():
         if wrong := OPTION_RULES[name](value):
             raise ValueError(f"{name} = {shown(value)}: {wrong}")
 
 
 def make_solver(method: str, tolerance: float | None = None, max_steps: int | None = None) -> Solver:
-    """Return the solver of a method; the learning rate of Adam is zero at step `max_steps`."""
+    """Return the solver of a method.
+
+    The learning rate of Adam falls to zero at step `max_steps`.
+    """
     options: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
     if method == "adam" and max_steps is not None:
         options["max_steps"] = max_steps

@@ -6,10 +6,9 @@ below and above (`fitting.parameters.scenes`). Then
 .. math:: x = a + s(z - a) - s(z - b),\qquad s(t) = \frac1k \ln(1 + e^{kt})
 
 lies between a and b. Far from both, x equals z: at a distance of 3 their difference is of the order of
-rounding (k = 12). A free neighbour
-is a bound from below only, and its x is computed first. The bound from above is the next fixed number. A
-number that is fixed in one fit, as in a profile, is a bound in that fit and has z = x. Only the solvers use
-z.
+rounding (k = 12). A free neighbour is a bound from below only, and its x is computed first. The bound from
+above is the next fixed number. A number that is fixed in one fit, as in a profile, is a bound in that fit and
+has z = x. Only the solvers use z.
 """
 
 import functools
@@ -32,12 +31,13 @@ INSIDE = 0.05
 _NEAR, _FAR = 0.2, 30.0
 # A number counts as equal to its neighbour if their relative difference is below this.
 AT_EDGE = 1e-4
-# Rounding of a value and its x, over the spacing of floating-point numbers: bounds are kept clear of it.
+# Rounding error of a value and its x, divided by the spacing of floating-point numbers. Bounds are moved
+# inside by this margin.
 _ROUNDING = 100.0
 
 
 class _Bound(NamedTuple):
-    """Bound of an element of x: the value of another element, or of a fixed leaf, times a ratio."""
+    """Bound of an element of x: a ratio times the value of another element or of a fixed leaf."""
 
     element: int | None  # index of the other element of x; None for a fixed leaf
     end: End
@@ -45,15 +45,17 @@ class _Bound(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """An element of x with its bounds from below and from above."""
-
     element: int
     below: tuple[_Bound, ...]
     above: tuple[_Bound, ...]
 
 
 def _places(variables):
-    """Return, for each number, its element of x and its ratio to that element; None for `RmsSlope`."""
+    """Return a dict from every number of the scene with a rule to its element of x and its ratio.
+
+    The ratio is a pair of indices for Tied numbers, and None for other numbers. The entry of a number with
+    the rule `RmsSlope` is None.
+    """
     places: dict[End, tuple[int, tuple[int, int] | None] | None] = {}
     ratio = -1  # counts the groups that have one
     for group in variables.groups:
@@ -69,13 +71,16 @@ def _places(variables):
 
 @functools.lru_cache(maxsize=64)
 def _steps(variables: Variables) -> tuple[_Step, ...]:
-    """Return the bounded elements of x, ordered so that each follows its free lower neighbours."""
+    """Return the elements of x that have bounds.
+
+    An element comes after all free elements that bound the element from below.
+    """
     places = _places(variables)
     below: dict[int, list[_Bound]] = {}
     above: dict[int, list[_Bound]] = {}
 
     def chain(i):
-        """Return the free elements that bound an element from below, lowest first, then the element."""
+        """Return the free elements that bound element `i` from below, lowest first, followed by `i`."""
         free = [bound.element for bound in below.get(i, []) if bound.element is not None]
         return [*dict.fromkeys(k for j in free for k in chain(j)), i]
 
@@ -95,7 +100,7 @@ def _steps(variables: Variables) -> tuple[_Step, ...]:
 
 
 class _Bounds(NamedTuple):
-    """Bounds a and b of one element, as values of its x; yielded by `_Walk`."""
+    """Lower bound a and upper bound b of the x of an element, as yielded by `_Walk`."""
 
     element: int
     source: _Bound | None  # the bound below
@@ -104,7 +109,11 @@ class _Bounds(NamedTuple):
 
 
 class _Walk:
-    """Iterate over the bounds of the elements. The caller stores each x before the next bound."""
+    """Iterator over the bounds of the elements of x.
+
+    The caller must store the x of an element in the attribute `x` before the next iteration, because the
+    bounds of later elements depend on the x of earlier elements.
+    """
 
     def __init__(self, variables: Variables, constants: Constants, given: Array, moving: Array):
         self.xp: Any = np if isinstance(given, np.ndarray) else jnp
@@ -152,7 +161,6 @@ class _Walk:
         return self.margin * self.xp.where(finite, 1 + abs(self.xp.where(finite, end, 0.0)), 0.0)
 
     def _range(self, i):
-        """Return the lower and upper limit that the rule of element i sets for its value."""
         if self.kinds[i] == "Bounded":
             return self.constants.low[i], self.constants.low[i] + self.constants.width[i]
         return (0.0 if self.kinds[i] == "Positive" else -np.inf), np.inf
@@ -164,7 +172,7 @@ class _Walk:
         return value * theirs / own
 
     def _value(self, bound, x):
-        """Return the value of a bound, from the x of the other elements."""
+        """Return the value of a bound, where `x` contains the x of the element that is the bound."""
         if bound.element is None:
             leaf = self.xp.asarray(self.constants.leaves[bound.end.leaf])
             return self._times(bound, leaf if bound.end.element is None else leaf[bound.end.element])
@@ -172,7 +180,10 @@ class _Walk:
         return self._times(bound, from_x(self.kinds[j], self.constants.low[j], self.constants.width[j], x[j]))
 
     def _inverse(self, i, value):
-        """Return x of element i at a value; -inf or inf if the element's rule does not allow the value."""
+        """Return the x of element `i` at a value.
+
+        The result is -inf or inf if the value is outside the limits of the rule.
+        """
         xp, (low, high) = self.xp, self._range(i)
         within = (value > low) & (value < high)
         # A value inside the range, so that the branch that is not used has a finite derivative.
@@ -182,12 +193,15 @@ class _Walk:
 
 
 def _between(xp, a, b, z):
-    """Return x between a and b for z; see the module's docstring."""
+    # The formula for x in the docstring of this module.
     return (xp.logaddexp(_SHARP * a, _SHARP * z) - xp.logaddexp(0.0, _SHARP * (z - b))) / _SHARP
 
 
 def x_of(variables: Variables, constants: Constants, z: Array, moving: Array) -> Array:
-    """Return x for a solver's z, both of shape (size,); `moving` is 0 for fixed elements, otherwise 1."""
+    """Return x for the variables z of a solver.
+
+    x, z and `moving` have the shape (size,). `moving` is 0 for fixed elements, and 1 for all others.
+    """
     if not variables.order:
         return z
     walk = _Walk(variables, constants, z, moving)
@@ -198,7 +212,7 @@ def x_of(variables: Variables, constants: Constants, z: Array, moving: Array) ->
 
 
 def z_of(variables: Variables, constants: Constants, x: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """Return z for start values x, on the host.
+    """Return z for start values x, computed with NumPy.
 
     An element outside a bound is reflected at the bound, and an element on a bound is moved inside.
     """
@@ -226,21 +240,21 @@ def z_of(variables: Variables, constants: Constants, x: np.ndarray, moving: np.n
 
 
 def start_z(variables: Variables, constants: Constants, x: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """Return z for the start values x of several fits, shape (fits, size)."""
+    """Return z for the start values x of several fits, where x and z have the shape (fits, size)."""
     if not variables.order:
         return x
     return np.stack([z_of(variables, constants, *pair) for pair in zip(x, np.asarray(moving), strict=True)])
 
 
 def end_x(variables: Variables, constants: Constants, z: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """Return x for the final z of several fits, shape (fits, size)."""
+    """Return x for the final z of several fits, where x and z have the shape (fits, size)."""
     if not variables.order:
         return z
     return np.stack([x_of(variables, constants, *pair) for pair in zip(z, np.asarray(moving), strict=True)])
 
 
 def slopes_of_x(variables: Variables, constants: Constants, z: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """Return d x / d z on the host, shape (size, size)."""
+    """Return the derivatives dx / dz, computed with NumPy, as an array of shape (size, size)."""
     found = np.eye(z.size, dtype=z.dtype)
     if not variables.order:
         return found
@@ -262,7 +276,10 @@ def slopes_of_x(variables: Variables, constants: Constants, z: np.ndarray, movin
 def put_on_bounds(
     variables: Variables, constants: Constants, before: np.ndarray, z: np.ndarray, moving: np.ndarray
 ) -> np.ndarray:
-    """Return z with elements moved onto bounds that they have approached since `before`."""
+    """Return z, with some elements moved onto bounds.
+
+    An element is moved if it is near a bound and has come closer to the bound since `before`.
+    """
     walk, there = _Walk(variables, constants, z, moving), z.copy()
     for i, _, a, b in walk:
         walk.x[i] = z[i]
@@ -293,7 +310,7 @@ class Edge(NamedTuple):
 
 
 def edges(variables: Variables, constants: Constants, x: np.ndarray) -> list[Edge]:
-    """Return the elements of x, shape (size,), whose values are within `AT_EDGE` of a neighbour's value."""
+    """Return the elements of x whose values differ by at most `AT_EDGE` from the value of a neighbour."""
     if not variables.order:
         return []
     leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(to_scene(variables, constants, np.asarray(x)))]
@@ -314,7 +331,6 @@ def edges(variables: Variables, constants: Constants, x: np.ndarray) -> list[Edg
 
 
 def _put(x, elements):
-    """Return a vector with some of its elements replaced."""
     if isinstance(x, np.ndarray):
         x = x.copy()
         for i, value in elements.items():

@@ -30,12 +30,12 @@ from rubberfric.scene import cast, check_background, dissipates, result_dtype, s
 
 CURVE_QUANTITIES = ("friction", "area")  # measured over velocity, pressure and temperature
 
-# Relative error of data without errors at first, and finally if they are too few for an estimate.
+# Relative error that the first fit assumes for data without errors. It is kept if no estimate is possible.
 ASSUMED = 0.1
 
 
 class Block(NamedTuple):
-    """Rows of a problem that one call of the model predicts; hashable."""
+    """Rows of a problem that one call of the model predicts. Objects of the class are hashable."""
 
     quantity: str  # "friction", "area", "modulus", "spectrum"
     body: str | None  # body of a modulus or spectrum
@@ -51,7 +51,7 @@ _MARGIN, _BEYOND = 0.5, 1.0
 
 
 class FitStructure(NamedTuple):
-    """Everything about a problem except its numbers; hashable."""
+    """All parts of a problem except the numbers. Objects of the class are hashable."""
 
     variables: Variables
     blocks: tuple[Block, ...]
@@ -61,7 +61,7 @@ class FitStructure(NamedTuple):
 
 
 class Numbers(NamedTuple):
-    """The numbers of a problem that every start and every resampled data set share; a pytree."""
+    """Numbers of a problem that all starts and all resampled data sets share, as a pytree."""
 
     constants: Constants
     conditions: tuple[Any, ...]  # for every block, arrays of the conditions of its kind of data, or None
@@ -74,7 +74,10 @@ class Numbers(NamedTuple):
 
 
 class Targets(NamedTuple):
-    """Measured values, their errors, and flags of fixed elements; a pytree for each resampled data set."""
+    """Measured values, errors, and flags of fixed elements, as a pytree.
+
+    Each resampled data set has `Targets` of its own.
+    """
 
     measured: Array  # shape (rows,); the logarithm where the block is logarithmic
     error: Array  # shape (rows,)
@@ -101,11 +104,11 @@ class Problem(NamedTuple):
         return tuple(element_names(self.variables))
 
     def values(self, x: Array) -> np.ndarray:
-        """Return the values of the free elements at x; both of shape (..., size)."""
+        """Return the values of the free elements at x. Values and x have the shape (..., size)."""
         return np.asarray(to_values(self.variables, self.numbers.constants, np.asarray(x)))
 
     def scene(self, x: Array) -> Any:
-        """Return the scene, or the scenes by their names, with the free elements at x, shape (size,)."""
+        """Return the scene, or a dict of scenes by name, with the free elements at x of shape (size,)."""
         return to_scene(self.variables, self.numbers.constants, x)
 
 
@@ -119,7 +122,7 @@ def make_problem(
     quadrature: rf.Quadrature | None = None,
     of: Sequence[str] | None = None,
 ) -> Problem:
-    """Return the problem of fitting `free` of `scene` to `data`; see `fitting.fit` for the arguments.
+    """Return the problem of fitting `free` of `scene` to `data`. See `fitting.fit` for the arguments.
 
     `of` has the name of the scene of each data set, if there are several scenes. Data sets without errors get
     the relative error `ASSUMED`.
@@ -153,7 +156,7 @@ def make_problem(
 
 
 def _blocks(scenes, data, of):
-    """Return the blocks that predict the data, their conditions, and the rows of every data set."""
+    """Return the blocks, the conditions of each block, and the rows of each data set."""
     keys = [(_block_key(scenes[name], one), name) for one, name in zip(data, of, strict=True)]
     blocks, conditions, order = [], [], {}
     first = 0
@@ -175,7 +178,10 @@ def _blocks(scenes, data, of):
 
 
 def _block_key(scene, data):
-    """Return the key of the block of a data set; ValueError if the scene cannot predict the data."""
+    """Return the key that identifies the block of a data set.
+
+    Raise ValueError if the scene cannot predict the data.
+    """
     temperature = getattr(data, "temperature", None)
     if data.quantity in CURVE_QUANTITIES:
         _check_curve(scene, data)
@@ -208,7 +214,6 @@ def _check_curve(scene, data):
 
 
 def _body(scene, data):
-    """Return the name of the body that has the measured modulus or spectrum."""
     bodies = {"lower": scene.lower, "upper": scene.upper}
     if data.quantity == "modulus":
         kind, able = "viscoelastic solid", [name for name, body in bodies.items() if body.material.relaxes]
@@ -236,7 +241,7 @@ def _check_temperature(data, shifts):
 
 
 def finer(problem: Problem, x: Array, data: Sequence[Measured]) -> Problem | None:
-    """Return the problem with a finer quadrature if its scene at x needs one, otherwise None."""
+    """Return the problem with a finer quadrature if the scene at x needs one, otherwise None."""
     needed = _fitting(problem.scene(x), data, -_BEYOND)
     structure = problem.structure
     if _work(needed) <= _work(structure.quadrature):
@@ -245,7 +250,11 @@ def finer(problem: Problem, x: Array, data: Sequence[Measured]) -> Problem | Non
 
 
 def _fitting(scene, data, margin=_MARGIN):
-    """Return the quadrature for the scene, or scenes, and for scenes that a fit may pass through."""
+    """Return a quadrature that suits a scene, or all scenes of a dict.
+
+    With `margin` e-folds for ranges of wavevectors and moduli, the quadrature also suits scenes that a fit
+    passes through.
+    """
     pressures = [np.min(one.pressure) for one in data if hasattr(one, "pressure")]
     lowest = min(pressures, default=1.0)
     settings = [

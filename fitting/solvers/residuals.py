@@ -28,7 +28,7 @@ from rubberfric.roughness import log_power_spectrum
 
 
 def objective(structure: FitStructure, numbers: Numbers, targets: Targets) -> Objective:
-    """Return the `Objective` of a problem: its residuals and Jacobian as functions of x, and its loss."""
+    """Return the `Objective` of a problem: residuals and Jacobian as functions of x, and the loss."""
     return Objective(
         lambda x: residuals(structure, numbers, targets, x),
         lambda x: residuals_and_jacobian(structure, numbers, targets, x),
@@ -39,7 +39,7 @@ def objective(structure: FitStructure, numbers: Numbers, targets: Targets) -> Ob
 
 
 def solver_objective(structure: FitStructure, numbers: Numbers, targets: Targets) -> Objective:
-    """Return `objective` in the variables z of solvers; see `fitting.solvers.ordered`."""
+    """Return `objective` in the variables z of solvers. See `fitting.solvers.ordered`."""
     plain, variables = objective(structure, numbers, targets), structure.variables
     if not variables.order:
         return plain
@@ -58,12 +58,12 @@ def solver_objective(structure: FitStructure, numbers: Numbers, targets: Targets
 
 
 def loss_of(structure: FitStructure, numbers: Numbers) -> Loss:
-    """Return the loss of the data and prior rows of a problem."""
+    """Return the `Loss` of a problem."""
     return Loss(structure.loss, numbers.width, data_rows(structure))
 
 
 def predictions(structure: FitStructure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, Any]:
-    """Return the model predictions for all data, shape (rows,), and the scene or dict of scenes."""
+    """Return the predictions of all data, of shape (rows,), and the scene or the dict of scenes at x."""
     scene = to_scene(structure.variables, numbers.constants, x)
     scenes, pairs = by_name(scene), zip(structure.blocks, numbers.conditions, strict=True)
     rows = [_predicted(structure, block, at, scenes[block.scene]) for block, at in pairs]
@@ -71,13 +71,13 @@ def predictions(structure: FitStructure, numbers: Numbers, x: jax.Array) -> tupl
 
 
 def _if_in_order(structure, scene, rows):
-    """Return the rows, or NaN if numbers violate the order that the scene requires."""
+    """Replace the rows by NaN if numbers of the scene violate a required order, such as q0 <= qr <= q1."""
     order = structure.variables.order
     return jnp.where(in_order(order, jax.tree.leaves(scene)), rows, jnp.nan) if order else rows
 
 
 def _predicted(structure, block, conditions, scene):
-    """Return the predictions of one block, or their logarithms if the block is logarithmic."""
+    """Return the predictions of one block, or the logarithms if the block is logarithmic."""
     if block.quantity in CURVE_QUANTITIES:
         heated = () if "converged" not in rf.quantities_of(scene) else ("converged",)
         solution = rf.solve(
@@ -99,7 +99,10 @@ def _predicted(structure, block, conditions, scene):
 
 
 def rows_of(structure: FitStructure, numbers: Numbers, x: jax.Array) -> jax.Array:
-    """Return the predictions, followed by the rows of priors and smoothing in units of their errors."""
+    """Return the predictions, followed by the rows of the priors and of the smoothing.
+
+    The rows of priors and smoothing are in units of their errors.
+    """
     model, scene = predictions(structure, numbers, x)
     prior = prior_residuals(structure.prior, numbers.prior, scene, x)
     return jnp.concatenate(
@@ -108,7 +111,7 @@ def rows_of(structure: FitStructure, numbers: Numbers, x: jax.Array) -> jax.Arra
 
 
 def rows_and_slopes(structure: FitStructure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return the result of `rows_of` and its derivatives with respect to x, shape (rows, size)."""
+    """Return the result of `rows_of`, and the derivatives with respect to x, of shape (rows, size)."""
 
     def scene_of(x):
         return to_scene(structure.variables, numbers.constants, x)
@@ -145,32 +148,44 @@ def in_errors(structure: FitStructure, numbers: Numbers, targets: Targets, rows:
 
 
 def slopes_in_errors(structure: FitStructure, numbers: Numbers, targets: Targets, slopes: Array) -> jax.Array:
-    """Convert derivatives of `rows_of` to the Jacobian of the residuals; 0 for fixed elements of x."""
+    """Convert derivatives of `rows_of` to the Jacobian of the residuals.
+
+    The columns of fixed elements of x are 0.
+    """
     count = data_rows(structure)
     of_data = _whitened(numbers, slopes[:count] / targets.error[:, None])
     return jnp.concatenate([of_data, slopes[count:]]) * targets.moving
 
 
 def residuals(structure: FitStructure, numbers: Numbers, targets: Targets, x: jax.Array) -> jax.Array:
-    """Return the rows of the data, of the priors, and of the smoothing, in units of their errors."""
+    """Return the residuals of data, priors and smoothing at x, in units of the errors."""
     return in_errors(structure, numbers, targets, rows_of(structure, numbers, x))
 
 
 def residuals_and_jacobian(
     structure: FitStructure, numbers: Numbers, targets: Targets, x: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """Return `residuals` and their Jacobian, shape (rows, size), 0 for fixed elements of x."""
+    """Return `residuals` and the Jacobian, an array of shape (rows, size).
+
+    The columns of fixed elements of x are 0.
+    """
     rows, slopes = rows_and_slopes(structure, numbers, x)
     return in_errors(structure, numbers, targets, rows), slopes_in_errors(structure, numbers, targets, slopes)
 
 
 def _whitened(numbers, rows):
-    """Multiply data rows (first axis) by the whitening matrix, which makes their errors independent."""
+    """Multiply data rows by the whitening matrix, which makes the errors independent.
+
+    The first axis of `rows` counts the data rows.
+    """
     return rows if numbers.whitening is None else numbers.whitening @ rows
 
 
 def _second_differences(variables: Variables, dtype):
-    """Return the second differences of x along the arrays of Positive elements, shape (rows, size)."""
+    """Return the matrix that multiplies x to give second differences along arrays.
+
+    The arrays are those of Positive elements. The matrix has the shape (rows, size).
+    """
     rows = [np.zeros((0, variables.size))]
     for group in variables.groups:
         first, last = group.slot
@@ -180,23 +195,26 @@ def _second_differences(variables: Variables, dtype):
 
 
 def has_arrays(variables: Variables) -> bool:
-    """Return True if the search can smooth an array of Positive elements."""
+    """Return True if there is an array of Positive elements that the search can smooth."""
     return any(g.kind == "Positive" and g.slot[1] - g.slot[0] >= 3 for g in variables.groups)
 
 
 def forward(function: Callable[[jax.Array], jax.Array], x: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return a function's value and its derivatives with respect to x (last axis), by forward mode."""
+    """Return the value of a function, and the derivatives with respect to x by forward mode.
+
+    The last axis of the derivatives is the axis of x.
+    """
     jacobian, value = jax.jacfwd(lambda x: (function(x),) * 2, has_aux=True)(x)
     return value, jacobian
 
 
 def data_rows(structure: FitStructure) -> int:
-    """Return the number of rows that are data."""
+    """Return the number of rows that belong to data."""
     return structure.blocks[-1].rows[1]
 
 
 def rounding(structure: FitStructure, targets: Targets) -> jax.Array:
-    """Return the cost due to rounding for data that are fitted exactly."""
+    """Return the cost that rounding causes if the data are fitted exactly."""
     error = 100 * float(jnp.finfo(targets.measured.dtype).eps)  # of a prediction, relative
     offset = np.zeros(data_rows(structure))
     for block in structure.blocks:
@@ -214,12 +232,12 @@ class Padded(NamedTuple):
     data: np.ndarray  # positions of the data among the rows of all blocks
 
     def kept(self, rows: Array) -> np.ndarray:
-        """Remove the padding from the rows, the first axis."""
+        """Return the rows without the padding. The first axis of the array counts the rows."""
         return np.concatenate([np.asarray(rows)[self.data], np.asarray(rows)[data_rows(self.structure) :]])
 
 
 def padded(problem: Problem, targets: Targets | None = None) -> Padded:
-    """Pad a problem with points of zero weight, so that fits to more or fewer data share functions.
+    """Pad a problem with points of zero weight, so that problems of similar size share compiled functions.
 
     Every block repeats its last conditions up to a standard length. The error of these rows is infinite, so
     their residuals and derivatives are exactly 0 for every loss. Tables without free numbers are padded to
@@ -228,7 +246,7 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
     Parameters
     ----------
     problem : Problem, as from `make_problem`
-    targets : targets of other data, with any axes before the rows; None: the targets of the problem
+    targets : targets of other data, with any axes before the rows. If None, those of the problem are used.
     """
     targets = problem.targets if targets is None else targets
     blocks, conditions, data, first = [], [], [], 0
@@ -268,9 +286,9 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
 def _with_longer_tables(
     variables: Variables, constants: Constants
 ) -> tuple[Variables, Constants, dict[int, int]]:
-    """Return variables and constants of the scene with padded tables, and a dict of old to new leaf indices.
+    """Pad the tables of the scene, and return the new variables and constants.
 
-    Objects with free numbers are not padded.
+    The third result is a dict from old to new indices of leaves. Objects with free numbers are not padded.
     """
     scene = jax.tree.unflatten(variables.tree, constants.leaves)
     paths = scene_paths(scene)

@@ -49,7 +49,7 @@ Callback = Callable[[int, float], object]
 
 
 class Runs(NamedTuple):
-    """Results of several fits, NumPy arrays; fits that were never begun have the status RUNNING."""
+    """Results of several fits, as NumPy arrays. A fit that was never begun has the status RUNNING."""
 
     x: np.ndarray  # shape (fits, size)
     cost: np.ndarray
@@ -58,13 +58,12 @@ class Runs(NamedTuple):
     njev: np.ndarray
 
     def row(self, i: int) -> "Runs":
-        """Return the result of one fit, in the same fields."""
+        """Return the result of fit `i`."""
         return Runs(*(array[i] for array in self))
 
 
 @jax.jit
 def _choose(new, mask, old):
-    """Return rows of `new` where the mask is True, and rows of `old` otherwise."""
     return jax.tree.map(lambda n, o: jnp.where(mask.reshape(-1, *[1] * (n.ndim - 1)), n, o), new, old)
 
 
@@ -84,14 +83,14 @@ def run_fits(
     solver : hashable, with init(objective, x), step(objective, iterate), max_steps
     problem : Problem, whose structure and numbers the fits share
     starts : start vectors, shape (fits, size)
-    targets : Targets with a leading axis, which has one entry per fit or one entry for all;
-        None: the targets of the problem
-    max_steps : largest number of steps of a fit; None: max_steps of the solver
+    targets : Targets with a leading axis, which has one entry per fit or one entry for all
+        If None, the targets of the problem are used.
+    max_steps : largest number of steps of a fit. If None, `max_steps` of the solver is used.
     callback : called as callback(step, lowest cost) after every step of the batch, or None
         A KeyboardInterrupt, raised by the callback or from the keyboard, ends the run with the values
         reached.
-    batch : number of fits that run side by side; None: `FIT_BATCH`, or the number of fits if smaller
-        Each number of fits needs its own compilation.
+    batch : number of fits that run side by side. If None, `FIT_BATCH`, or the number of fits if smaller.
+        Each batch size needs its own compilation.
 
     Returns
     -------
@@ -160,7 +159,10 @@ _MOST_HESSIAN_ELEMENTS = 1_000_000
 
 
 def start(solver: Solver, structure: FitStructure, numbers: Numbers, targets: Targets, x: Array) -> Iterate:
-    """Return the iterates of several fits at their starts; targets and x have a leading axis of fits."""
+    """Return the iterates of several fits at the start vectors x.
+
+    `targets` and `x` have a leading axis of fits.
+    """
     if not isinstance(solver, LevenbergMarquardt):
         return _by_solver("init", solver, structure, numbers, targets, x)
     problem, x = (structure, numbers, targets), np.asarray(x)
@@ -176,7 +178,7 @@ def start(solver: Solver, structure: FitStructure, numbers: Numbers, targets: Ta
 def advance(
     solver: Solver, structure: FitStructure, numbers: Numbers, targets: Targets, iterate: Iterate
 ) -> Iterate:
-    """Return iterates of several fits after one step each."""
+    """Take one step of each running fit, and return the new iterates."""
     if not isinstance(solver, LevenbergMarquardt):
         return _by_solver("step", solver, structure, numbers, targets, iterate)
     problem = structure, numbers, targets
@@ -190,8 +192,6 @@ def advance(
 
 @functools.partial(jax.jit, static_argnums=(0, 1, 2))
 def _by_solver(name, solver, structure, numbers, targets, state):
-    """Call `init` or `step` of a first-order solver for several fits."""
-
     def one(targets, state):
         return getattr(solver, name)(solver_objective(structure, numbers, targets), state)
 
@@ -199,7 +199,10 @@ def _by_solver(name, solver, structure, numbers, targets, state):
 
 
 def _over_fits(function):
-    """Compile a function for several fits: all arguments except structure and numbers get a leading axis."""
+    """Compile a function for several fits.
+
+    All arguments except `structure` and `numbers` get a leading axis of fits.
+    """
 
     @quick_jit(static_argnums=(0,))
     @functools.wraps(function)
@@ -244,14 +247,17 @@ def _accept_better(structure, numbers, targets, iterate, plan, moves, tried, tol
 
 
 def _levenberg_marquardt_step(solver, structure, numbers, targets, iterate):
-    """Return iterates after a Levenberg-Marquardt step with two to four evaluations and one Jacobian."""
+    """Take one Levenberg-Marquardt step of each running fit, and return the new iterates.
+
+    A step evaluates the Jacobian once, and the residuals two to four times.
+    """
     problem, x = (structure, numbers, targets), np.asarray(iterate.x)
     running = np.flatnonzero(np.asarray(iterate.status) == RUNNING)
     plan, ahead = _plan_step(*problem, iterate, *_evaluated(*problem, x, running, slopes=True))
     ahead = np.asarray(ahead)  # NumPy, because slicing a JAX array compiles
 
     def trial(i, which):
-        """Return the moves with damping i of the fits `which`, and the model's rows after these moves."""
+        """Return the moves with damping `i` of the fits `which`, and the predicted rows after the moves."""
         rows, _ = _evaluated(*problem, ahead[:, i], which)
         move, there = _accelerated_move(*problem, iterate, plan, np.full(len(x), i), rows)
         return np.asarray(move), _evaluated(*problem, there, which)[0]
@@ -268,14 +274,18 @@ def _levenberg_marquardt_step(solver, structure, numbers, targets, iterate):
 
 
 def _use_brown_dennis(structure, numbers, targets, x):
-    """Return True if the model takes long, so that the fewer evaluations of Brown and Dennis save time."""
+    """Return True if the method of Brown and Dennis saves time and is possible.
+
+    The method needs fewer evaluations, which matters if the model takes long to evaluate. The loss must be
+    linear, and the Hessians must not be too large.
+    """
     size = np.shape(x)[-1]
     few = np.shape(targets.measured)[-1] * size**2 <= _MOST_HESSIAN_ELEMENTS
     return few and structure.loss == "linear" and takes_long(structure, numbers)
 
 
 def _brown_dennis_step(solver, structure, numbers, targets, iterate):
-    """Return iterates after one step of Brown and Dennis, with one evaluation of every running fit."""
+    """Take one step of Brown and Dennis, with one evaluation of every running fit."""
     problem, running = (structure, numbers, targets), np.flatnonzero(iterate.status == RUNNING)
     each = [jax.tree.map(lambda a, i=i: np.asarray(a)[i], iterate) for i in range(len(iterate.status))]
     moves = {i: brown_dennis.propose_move(each[i]) for i in running}
@@ -291,12 +301,14 @@ def _brown_dennis_step(solver, structure, numbers, targets, iterate):
 
 
 def _side_by_side(iterates: list[Iterate]) -> Any:
-    """Join the iterates of several fits along a new axis."""
     return jax.tree.map(lambda *a: np.stack(a), *iterates)
 
 
 def _at_bounds(solver, structure, numbers, targets, before, after):
-    """Return iterates after a step, or after a second step from nearby bounds if its cost is lower."""
+    """Move elements of x near a bound onto the bound, and take another step from there.
+
+    Return the iterates after this step if the cost is lower, otherwise return `after`.
+    """
     problem, x = (structure, numbers, targets), np.array(after.x)
     for i in np.flatnonzero(np.asarray(after.status) == RUNNING):
         known = structure.variables, numbers.constants, np.asarray(before.x)[i], x[i]
@@ -314,7 +326,10 @@ def _at_bounds(solver, structure, numbers, targets, before, after):
 
 
 def _evaluated(structure, numbers, targets, z, which=None, slopes=False):
-    """Return the model's rows and their derivatives with respect to z for the fits `which`, 0 for others."""
+    """Return the predicted rows, and the derivatives with respect to z.
+
+    Only the fits `which` are evaluated. The arrays are 0 for all other fits.
+    """
     variables, constants, z = structure.variables, numbers.constants, np.asarray(z)
     which = np.arange(len(z)) if which is None else which
     pairs = list(zip(z[which], np.asarray(targets.moving)[which], strict=True))

@@ -46,11 +46,11 @@ SMOOTHING = (
 def random_starts(
     variables: Variables, x: Array, key: jax.Array | None, count: int, decades: float = 1.0
 ) -> Array:
-    """Return `count` start vectors: x itself, then random ones, shape (count, size).
+    """Return start vectors of shape (count, size): x itself, followed by random vectors.
 
-    Positive elements are uniform in the logarithm within `decades` of x, Bounded ones are uniform in the
-    middle 98 % between their bounds, and Free ones are uniform within x +- their scale. key None:
-    jax.random.key(0).
+    Positive elements are uniform in the logarithm within `decades` of x. Bounded elements are uniform in the
+    middle 98 % between the bounds. Free elements are uniform within x +- their scale. If `key` is None,
+    jax.random.key(0) is used.
     """
     if count == 1:
         return x[None]
@@ -105,7 +105,10 @@ def search(
 
 
 def _smoothed(solver, problem, starts, max_steps, callback, batch):
-    """Return fits with smoothing rows of decreasing weight, in batches of the size that is compiled."""
+    """Run fits with smoothing rows of decreasing weight, and return the `Runs`.
+
+    `batch` is a batch size for which the functions are already compiled.
+    """
     x, spent = starts, np.zeros((2, len(starts)), int)
     for weight in SMOOTHING:
         numbers = problem.numbers._replace(smoothing=jnp.asarray(weight, problem.numbers.smoothing.dtype))
@@ -117,7 +120,10 @@ def _smoothed(solver, problem, starts, max_steps, callback, batch):
 
 
 def _escaped(problem, x, start):
-    """Return a mask with the shape of x: True near zero or at a bound, where values barely depend on x."""
+    """Return booleans of the shape of x, True for elements that a fit drove towards zero or to a bound.
+
+    The values of such elements barely depend on x.
+    """
     kinds = np.empty(x.shape[1], object)
     for group in problem.variables.own:
         kinds[slice(*group.slot)] = group.kind
@@ -151,8 +157,9 @@ def confirm_minimum(
 
     Returns
     -------
-    (end, numbers of evaluations of residuals and of their derivatives); the status of `end` is UNMOVED if no
-    free parameter changes the data
+    (end, spent)
+        the final result, and the numbers of evaluations of residuals and of derivatives. The status of `end`
+        is UNMOVED if no free parameter changes the data.
     """
     spent = np.zeros(2, int)
     for _ in range(_TIMES):
@@ -188,7 +195,7 @@ def confirm_minimum(
 
 
 def _to_fit(problem, cost, costs, drawn, inner):
-    """Return indices of points from which further fits start, although the cost there is not lower.
+    """Return the indices of points from which further fits start, although the cost is not lower there.
 
     The list is empty if fits are slow.
     """
@@ -200,7 +207,7 @@ def _to_fit(problem, cost, costs, drawn, inner):
 
 
 def costs_at(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Return the costs at rows of x; inf if the model is not finite."""
+    """Return the cost at every row of x, or inf if the model is not finite there."""
     of, loss = padded(problem), loss_of(problem.structure, problem.numbers)
     rows, _ = evaluate_rows(of.structure, of.numbers, x.astype(problem.start.dtype))
     costs = [

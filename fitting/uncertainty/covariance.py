@@ -81,7 +81,7 @@ EDGE = 1e-6
 
 
 class Part(NamedTuple):
-    """Loading of one parameter, or of an array with equal loadings, in a direction."""
+    """Loading of one parameter in a direction, or common loading of all elements of an array."""
 
     name: str
     leaf: str  # the last step of its key path
@@ -91,7 +91,10 @@ class Part(NamedTuple):
 
 
 def describe_direction(variables: Variables, loadings: np.ndarray, deviation: float) -> str:
-    """Describe a direction in one line: the parameters that change, how far they may change, and advice."""
+    """Describe a direction in one line of text.
+
+    The line contains the parameters that change, how far they may change, and advice.
+    """
     parts = _parts(variables, loadings)
     leaves = {part.leaf for part in parts}
     # Advice on trade-offs needs several parameters.
@@ -116,7 +119,10 @@ def describe_direction(variables: Variables, loadings: np.ndarray, deviation: fl
 
 
 def _traded(parts):
-    """Return the text on the parameters that compensate for roughness; empty without such a trade-off."""
+    """Describe how other parameters compensate for a change of roughness.
+
+    Return "" if the direction contains no such trade-off.
+    """
     rougher = {p.name: p.loading > 0 for p in parts if p.leaf in ROUGHER}
     rougher |= {p.name: p.loading < 0 for p in parts if p.leaf in SMOOTHER}
     others = {p.name: p.loading > 0 for p in parts if p.leaf in ("gamma", *SHEAR)}
@@ -129,7 +135,7 @@ def _traded(parts):
 
 
 def _parts(variables, loadings):
-    """Return the largest loadings of a direction; arrays with equal loadings have one entry."""
+    """Return the largest loadings of a direction. An array with equal loadings is one `Part`."""
     names, largest, parts = element_names(variables), np.max(np.abs(loadings)), []
     for group in variables.own:
         leaf = group.path.split("[")[0].rsplit(".", 1)[-1]
@@ -148,7 +154,10 @@ def _parts(variables, loadings):
 
 
 def _change(part, power):
-    """Return the change of a parameter as text: a power of λ, the factor of the leading parameter."""
+    """Describe the change of a parameter in a direction.
+
+    Positive parameters change by a power of λ, where λ is the factor of the leading parameter.
+    """
     if part.kind == "Positive":
         return f"{part.name} * λ" if abs(power - 1) < 0.05 else f"{part.name} * λ^{power:.2g}"
     return f"{part.name} {'up' if power > 0 else 'down'}"
@@ -182,7 +191,10 @@ class Uncertainty(NamedTuple):
 
 
 class Linearised(NamedTuple):
-    """Predictions and derivatives at a solution, not divided by errors of data, for rows of `padded`."""
+    """Result of `rows_of` and its derivatives at a solution.
+
+    The rows include padding, and the data rows are not divided by the errors.
+    """
 
     at: np.ndarray  # at the solution, (rows,)
     inside: np.ndarray  # at the point of linearisation, a little inside the bounds
@@ -190,7 +202,7 @@ class Linearised(NamedTuple):
 
 
 def linearised(problem: Problem, x: np.ndarray) -> Linearised:
-    """Linearise the model of a problem at its solution x, shape (size,)."""
+    """Linearise the model of a problem at the solution x of shape (size,)."""
     of, x = padded(problem), np.asarray(x)
     _, inside, _ = _at_bounds(problem, x)
     rows, slopes = (part[0] for part in evaluate_rows(of.structure, of.numbers, inside[None], slopes=True))
@@ -200,14 +212,17 @@ def linearised(problem: Problem, x: np.ndarray) -> Linearised:
 
 
 def data_residuals(problem: Problem, model: Linearised) -> np.ndarray:
-    """Return the residuals of the data at a solution, in units of their errors."""
+    """Return the residuals of the data at a solution, in units of the errors."""
     of = padded(problem)
     rows = errors_of_rows(of.structure, of.numbers, of.targets, model.at)
     return of.kept(np.asarray(rows))[: data_rows(problem.structure)]
 
 
 def weighted_rows(problem: Problem, model: Linearised) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the residuals, their factors from the loss, and the Jacobian times its factors."""
+    """Return the residuals, their factors, and the Jacobian times the factors of its rows.
+
+    The factors follow from the loss, see `fitting.solvers.losses.factors`. They are 1 for least squares.
+    """
     of = padded(problem)
     found = _weighted(of.structure, of.numbers, of.targets, model.inside, model.slopes)
     plain, of_rows, jacobian = map(of.kept, map(np.asarray, found))
@@ -216,14 +231,17 @@ def weighted_rows(problem: Problem, model: Linearised) -> tuple[np.ndarray, np.n
 
 @quick_jit(static_argnums=(0,))
 def _weighted(structure, numbers, targets, rows, slopes):
-    """Return `weighted_rows` for padded rows in one XLA computation."""
+    # The three arrays of `weighted_rows`, with padding, from one XLA computation.
     rows = in_errors(structure, numbers, targets, rows)
     of_rows, of_jacobian = loss_of(structure, numbers).factors(rows)
     return rows, of_rows, slopes_in_errors(structure, numbers, targets, slopes) * of_jacobian[:, None]
 
 
 def uncertainty(problem: Problem, x: np.ndarray, model: Linearised | None = None) -> Uncertainty:
-    """Return the uncertainty of a solution x, shape (size,); `model` is its linearisation, or None."""
+    """Return the uncertainty of a solution x of shape (size,).
+
+    `model` is the result of `linearised` at x. If None, `linearised` is called.
+    """
     structure, numbers = problem.structure, problem.numbers
     withheld, inside, stretch = _at_bounds(problem, x)
     model = linearised(problem, x) if model is None else model
@@ -265,9 +283,9 @@ def from_jacobian(
         x / stretch, shape (rows, size)
     count : number of rows that are data
     slope : d value / d (x / stretch), shape (size,)
-    chisqr, x, stretch : as in `Uncertainty`; stretch None: 1
+    chisqr, x, stretch : as in `Uncertainty`. If `stretch` is None, it is 1 for all elements.
     withheld : name -> reason for a missing error bar of a parameter at a bound
-    influence : residuals times their factors from a robust loss, shape (rows,); None: least squares
+    influence : residuals times their factors from a robust loss, shape (rows,), or None for least squares
     """
     names, withheld = element_names(variables), dict(withheld or {})
     # V is needed in full even with fewer rows than columns; U is not.
@@ -318,7 +336,11 @@ def from_jacobian(
 
 
 def _spread(jacobian, count, rows, V, deviations, parameters):
-    """Return the covariance of x / stretch, limited to OPEN, and the deviations along the directions."""
+    """Return the covariance of x / stretch, and the standard deviation along each column of V.
+
+    In the covariance, a standard deviation above `OPEN` along a column of V is replaced by `OPEN`. `rows` is
+    the argument `influence` of `from_jacobian`.
+    """
     length = np.minimum(deviations, OPEN)
     if rows is None:
         return (V * length**2) @ V.T, deviations
@@ -336,7 +358,11 @@ def _spread(jacobian, count, rows, V, deviations, parameters):
 
 
 def _at_bounds(problem, x):
-    """Return (name -> reason, x moved inside, stretch) for parameters at a bound or driven to zero."""
+    """Find the parameters that are at a bound or driven to zero.
+
+    Return the reasons as a dict by name, x moved a little inside the bounds, and `stretch` as in
+    `Uncertainty`.
+    """
     constants, names, reasons = problem.numbers.constants, problem.names, {}
     inside, stretch = np.array(x), np.ones(len(names), np.asarray(x).dtype)
     edge = np.log(1 / EDGE - 1)

@@ -52,30 +52,31 @@ class Criteria(NamedTuple):
 
     @property
     def aic(self) -> float:
-        """Akaike's criterion."""
+        """Akaike information criterion."""
         return self.deviance + 2 * self.parameters
 
     @property
     def aicc(self) -> float:
-        """AIC corrected for few values; inf if there are as many parameters as values."""
+        """AIC corrected for a small number of values, or inf if n - k - 1 <= 0."""
         rest = self.values - self.parameters - 1
         return self.aic + 2 * self.parameters * (self.parameters + 1) / rest if rest > 0 else np.inf
 
     @property
     def bic(self) -> float:
-        """Schwarz's criterion."""
+        """Bayesian information criterion of Schwarz."""
         return self.deviance + self.parameters * np.log(self.values)
 
     @property
     def loo(self) -> float:
-        """-2 times the sum of ln p of all values, each left out of the fit in turn."""
+        """Leave-one-out deviance: -2 times the sum of `left_out`."""
         return -2 * float(np.sum(self.left_out))
 
 
 def criteria(solved: SolvedProblem, estimated: int = 0) -> Criteria:
-    """Return the criteria of a fit, using only functions that the fit has compiled.
+    """Return the criteria of a fit.
 
-    `estimated` counts further estimated parameters, such as the amplitude of a `Discrepancy`.
+    The computation uses only functions that the fit has compiled. `estimated` is the number of further
+    estimated parameters, such as the amplitude of a `Discrepancy`.
     """
     problem = solved.problem
     r, h, left_out = _left_out(solved)
@@ -106,7 +107,10 @@ def criteria(solved: SolvedProblem, estimated: int = 0) -> Criteria:
 
 
 def _left_out(solved):
-    """Return residuals in units of errors, leverages, and ln p of every value when it is left out."""
+    """Return the residuals, the leverages, and ln p of every residual if its value is left out.
+
+    The residuals are in units of the errors, and p is the density of such a residual.
+    """
     problem, known = solved.problem, solved.uncertainty
     count = problem.targets.measured.size
     model = linearised(problem, solved.x)
@@ -131,7 +135,10 @@ def _left_out(solved):
 
 
 def _density(problem: Problem, r):
-    """Return ln p of residuals in units of their errors; for robust losses up to a constant."""
+    """Return ln p of residuals in units of the errors.
+
+    For robust losses, p is not normalised.
+    """
     return -0.5 * np.asarray(rho(*_loss(problem), jnp.asarray(r))[0], float) - 0.5 * np.log(2 * np.pi)
 
 

@@ -136,15 +136,15 @@ def design(
     criterion : "D", "A" or `prediction(...)`
         "D" minimises the volume of the ellipsoid of errors, "A" the mean variance of x (relative for
         Positive parameters), `prediction` the mean variance of a prediction.
-    cost : cost of every candidate, or a function of (velocity, pressure, temperature) that returns it;
-        None: 1 each
+    cost : cost of every candidate, or a function of (velocity, pressure, temperature) that returns the cost
+        If None, each measurement costs 1.
     relative : relative error of a measurement, one for all candidates or one for each
-        None: the mean relative error of the fit's data of this quantity, or 5 %.
+        If None, the mean relative error of the fit's data of this quantity is used, or 5 %.
     quantity : measured quantity, "friction" or "area"
     prior : for a Scene: dict of key path -> Gaussian or Smooth
     draws : number of draws from the prior information over which the criterion is averaged
-        1: only the present values. None: 16 for a scene, 1 for a fit. Logarithms of D, A and predictions are
-        averaged.
+        If 1, only the present values are used. If None, the number is 16 for a scene and 1 for a fit. The
+        average is over logarithms of the criterion.
     reach : largest standard deviation of the draws along a direction; 0.3 is 30 %
         This limits draws of parameters without prior information.
     key : jax.random.key of the draws, or None for key(0)
@@ -239,7 +239,6 @@ def _cost(cost, at):
 
 
 def _error(source, quantity):
-    """Return the mean relative error of a fit's data of a quantity, or a default of 5 %."""
     if not isinstance(source, SolvedProblem):
         return _ERROR
     blocks = [b for b in source.problem.structure.blocks if b.quantity == quantity and b.logarithmic]
@@ -248,7 +247,7 @@ def _error(source, quantity):
 
 
 def _target(known, xs, criterion):
-    """Return the matrix L of the criterion for every draw, or None for "D"."""
+    """Return the matrix L of the criterion for every draw, of shape (draws, size, size), or None for "D"."""
     if isinstance(criterion, prediction):
         conditions = (criterion.velocity, criterion.pressure)
         conditions += () if criterion.temperature is None else (criterion.temperature,)
@@ -266,15 +265,16 @@ def _percent(error: float) -> str:
 
 
 def plot_design(design: Any, ax: style.Panels | None = None) -> style.Panels:
-    """Draw the gain of one measurement over log10 v and temperature or pressure, and the chosen candidates.
+    """Draw the gain of one measurement against log10 v and temperature or pressure, with the chosen points.
 
-    With several temperatures there is a panel for each pressure. The number in a circle is the number of
-    measurements at this candidate. If only the velocity varies, the gain is a line.
+    With several temperatures there is a panel for each pressure, otherwise one for each temperature. The
+    number in a circle is the number of measurements to make at a candidate. If only the velocity varies, the
+    gain is drawn as a line.
 
     Parameters
     ----------
     design : fitting.Design
-    ax : sequence of as many matplotlib axes as there are panels; None: a new figure
+    ax : sequence of as many matplotlib axes as there are panels. If None, a new figure is made.
 
     Returns
     -------
@@ -322,7 +322,6 @@ def plot_design(design: Any, ax: style.Panels | None = None) -> style.Panels:
 
 
 def _group(design, value, over_temperature):
-    """Return True for candidates that belong to a panel."""
     _, p, T = design.candidates
     if over_temperature:
         return p == value

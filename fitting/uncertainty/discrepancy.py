@@ -86,9 +86,10 @@ def with_discrepancy(
     data: Sequence[Measured],
     discrepancy: Discrepancy | None,
 ) -> Problem:
-    """Return the problem with the whitening of a discrepancy; None removes it.
+    """Return the problem with the whitening matrix of a discrepancy.
 
-    The errors in the targets must be final. `scenes` has the scene of each data set.
+    If `discrepancy` is None, the problem is returned without a whitening matrix. The errors in the targets
+    must be final. `scenes` contains the scene of each data set.
     """
     whitening = None
     if discrepancy is not None and discrepancy.amplitude:
@@ -101,12 +102,14 @@ def with_discrepancy(
 
 
 def median_amplitude(scenes: Sequence[rf.Scene]) -> float:
-    """Return the median of the prior of the amplitude [-], the largest one if scenes differ."""
+    """Return the median of the prior of the amplitude [-].
+
+    The median depends on the scene. The largest median of all scenes is returned.
+    """
     return max(_median(scene) for scene in scenes)
 
 
 def _median(scene):
-    """Return the median of the prior of the amplitude for one scene."""
     median = _MEDIANS[scene.contact_model]
     if scene.contact_model == "paper":
         return median
@@ -117,7 +120,10 @@ def _median(scene):
 
 
 def first_guess(discrepancy: Discrepancy, scenes: Sequence[rf.Scene]) -> Discrepancy:
-    """Return the discrepancy of the first fit, before amplitude and width are estimated."""
+    """Return the discrepancy that the first fit uses.
+
+    Guesses replace an amplitude or width that is to be estimated.
+    """
     amplitude, width = discrepancy.amplitude, discrepancy.width
     return dataclasses.replace(
         discrepancy,
@@ -132,10 +138,14 @@ def is_open(discrepancy: Discrepancy) -> bool:
 
 
 def with_remark(discrepancy: Discrepancy, asked: Discrepancy, judged: tuple | None) -> Discrepancy:
-    """Add a remark, after a fit, on a given amplitude and width, or on estimates that failed.
+    """Return the discrepancy of a fit, with a remark if there is a reason for one.
 
-    discrepancy, asked : as used in the last fit, and as given by the user
-    judged : arguments of `averaged`; None if the fit did not converge
+    The remark states that the data contradict a given amplitude and width, or that the estimate failed.
+
+    Parameters
+    ----------
+    discrepancy, asked : discrepancy as used in the last fit, and as given by the user
+    judged : arguments of `averaged`, or None if the fit did not converge
     """
     if judged is None and is_open(asked):
         remark = "amplitude and width are assumed, not estimated, because the fit did not succeed"
@@ -152,14 +162,14 @@ def averaged(
     data: Sequence[Measured],
     discrepancy: Discrepancy,
 ) -> Discrepancy:
-    """Return the discrepancy with unknown amplitude and width averaged over their posterior.
+    """Return the discrepancy, with unknown amplitude and width averaged over the posterior.
 
     Parameters
     ----------
     problem : problem of the fit, with or without whitening
     model : model of the problem, linearised at the solution
     scenes, data : scene of each data set, and the data sets
-    discrepancy : as given to the fit; `remark` of the result states why it may not suit the data
+    discrepancy : as given to the fit. `remark` of the result states why this one may not suit the data.
     """
     likelihood = _Likelihood(problem, model, scenes, data, discrepancy.shared)
     amplitude, width = discrepancy.amplitude, discrepancy.width
@@ -205,15 +215,18 @@ def averaged(
 
 
 def _prior(amplitudes, median):
-    """Return the prior density of ln a: half normal, half flat. The flat half allows for an exact theory."""
+    """Return the prior density of ln a, which is half normal and half flat.
+
+    The flat half allows for an exact theory.
+    """
     lognormal = scipy.stats.norm.pdf(np.log(amplitudes), np.log(median), _DEVIATION)
     return 0.5 * lognormal + 0.5 / np.log(_AMPLITUDES[-1] / _AMPLITUDES[0])
 
 
 def _at_the_ends(of_width):
-    """Return remarks if the most probable width is the first or last of `WIDTHS`.
+    """Return a remark if the most probable width is the first or the last of `WIDTHS`.
 
-    `of_width` is the probability of each width.
+    `of_width` contains the probability of each width.
     """
     first, last = (w / math.log(10) for w in (WIDTHS[0], WIDTHS[-1]))
     if of_width[0] > 0.5:
@@ -249,7 +262,7 @@ class _Likelihood:
         self.shared = shared
 
     def __call__(self, kernel, width, amplitudes):
-        """Return the log likelihood of every amplitude, up to a constant."""
+        """Return the log likelihood of every amplitude, up to a constant that all amplitudes share."""
         unit = between_curves(kernel(self.x, width), self.curve, self.shared)
         values, vectors = np.linalg.eigh(self.scaled[:, None] * self.scaled * unit)
         values, turned = np.maximum(values, 0.0), vectors.T @ self.of_data
@@ -263,7 +276,10 @@ class _Likelihood:
 
 
 def _places(problem, scenes, data):
-    """Return 1 / relative error (0 except for friction), ln(v a_T) and curve number of data rows."""
+    """Return 1 / relative error, ln(v a_T), and the number of the curve, arrays of shape (rows,).
+
+    All arrays are 0 for data other than friction.
+    """
     scaled, x, curve = (np.zeros(data_rows(problem.structure)) for _ in range(3))
     error = np.asarray(problem.targets.error)
     found: dict[tuple, int] = {}

@@ -77,7 +77,10 @@ def effective(log_weight: np.ndarray) -> np.ndarray:
 
 
 def tail_index(log_weight: np.ndarray) -> np.ndarray:
-    """Return the tail index k of the weights of every fit, shape (fits,); -inf if all are equal."""
+    """Return the tail index k of the weights of every fit, shape (fits,).
+
+    The index is -inf if all weights are equal.
+    """
     rows = log_weight.shape[1]
     count = _tail(rows)
     ordered = np.sort(relative(log_weight), 1)
@@ -85,16 +88,16 @@ def tail_index(log_weight: np.ndarray) -> np.ndarray:
 
 
 def doubtful(size: np.ndarray, index: np.ndarray, draws: int) -> np.ndarray:
-    """Return True for fits whose weighted draws are unreliable, shape (fits,).
+    """Return booleans of shape (fits,), True for fits whose weighted draws are unreliable.
 
-    The criterion is an effective sample size below 10, or a tail index two standard errors above 0.7.
+    Draws are unreliable if the effective sample size is below 10, or if the tail index is more than two
+    standard errors above 0.7.
     """
     tail = np.maximum(index, -1.0)
     return (size < _ENOUGH) | (tail - 2 * (1 + tail) / np.sqrt(_tail(draws)) > _HEAVY)
 
 
 def _tail(draws):
-    """Return the number of weights that form the tail."""
     return int(min(0.2 * draws, 3 * np.sqrt(draws)))
 
 
@@ -132,13 +135,13 @@ class Proposal(NamedTuple):
         return cls(np.array(centre), directions * np.sqrt(wider * variance)[:, None])
 
     def draws(self, count: int, random: np.random.Generator) -> np.ndarray:
-        """Draw points x, shape (fits, count, size)."""
+        """Draw `count` points x for every fit, of shape (fits, count, size)."""
         size = self.centre.shape[1]
         z = random.standard_t(max(_FEWEST, size), (len(self.centre), count, size))
         return self.centre[:, None] + np.einsum("fij,fsj->fsi", self.axes, z)
 
     def log_density(self, x: np.ndarray) -> np.ndarray:
-        """Return the log density at points (fits, rows, size), up to a constant for each fit."""
+        """Return the log density at x of shape (fits, rows, size), up to a constant for each fit."""
         z = np.linalg.solve(self.axes, np.swapaxes(np.asarray(x - self.centre[:, None], float), 1, 2))
         freedom = max(_FEWEST, x.shape[2])
         return -0.5 * (freedom + 1) * np.sum(np.log1p(z**2 / freedom), 1)
@@ -200,7 +203,9 @@ def log_weights(
     x: np.ndarray,
     callback: Callable[[int, int], object] | None = None,
 ) -> np.ndarray:
-    """Return ln w up to a constant for each fit, shape (fits, rows); -inf where ln w is not finite.
+    """Return ln w of every point, shape (fits, rows), up to a constant for each fit.
+
+    The result is -inf if ln w is not finite.
 
     Parameters
     ----------
@@ -234,7 +239,10 @@ def log_weights(
 
 
 def places(x: np.ndarray, log_weight: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Return u as in the module's docstring, shape (fits, size); the last row of x is the truth."""
+    """Return the rank u of the true x in the module's docstring, shape (fits, size).
+
+    The last row of the x of each fit is the true x.
+    """
     weight = relative(log_weight)
     below = np.einsum("fs,fsi->fi", weight, x < x[:, -1:])
     own = weight[:, -1:] * random.random(below.shape)
@@ -242,13 +250,16 @@ def places(x: np.ndarray, log_weight: np.ndarray, random: np.random.Generator) -
 
 
 def _some(targets, rows):
-    """Return the targets of the fits `rows`."""
+    # Arrays of length 1 belong to all fits.
     return jax.tree.map(lambda a: a[rows] if len(a) > 1 else a, targets)
 
 
 @functools.partial(jax.jit, static_argnums=0)
 def _densities(structure, numbers, targets, x):
-    """Return log densities of points, each with its own targets; vectorised on an accelerator only."""
+    """Return the log density of each point, given the targets that belong to the point.
+
+    An accelerator computes all points at once, and a processor computes one point after the other.
+    """
 
     def one(pair):
         return density_at(structure, "x", numbers, *pair)

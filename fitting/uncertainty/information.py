@@ -73,7 +73,7 @@ class PriorInformation(NamedTuple):
         return to_scene(self.variables, self.constants, self.x)
 
     def draws(self, count: int, reach: float, key: jax.Array) -> np.ndarray:
-        """Return x itself and random draws about it, shape (count, size).
+        """Return x and random draws about x, an array of shape (count, size).
 
         The standard deviation along each principal direction is at most `reach`.
         """
@@ -83,9 +83,10 @@ class PriorInformation(NamedTuple):
         return self.x + self.stretch * ((noise * np.minimum(values**-0.5, reach)) @ V.T)
 
     def rows(self, x: np.ndarray, at: Conditions, quantity: str, logarithmic: bool = True) -> np.ndarray:
-        """Return d ln Q / dy, or dQ / dy, at points and a draw x, shape (points, size).
+        """Return d ln Q / dy at the conditions `at` and at x, an array of shape (points, size).
 
-        The points are padded to a standard length, so that other candidates need no compilation.
+        y is x / stretch. If `logarithmic` is False, the derivatives are dQ / dy. The points are padded to a
+        standard length, so that other candidates need no compilation.
         """
         count = at[0].size
         padding = (0, recurring_length(count) - count)
@@ -111,7 +112,6 @@ def _value_and_slope(constants, x, at, *, variables, quantity, quadrature):
 
 @quick_jit(static_argnames=("structure", "variables"))
 def _prior_slopes(numbers, constants, x, *, structure, variables):
-    """Return the derivatives of the rows of the priors, shape (rows, size)."""
     return forward(lambda x: prior_residuals(structure, numbers, to_scene(variables, constants, x), x), x)[1]
 
 
@@ -121,11 +121,11 @@ def known_of(
     prior: Mapping[str, Prior] | None,
     quadrature: rf.Quadrature | None,
 ) -> PriorInformation:
-    """Return the prior information from a fit, or from priors on `free` parameters of a scene."""
+    """Return the prior information from a fit, or from priors on the parameters `free` of a scene."""
     if isinstance(source, SolvedProblem):
         for name, value in (("free", free), ("prior", prior), ("quadrature", quadrature)):
             if value is not None:
-                raise ValueError(f"{name}: must not be given with a fit, which has its own")
+                raise ValueError(f"{name}: must be None if the source is a fit")
         of, known = source.problem, source.uncertainty
         quadrature = of.structure.quadrature
         information = np.linalg.inv(known.spread)
@@ -154,7 +154,9 @@ def exchange(
     cost: np.ndarray | None = None,
     target: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the indices of the candidates to measure, most useful first; repeated ones appear several times.
+    """Return the indices of the candidates to measure, most useful first.
+
+    The index of a candidate that is measured several times appears several times.
 
     Parameters
     ----------
@@ -162,8 +164,8 @@ def exchange(
         candidates, size)
     base : prior information M_0, positive definite, shape (size, size)
     budget : number of measurements, or their largest total cost
-    cost : cost of every candidate, > 0, shape (candidates,); None: 1 each
-    target : L, shape (draws, size, size); None: D-optimal
+    cost : cost of every candidate, > 0, shape (candidates,). If None, each measurement costs 1.
+    target : L, shape (draws, size, size). If None, the criterion is D.
 
     Returns
     -------
@@ -187,7 +189,10 @@ def exchange(
 
 
 def information(rows: np.ndarray, base: np.ndarray, chosen: list[int] | np.ndarray) -> np.ndarray:
-    """Return the information M with the chosen candidates for every draw, shape (draws, size, size)."""
+    """Return the information M after measurements at the chosen candidates.
+
+    The result has the shape (draws, size, size).
+    """
     some = rows[:, np.asarray(chosen, int)]
     return base + np.swapaxes(some, 1, 2) @ some
 
@@ -205,7 +210,10 @@ def variance(information: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def gain(rows: np.ndarray, information: np.ndarray, target: np.ndarray | None) -> np.ndarray:
-    """Return the gain in phi of each candidate, shape (candidates,)."""
+    """Return the gain in phi from one measurement at each candidate, shape (candidates,).
+
+    The gain is averaged over the draws.
+    """
     covariance = np.linalg.inv(information)
     moved = rows @ covariance
     seen = np.sum(moved * rows, -1)
@@ -217,7 +225,10 @@ def gain(rows: np.ndarray, information: np.ndarray, target: np.ndarray | None) -
 
 
 def _filled(rows, base, budget, cost, target, chosen):
-    """Add candidates to the chosen ones, by largest gain per cost, up to the budget."""
+    """Add candidates to `chosen` until the budget allows no further one.
+
+    The candidate with the largest gain divided by its cost is added first.
+    """
     chosen = list(chosen)
     while True:
         allowed = cost <= budget - cost[chosen].sum() + 1e-9 * budget
@@ -228,7 +239,6 @@ def _filled(rows, base, budget, cost, target, chosen):
 
 
 def _ordered(rows, base, cost, target, chosen):
-    """Return the chosen candidates in decreasing order of gain per cost."""
     left, order = list(chosen), []
     while left:
         gains = gain(rows[:, left], information(rows, base, order), target) / cost[left]

@@ -43,7 +43,7 @@ from rubberfric.base import quick_jit
 
 # Correlation above which a pair's error bars are checked, their confidence level, and the number of pairs.
 _CORRELATED, _LEVEL, _PAIRS = 0.98, 0.95, 2
-# Rise over the expected rise for error bars that are right within a tenth of their length.
+# Limits of rise / expected rise for error bars that are correct to a tenth of their length.
 _HOLD = (0.8, 1.25)
 # Gauss-Newton steps at the ends of an interval, and a gain in cost that ends them.
 _STEPS, _LITTLE = 4, 0.05
@@ -63,7 +63,7 @@ class Bootstrap(NamedTuple):
 
 
 class Band(NamedTuple):
-    """A prediction with the lower and upper limit of its confidence band."""
+    """A prediction, and the lower and upper limits of the confidence band."""
 
     value: np.ndarray
     low: np.ndarray
@@ -83,7 +83,7 @@ def quantile(level: float, freedom: float = np.inf) -> float:
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class SolvedProblem:
-    """A least-squares problem with its solution and uncertainty; base class of `fitting.FitResult`.
+    """A least-squares problem with solution and uncertainty, the base class of `fitting.FitResult`.
 
     Attributes
     ----------
@@ -113,12 +113,18 @@ class SolvedProblem:
         return self.problem.targets.measured.size - self.uncertainty.parameters
 
     def quantile(self, level: float) -> float:
-        """Return the two-sided quantile: Student's if errors come from the scatter, otherwise normal."""
+        """Return the two-sided quantile of the normal distribution or of Student's distribution.
+
+        Student's distribution is used if errors were estimated from the scatter.
+        """
         estimated = self.error_scale != 1 or any(scale is not None for scale in self.estimated)
         return quantile(level, max(self.freedom, 0.5) if estimated else np.inf)
 
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-        """Return the lower and upper ends of the intervals of all values, symmetric in x; NaN if withheld."""
+        """Return the lower and the upper ends of the confidence intervals of all values.
+
+        The intervals are symmetric in x. The ends are NaN for parameters without an error bar.
+        """
         reach = self.quantile(level) * self.uncertainty.deviation
         return self.problem.values(self.x - reach), self.problem.values(self.x + reach)
 
@@ -131,10 +137,10 @@ class SolvedProblem:
         level: float = 0.95,
         scene: str | None = None,
     ) -> Band:
-        """Return the prediction of the fitted scene and its confidence band.
+        """Return the prediction of the fitted scene with the confidence band.
 
-        The band is linear in the logarithm of the quantity, or in a quantity that is not > 0. Unidentified
-        directions widen the band only as far as the prediction depends on them.
+        If the quantity is > 0, the band is symmetric in the logarithm of the quantity, otherwise in the
+        quantity. Unidentified directions widen the band only as far as the prediction depends on them.
 
         Parameters
         ----------
@@ -170,7 +176,10 @@ class SolvedProblem:
         return self.widened(value, slope, level)
 
     def widened(self, value: np.ndarray, slope: np.ndarray, level: float) -> Band:
-        """Return the band of a prediction, shape (...), from its slopes d value / d x, shape (..., size)."""
+        """Return the band of a prediction from its derivatives with respect to x.
+
+        `value` has the shape (...), and `slope`, the derivatives, has the shape (..., size).
+        """
         known = self.uncertainty
         slope = slope * known.stretch
         reach = self.quantile(level) * np.sqrt(np.einsum("...i,ij,...j->...", slope, known.spread, slope))
@@ -193,7 +202,7 @@ class SolvedProblem:
 
         The cost is taken as -ln likelihood, also with a robust loss. Values are added on each side until
         chi-square has risen by the threshold, or the parameter is a factor of 1e6 from the fit or a millionth
-        of its range from a bound. `ends` of the result says which.
+        of its range from a bound. `ends` of the result states the reason.
 
         Parameters
         ----------
@@ -201,8 +210,8 @@ class SolvedProblem:
         level : confidence level of the interval
         points : number of initial values on each side, up to 1.6 times the linear interval
         callback : as for `fitting.fit`
-        values : values of the parameter at which to compute the profile, on both sides of the fitted one
-            None: `points` on each side, and further ones as needed
+        values : values of the parameter at which to compute the profile, on both sides of the fitted value
+            If None, the profile has `points` values on each side, and further values as needed.
 
         Raises
         ------
@@ -247,7 +256,7 @@ class SolvedProblem:
         return self.x + others, jax.tree.map(lambda a: a[None], targets)
 
     def _x_of(self, i: int, values: ArrayLike) -> np.ndarray:
-        """Return x of the i-th element for given values."""
+        """Return the x of element `i` for given values of this element."""
         constants, wanted = self.problem.numbers.constants, np.atleast_1d(np.asarray(values, float))
         kind = next(group.kind for group in self.problem.variables.own if group.slot[0] <= i < group.slot[1])
         low, width = float(constants.low[i]), float(constants.width[i])
@@ -259,7 +268,10 @@ class SolvedProblem:
     def profile_of(
         self, name: str, level: float, runs: Runs, extend: bool = True, callback: Callback | None = None
     ) -> LikelihoodProfile:
-        """Return the profile from the results of the fits that `profile_fits` prepared, in their order."""
+        """Return the profile of a parameter, given the results of the fits that `profile_fits` prepared.
+
+        The rows of `runs` must have the order of these fits.
+        """
         anchor, q = Anchor(self.problem, self.x, self.cost), self.quantile(level)
         return profile_from(anchor, self.names.index(name), q, runs, extend, callback)
 
@@ -279,7 +291,7 @@ class SolvedProblem:
         return self.bootstrap_of(runs.x, runs.status)
 
     def bootstrap_fits(self, count: int, key: jax.Array | None) -> tuple[np.ndarray, Targets]:
-        """Return the start vectors of the fits of a bootstrap, and the data drawn for them."""
+        """Return the start vectors of the fits of a bootstrap, and the targets with the drawn data."""
         key = jax.random.key(0) if key is None else key
         targets = self.problem.targets
         drawn = model_rows(self.problem, self.x) + drawn_errors(self.problem, count, key)
@@ -287,15 +299,15 @@ class SolvedProblem:
         return np.tile(self.x, (count, 1)), targets
 
     def bootstrap_of(self, x: np.ndarray, status: np.ndarray) -> Bootstrap:
-        """Return the bootstrap from the results of the fits that `bootstrap_fits` prepared."""
+        """Return the `Bootstrap`, given the results of the fits that `bootstrap_fits` prepared."""
         good = succeeded(status)
         return Bootstrap(self.names, self.problem.values(x[good]), int((~good).sum()))
 
 
 def drawn_errors(problem: Problem, count: int, key: jax.Array) -> np.ndarray:
-    """Draw errors of `count` data sets, shape (count, rows), including model errors.
+    """Draw random errors of `count` data sets, including model errors, of shape (count, rows).
 
-    Relative errors are errors of the logarithms.
+    For data with relative errors, the result contains errors of the logarithms.
     """
     noise = np.asarray(jax.random.normal(key, (count, problem.targets.measured.size)))
     if problem.numbers.whitening is not None:
@@ -304,7 +316,7 @@ def drawn_errors(problem: Problem, count: int, key: jax.Array) -> np.ndarray:
 
 
 class Valley(NamedTuple):
-    """A parameter closely correlated with another one, and the cost at the ends of its interval."""
+    """A parameter closely correlated with another one, and a check of its linear confidence interval."""
 
     name: str
     other: str
@@ -324,7 +336,7 @@ class Valley(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Text with both intervals, and the call that gives the exact one."""
+        """Description of both intervals, with the call that computes the profile."""
         (a, b), (low, high) = self.linear, self.interval
         return (
             f"{self.name} trades with {self.other} (correlation {self.correlation:+.3f}):"
@@ -371,14 +383,20 @@ def valleys(solved: SolvedProblem) -> tuple[Valley, ...]:
 
 
 def _values(solved, which, offsets):
-    """Return the values of parameters at offsets in x from the solution."""
+    """Return the values of the parameters `which`.
+
+    The x of each parameter differs from the solution by the offset given for the parameter.
+    """
     x = np.tile(solved.x, (len(which), 1))
     x[np.arange(len(which)), which] += offsets
     return solved.problem.values(x)[np.arange(len(which)), which]
 
 
 def _refitted(solved, x, held):
-    """Return the costs at rows of x after fitting the other parameters again; inf if not finite."""
+    """Return the cost after a few Gauss-Newton steps from every row of x.
+
+    In row k, the parameter with the index `held[k]` stays fixed. The cost is inf if the model is not finite.
+    """
     of = padded(solved.problem)
     best, cost = x, np.full(len(x), np.inf)
     step = np.zeros_like(x)
@@ -401,7 +419,6 @@ def _refitted(solved, x, held):
 
 
 def _step(rows, slopes, held):
-    """Return the Gauss-Newton step with one parameter fixed."""
     others = np.delete(np.arange(slopes.shape[1]), held)
     step = np.zeros(slopes.shape[1])
     step[others] = -np.linalg.lstsq(slopes[:, others], rows, rcond=None)[0]

@@ -48,10 +48,10 @@ _BODIES = ("lower", "upper")
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class LogDensity:
-    """Log density over x, with the values and the scene at x; made by `log_density`.
+    """Log density of the free parameters of a fit, a function of x, made by `log_density`.
 
-    A call with x, shape (n,), returns the log density up to a constant, a scalar. It supports jit, vmap and
-    grad.
+    A call with x of shape (n,) returns a scalar, the log density up to a constant. The function supports jit,
+    vmap and grad.
     """
 
     problem: Problem
@@ -68,13 +68,13 @@ class LogDensity:
         return self.problem.names
 
     def values(self, x: Array) -> np.ndarray:
-        """Return the values of the free elements at x; both of shape (..., n)."""
+        """Return the values of the free elements at x. Values and x have the shape (..., n)."""
         return self.problem.values(x)
 
     def scene(self, x: Array) -> Any:
-        """Return the scene with the free elements at x, shape (n,), or the scenes by their names.
+        """Return the scene, or a dict of scenes by name, with the free elements at x of shape (n,).
 
-        Use it for predictions of a draw.
+        The scene gives the predictions for a draw x.
         """
         return self.problem.scene(x)
 
@@ -139,7 +139,7 @@ def density_at(
     return density + _log_slopes(structure.variables, numbers.constants.width, x)
 
 
-# One for all results: a second density of the same kind compiles nothing.
+# One compiled function for all results, so that a second density of the same kind compiles nothing.
 _density = jax.jit(density_at, static_argnums=(0, 1))
 
 
@@ -154,7 +154,7 @@ class Chains(NamedTuple):
 
 
 class _Laplace(NamedTuple):
-    """Laplace approximation of a posterior, x = centre + root z; a pytree."""
+    """Laplace approximation of a posterior, x = centre + root z, as a pytree."""
 
     centre: Any
     root: Any
@@ -169,11 +169,11 @@ def run_chains(
     key: jax.Array,
     callback: DrawProgress | None = None,
 ) -> Chains:
-    """Return the draws from the posterior of a fit; see `fitting.FitResult.sample` for the arguments.
+    """Return the draws from the posterior of a fit. See `fitting.FitResult.sample` for the arguments.
 
     Raises
     ------
-    ModuleNotFoundError : numpyro or arviz-stats is not installed; the message says how to install it.
+    ModuleNotFoundError : numpyro or arviz-stats is not installed. The message says how to install it.
     ValueError : data and priors do not determine a direction, along which the density has no finite integral.
     """
     numpyro = _installed("numpyro", "numpyro.infer")
@@ -210,9 +210,9 @@ def check_proper(solved: SolvedProblem, flat: str) -> None:
 def diagnosed(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return R-hat and bulk effective sample size of every parameter, each of shape (size,).
 
-    Both are computed by arviz-stats. R-hat is the larger of rank-normalised split R-hat and its folded
-    version, which compares the spread of the chains [Vehtari, Gelman, Simpson, Carpenter & Buerkner, Bayesian
-    Anal. 16 (2021) 667, arXiv:1903.08008].
+    arviz-stats computes R-hat and the sample size. R-hat is the larger of rank-normalised split R-hat and its
+    folded version, which compares the spread of the chains [Vehtari, Gelman, Simpson, Carpenter & Buerkner,
+    Bayesian Anal. 16 (2021) 667, arXiv:1903.08008].
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def diagnosed(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _chain(fixed, number, key, draws, warmup, callback):
-    """Run one chain; return z, energy, divergence, acceptance probability and steps of its draws."""
+    """Run one chain, and return z, energy, divergence, acceptance probability and steps of every draw."""
     static, numbers = fixed
     to_start, to_run = jax.random.split(key)
     z = jax.random.normal(to_start, numbers[-1].centre.shape, numbers[-1].centre.dtype)
@@ -247,7 +247,6 @@ def _chain(fixed, number, key, draws, warmup, callback):
 
 
 def _installed(package: str, module: str) -> Any:
-    """Import a module of an optional package, from the extra `sampling`."""
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError:
@@ -257,7 +256,6 @@ def _installed(package: str, module: str) -> Any:
 
 
 def _energy(structure: FitStructure, flat: str, numbers: Numbers, targets: Targets, laplace: _Laplace, z):
-    """Return minus the log density at z."""
     return -density_at(structure, flat, numbers, targets, laplace.centre + laplace.root @ z)
 
 
@@ -265,7 +263,10 @@ _potential = jax.jit(_energy, static_argnums=(0, 1))
 
 
 def _kernel(infer, structure, flat, warmup, numbers, targets, laplace, key, z):
-    """Return the sampler and its state at z, built while tracing so that other numbers compile nothing."""
+    """Return the sampler and the initial state at z.
+
+    The sampler is built during tracing, so that problems with other numbers need no compilation.
+    """
     kernel = infer.NUTS(
         potential_fn=lambda z: _energy(structure, flat, numbers, targets, laplace, z), dense_mass=True
     )
@@ -284,7 +285,7 @@ def _draw(infer, structure, flat, warmup, numbers, targets, laplace, state):
 
 
 def prior_of(solved: SolvedProblem, body: str | None = None, widen: float = 1.0) -> dict[str, Correlated]:
-    """Return the Laplace approximation of a solved problem as a prior; see `joint_prior`.
+    """Return the Laplace approximation of a solved problem as a prior. See `joint_prior`.
 
     Unidentified directions get a standard deviation of 100 in x, which is practically no prior.
     """
@@ -333,8 +334,8 @@ def joint_prior(
     ----------
     paths : key paths of the parameters, each of one or more elements
     mean, covariance, limits, places : as in `Correlated`, with limits = (low, high)
-    body : body of the other scene, which replaces "lower" or "upper" in the paths; None: unchanged
-    widen : factor of all standard deviations
+    body : body of the other scene, which replaces "lower" or "upper" in the paths, or None for no change
+    widen : factor by which all standard deviations are multiplied
     """
     if not (is_number(widen) and widen > 0):
         raise ValueError(f"widen = {shown(widen)}: must be a number > 0")

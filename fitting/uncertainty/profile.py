@@ -30,14 +30,14 @@ _FREE = 64.0
 _GROWTH = 1.6
 # Rounds of shorter steps after a failed fit, and of values near the threshold.
 _ROUNDS, _NEARER = 4, 10
-# Change of slope between neighbours, as a difference of roots; with larger ones there may be two branches.
+# Change of slope between neighbours, as a difference of roots. A larger change indicates two branches.
 _JUMP = 0.1
 # Accuracy of an end of the interval, relative to its distance from the minimum.
 _CLOSE = 0.005
 
 
 class LikelihoodProfile(NamedTuple):
-    """Profile likelihood: cost over the values of one parameter, with all others fitted again."""
+    """Profile likelihood: cost against one parameter, with all other parameters fitted again."""
 
     name: str
     values: np.ndarray  # of the parameter, increasing
@@ -74,7 +74,7 @@ _OPEN = {np.inf: "inf", -np.inf: "-inf"}
 
 
 class Anchor(NamedTuple):
-    """The solution about which a profile is computed."""
+    """Solution about which a profile is computed."""
 
     problem: Problem
     x: np.ndarray
@@ -89,7 +89,7 @@ def profile_from(
     extend: bool = True,
     callback: Callable[[int, float], object] | None = None,
 ) -> LikelihoodProfile:
-    """Return the profile of element i, given the results of its first fits.
+    """Return the profile of element i, given the results of the first fits of the profile.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def profile_from(
     i : index of the element
     q : square root of the rise of chi-square at the ends of the interval
     runs : results of the first fits, `x[:, i]` increasing; x, cost and status are used
-    extend : True adds values until the threshold is reached; False uses the given values only
+    extend : True to add values until the threshold is reached, False to use the given values only
     callback : as for `fitting.solvers.runs.run_fits`
     """
     trace = _Trace(anchor, i, runs, callback)
@@ -111,7 +111,7 @@ def profile_from(
 
 
 class _Trace:
-    """Fits of a profile, sorted by the value of the element; better fits replace worse ones."""
+    """Fits of a profile, sorted by the x of the profiled element."""
 
     def __init__(self, anchor, i, runs, callback):
         self.anchor, self.i, self.callback = anchor, i, callback
@@ -127,7 +127,11 @@ class _Trace:
         self._sort()
 
     def _with_anchor(self):
-        """Insert the solution itself, also in place of a fit at its value that did not converge."""
+        """Insert the solution of the fit into the profile.
+
+        If the profile has a fit at the same value, the solution replaces this fit if the fit did not converge
+        or has a higher cost.
+        """
         k = int(np.argmin(np.abs(self.at - self.anchor.x[self.i])))
         if self.at[k] != self.anchor.x[self.i]:
             self.x = np.concatenate([self.x, self.anchor.x[None]])
@@ -137,31 +141,36 @@ class _Trace:
 
     @property
     def at(self):
-        """Values of the element, increasing."""
+        """x of the profiled element in all fits, in increasing order."""
         return self.x[:, self.i]
 
     @property
     def lowest(self):
-        """The lowest cost found."""
         return min(self.anchor.cost, self.cost[self.good].min(initial=np.inf))
 
     @property
     def best(self):
-        """Index of the lowest cost among fits that converged."""
+        """Index of the fit with the lowest cost among the fits that converged."""
         return int(np.argmin(np.where(self.good, self.cost, np.inf)))
 
     def root(self):
-        """Return the square root of the rise, nearly linear in x; NaN where a fit did not converge."""
+        """Return the square root of the rise of twice the cost above the minimum.
+
+        The root is nearly linear in x. It is NaN for fits that did not converge.
+        """
         with np.errstate(invalid="ignore"):
             rise = np.maximum(2 * (self.cost - self.lowest), 0.0)
         return np.sqrt(np.where(self.good, rise, np.nan))
 
     def little(self, cost):
-        """Return the largest negligible difference from a cost."""
+        # Largest negligible difference from a cost.
         return NEGLIGIBLE * max(1.0, cost)
 
     def add(self, starts, free=False):
-        """Run fits from `starts` with the element fixed, or with all elements free; return the results."""
+        """Run fits from `starts`, and return the results.
+
+        The profiled element is fixed at its start, unless `free` is True.
+        """
         problem, size = self.anchor.problem, self.x.shape[1]
         moving = np.ones((1, size)) if free else (np.arange(size) != self.i).astype(float)[None]
         targets = problem.targets._replace(
@@ -175,7 +184,6 @@ class _Trace:
         return runs
 
     def include(self, runs):
-        """Insert fits at new values."""
         self.x = np.concatenate([self.x, runs.x])
         self.cost, self.good = np.append(self.cost, runs.cost), np.append(self.good, succeeded(runs.status))
         self._sort()
@@ -185,7 +193,7 @@ class _Trace:
         self.x, self.cost, self.good = self.x[order], self.cost[order], self.good[order]
 
     def mend(self):
-        """Repeat fits for which the parameters of a neighbour give a lower cost."""
+        """Repeat a fit if the parameters of a neighbouring fit give a lower cost."""
         if self.is_smooth():
             return
         # A lower branch is passed on from neighbour to neighbour.
@@ -213,14 +221,16 @@ class _Trace:
                 return
 
     def is_smooth(self):
-        """Return True if the signed root of the rise has no jumps, as for a single branch of minima."""
+        """Return True if the signed root of the rise has no kinks.
+
+        A profile with a single branch of minima is smooth.
+        """
         root = self.root()
         signed = np.where(np.arange(root.size) < self.best, -root, root)
         steps = np.diff(signed) / np.diff(self.at)
         return bool(np.all(np.abs(np.diff(steps)) * np.diff(self.at)[1:] < _JUMP))
 
     def _costs(self, x):
-        """Return the costs at rows of x."""
         problem = self.anchor.problem
         of = padded(problem)
         rows, _ = evaluate_rows(of.structure, of.numbers, x.astype(problem.start.dtype))
@@ -228,7 +238,10 @@ class _Trace:
         return np.array([loss.cost(errors_of_rows(of.structure, of.numbers, of.targets, r)) for r in rows])
 
     def descend(self):
-        """Fit all parameters from the best value, and return True, if its cost is below the known minimum."""
+        """Fit all parameters again if a fit of the profile has a cost below the known minimum.
+
+        Return True if there is such a fit.
+        """
         known = self.anchor.cost if self.better is None else self.better[1]
         k = self.best
         if self.stopped or not self.good.any() or self.cost[k] >= known - self.little(known):
@@ -242,7 +255,7 @@ class _Trace:
         return True
 
     def range(self):
-        """Return the lowest and highest x of the element that a profile may reach."""
+        """Return the lowest and the highest x of the profiled element that a profile may reach."""
         problem, here = self.anchor.problem, float(self.anchor.x[self.i])
         group = next(g for g in problem.variables.own if g.slot[0] <= self.i < g.slot[1])
         if group.kind == "Bounded":
@@ -254,7 +267,10 @@ class _Trace:
 
 
 def _outermost(trace, side, q):
-    """Return the indices of the last value below the threshold on a side and of the next value, or None."""
+    """Return the index of the last value below the threshold on one side, and of the next value.
+
+    The second index is None if there is no further value on this side.
+    """
     order = np.arange(trace.best, len(trace.x)) if side > 0 else np.arange(trace.best, -1, -1)
     order = order[trace.good[order]]
     below = np.flatnonzero(trace.root()[order] < q)
@@ -263,7 +279,7 @@ def _outermost(trace, side, q):
 
 
 def _end(trace, side, q, extend):
-    """Return x of an end of the interval, and "reached" or the reason if it was not reached."""
+    """Return x at one end of the interval, and "reached" or the reason why the end was not reached."""
     if not trace.good.any():
         return np.nan, "not found: no fit converged"
     limit = trace.range()[side > 0]
@@ -306,10 +322,10 @@ def _ahead(trace, inner, side, target):
 
 
 def _crossing(trace, side, q):
-    """Return two estimates of x where the root reaches q: from a parabola and from a line.
+    """Return two estimates of the x at which the root reaches q.
 
-    The parabola goes through three values, the line through two. If there are only two values, the estimates
-    are from the line, and inf.
+    The first estimate is from a parabola through three values, and the second from a line through two. If
+    there are only two values, the first estimate is from the line, and the second is inf.
     """
     inner, outer = _outermost(trace, side, q)
     root, x = trace.root(), trace.at
@@ -366,7 +382,6 @@ def _left_open(trace, side, q, inner, extend, shorter):
 
 
 def _told(trace, q, ends):
-    """Convert a trace and its ends to the `LikelihoodProfile`."""
     anchor, i, names = trace.anchor, trace.i, trace.anchor.problem.names
     at = np.where(np.arange(anchor.x.size) == i, np.array([[x] for x, _ in ends]), anchor.x)
     low, high = anchor.problem.values(at)[:, i].tolist()

@@ -108,7 +108,10 @@ def _paths(parameters):
 
 
 def _rows(scene, path):
-    """Return (leaf, element) of every number that a key path names; element is None for a scalar leaf."""
+    """Return a pair (leaf, element) for every number that a key path names.
+
+    The element is None for a scalar leaf.
+    """
     leaf, elements = find(scene, path)
     return [(leaf, element) for element in elements or (None,)]
 
@@ -119,7 +122,10 @@ def _sensitivity(scene, velocity, pressure, temperature, *, rows, quantity, quad
     leaves, tree = jax.tree_util.tree_flatten(scene)
 
     def moved(x):
-        """Multiply every named number by e^x of its row, or by both factors if it is named twice."""
+        """Return the scene in which the number of row k is multiplied by e^x[k].
+
+        A number with two rows is multiplied by both factors.
+        """
         exponents = {}
         for leaf in dict.fromkeys(leaf for leaf, _ in rows):
             own = [k for k, row in enumerate(rows) if row[0] == leaf]
@@ -137,6 +143,6 @@ def _sensitivity(scene, velocity, pressure, temperature, *, rows, quantity, quad
     x = jnp.zeros(len(rows), given[0].dtype)
     value, slope = value_and_jacobian(moved, x, (v, p, T), quantity, quadrature)
     nothing = value == 0
-    # Divided by one where Q = 0: the quotient not taken must have no NaN, nor have its derivatives.
+    # Divided by 1 if Q = 0, because the unused quotient and its derivatives must not be NaN.
     ratio = jnp.where(nothing[:, None], 0.0, slope / jnp.where(nothing, 1.0, value)[:, None])
     return ratio.T.reshape(len(rows), *shape)

@@ -47,8 +47,6 @@ class Verdict(NamedTuple):
 
 
 class _Set(NamedTuple):
-    """The residuals of one data set."""
-
     data: Measured
     rows: np.ndarray  # (model - measured) / error, with the given errors
     freedom: float  # share of the set in the degrees of freedom
@@ -128,12 +126,11 @@ def _size(sets, robust):
 
 
 def _squares_by_median(rows):
-    """Return the sum of squares as estimated from the median, which outliers do not change."""
+    """Estimate the sum of squares from the median, which a few outliers barely change."""
     return rows.size * float(_NORMAL * np.median(np.abs(rows))) ** 2
 
 
 def _bound(freedom):
-    """Return the chi-square that is exceeded with probability _SIGNIFICANCE."""
     return 2 * float(scipy.special.gammainccinv(freedom / 2, _SIGNIFICANCE))
 
 
@@ -159,7 +156,7 @@ def _order(one):
 
 
 def _far(sets):
-    """Return (size, set, index) of the outliers, worst first."""
+    """Return a tuple (|residual|, set, index) for each outlier, sorted by decreasing |residual|."""
     found, count = [], sum(one.rows.size for one in sets)
     for one in sets:
         size = np.abs(one.rows)
@@ -175,13 +172,11 @@ def _far(sets):
 
 
 def _lines(far):
-    """Return a line for each of the worst outliers."""
     lines = [_named(*one) for one in far[:_WORST]]
     return lines + [f"and {len(far) - _WORST} further outliers"] * (len(far) > _WORST)
 
 
 def _without(sets, far):
-    """Return the sets without the outliers."""
     found = []
     for one in sets:
         kept = np.delete(one.rows, [k for _, other, k in far if other is one])
@@ -206,7 +201,7 @@ def rescaled_errors(
     rescaled: bool,
     error_scale: float,
 ) -> tuple[Problem, list[float | None], float]:
-    """Return the problem with errors estimated from the scatter about its fit.
+    """Return the problem with errors estimated from the scatter about the fit.
 
     Parameters
     ----------
@@ -217,7 +212,8 @@ def rescaled_errors(
 
     Returns
     -------
-    (problem, scales, factor); the factor of given errors is 1 unless `rescaled`
+    (problem, scales, factor)
+        the new problem, the new estimates, and the factor of given errors, which is 1 unless `rescaled`
     """
     rows = data_residuals(problem, model)
     error, found, factor = np.array(problem.targets.error), list(scales), 1.0
@@ -235,7 +231,7 @@ def rescaled_errors(
 
 
 def common_ratio(before: Problem, after: Problem) -> float | None:
-    """Return the factor from the errors of `before` to those of `after`; None if another fit is necessary.
+    """Return the factor by which all errors changed, or None if another fit is necessary.
 
     If all errors change by one factor, a sum of squares is only scaled. The minimum then stays in place, and
     a second estimate of the errors would equal the first.
@@ -250,7 +246,10 @@ def common_ratio(before: Problem, after: Problem) -> float | None:
 
 
 def _scatter(problem, known, rows):
-    """Return the standard deviation of residuals about the fit, in units of their errors."""
+    """Return the standard deviation of residuals about the fit, in units of the errors.
+
+    The residuals of a fit are smaller than the errors, which a factor for the degrees of freedom corrects.
+    """
     if problem.structure.loss == "linear":
         scatter = np.sqrt(np.mean(rows**2))
     else:

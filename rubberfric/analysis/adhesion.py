@@ -50,7 +50,7 @@ _PANELS, _NODES, _LOADS, _ROUNDS = 24, 8, 32, 6
 
 
 def adhesion_of(scene: Scene) -> Adhesion:
-    """Return the adhesion of a scene; raise ValueError if the scene has none."""
+    """Return the adhesion of a scene, or raise ValueError if the scene has no adhesion."""
     if scene.adhesion is None:
         raise ValueError("scene.adhesion is None; it must be an Adhesion")
     return scene.adhesion
@@ -109,7 +109,7 @@ def pull_off_force(
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _work_by_energy(scene, velocity, pressure, temperature, *, quadrature):
-    """Return W in the short-range limit [J/m^2]."""
+    """Return the work of separation W in the short-range limit [J/m^2]."""
     prepared = prepare(scene, ("area",), quadrature)
 
     def of_points(points):
@@ -122,15 +122,13 @@ def _work_by_energy(scene, velocity, pressure, temperature, *, quadrature):
 
 
 class _State(NamedTuple):
-    """Contact without adhesion at given loads."""
-
     separation: jax.Array  # [m]
     gained: jax.Array  # work of adhesion times <e^-u/r> [J/m^2]
 
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _work_of_separation(scene, velocity, pressure, temperature, *, quadrature):
-    """Return W in the long-range limit [J/m^2]."""
+    """Return the work of separation W in the long-range limit [J/m^2]."""
     prepared = prepare(scene, ("area", "separation"), quadrature)
     work, reach = scene.adhesion.work, scene.adhesion.range
 
@@ -142,7 +140,10 @@ def _work_of_separation(scene, velocity, pressure, temperature, *, quadrature):
 
 
 def _under(prepared: Any, work, velocity, temperature, log_load):
-    """Return the `_State` at ln p, (n,), and x = 1 / (2 sqrt(G)) of all roughness."""
+    """Return the `_State` at the loads e^log_load, and x = 1 / (2 sqrt(G)) of all roughness.
+
+    `log_load` has the shape (n,).
+    """
     load = jnp.exp(log_load)
     at_rest = jnp.broadcast_to(velocity, load.shape)
     warm = None if temperature is None else jnp.broadcast_to(temperature, load.shape)
@@ -155,7 +156,10 @@ def _under(prepared: Any, work, velocity, temperature, log_load):
 
 
 def _largest(under, top):
-    """Return the largest W over ln p up to `top`."""
+    """Return the maximum of the work of separation W over all loads p with ln p <= `top`.
+
+    The function `under` returns (`_State`, x) at ln p.
+    """
     node, weight = gauss(_NODES)
     places = typed((np.arange(_PANELS)[:, None] + node).reshape(-1) / _PANELS, top)
     shares = typed(np.tile(weight, _PANELS) / _PANELS, top)
@@ -192,9 +196,9 @@ def _largest(under, top):
 
 
 def _of_light_loads(state, slopes, light):
-    """Return W if its maximum is at a load below `light`.
+    """Return the work of separation W at a maximum below the load e^light, or 0 without such a maximum.
 
-    At the maximum, m <e^-u/r> times the work of adhesion equals u0 p.
+    At the maximum, m <e^-u/r> times the work of adhesion equals u0 p. The module docstring defines m and u0.
     """
     u0, gain = -slopes.separation[0], slopes.gained[0]
     m = gain / state.gained[0]

@@ -66,7 +66,11 @@ class Tiling(NamedTuple):
 
 
 class MapBatch(NamedTuple):
-    """A batch of a map: indices of its pairs, `first` to `stop`, and of its pressures, `low` to `high`."""
+    """A batch of a map.
+
+    The batch has the pairs from `first` to `stop` and the pressures from `low` to `high`. `stop` and `high`
+    are excluded.
+    """
 
     first: int
     stop: int
@@ -79,7 +83,11 @@ class MapBatch(NamedTuple):
         return (self.stop - self.first) * (self.high - self.low)
 
     def pieces(self, velocities: int) -> Iterator[tuple[slice, slice, slice]]:
-        """Yield the rectangles of the map that the batch fills: slices (temperatures, velocities, pairs)."""
+        """Yield the rectangles of the map that the batch fills.
+
+        A rectangle is a tuple of three slices: temperatures of the map, velocities of the map, and pairs of
+        the batch.
+        """
         first = self.first
         while first < self.stop:
             T, v = divmod(first, velocities)
@@ -126,7 +134,7 @@ def plan(
 
 
 def smaller(tiling: Tiling) -> Tiling | None:
-    """Halve the number of pairs evaluated at once; return None if it is 1."""
+    """Return a tiling with half as many pairs evaluated at once, or None if only one pair is left."""
     if tiling.group == 1:
         return None
     group = tiling.group // 2
@@ -142,7 +150,7 @@ def batches(tiling: Tiling) -> Iterator[MapBatch]:
 
 
 def fitted(tiling: Tiling, task: Task) -> Tiling:
-    """Reduce the tiling until its compiled function stays within `MEMORY`."""
+    """Reduce the tiling until the compiled function stays within `MEMORY`."""
     local = sum(device.process_index == jax.process_index() for device in tiling.mesh.devices.flat)
     while program_bytes(tiling, task) > MEMORY / local and (less := smaller(tiling)):
         tiling = less
@@ -150,7 +158,7 @@ def fitted(tiling: Tiling, task: Task) -> Tiling:
 
 
 def program_bytes(tiling: Tiling, task: Task) -> int:
-    """Return the bytes that the compiled function holds on one device, with its arguments and results."""
+    """Return the bytes that the compiled function holds on one device, with arguments and results."""
     arguments, static = _arguments(tiling, task, next(batches(tiling)))
     # JAX keeps the compiled function for the calls that follow.
     found = _evaluate.lower(*arguments, **static).compile().memory_analysis()
@@ -160,20 +168,30 @@ def program_bytes(tiling: Tiling, task: Task) -> int:
 
 
 def launch(tiling: Tiling, task: Task, batch: MapBatch) -> dict[str, jax.Array]:
-    """Start a batch; return a dict of quantities, as padded arrays (pressures, pairs)."""
+    """Start the evaluation of a batch, and return a dict of quantities.
+
+    The arrays have the shape (pressures, pairs), and are padded to the size of a full batch.
+    """
     arguments, static = _arguments(tiling, task, batch)
     return _evaluate(*arguments, **static)
 
 
 def points(conditions: Conditions, batch: MapBatch) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Return the velocities of the pairs of a batch, its pressures, and the temperatures of the pairs."""
+    """Return the velocities, the pressures and the temperatures of a batch.
+
+    There is one velocity and one temperature for each pair. The temperatures are None if the map has no
+    temperature.
+    """
     T, v = np.divmod(np.arange(batch.first, batch.stop), conditions.velocity.size)
     temperature = None if conditions.temperature is None else conditions.temperature[T]
     return conditions.velocity[v], conditions.pressure[batch.low : batch.high], temperature
 
 
 def on_all(mesh: jax.sharding.Mesh, tree: Any, spec: PartitionSpec = _EVERYWHERE) -> Any:
-    """Put arrays on all devices. Every process must hold these arrays."""
+    """Put arrays on all devices.
+
+    Every process must hold these arrays.
+    """
     sharding = NamedSharding(mesh, spec)
 
     def put(x):
@@ -184,7 +202,10 @@ def on_all(mesh: jax.sharding.Mesh, tree: Any, spec: PartitionSpec = _EVERYWHERE
 
 
 def all_ready(ready: bool) -> bool:
-    """Return True if every process is ready; every process must call this."""
+    """Return True if every process is ready.
+
+    Every process must call this function.
+    """
     if jax.process_count() == 1:
         return ready
     mesh = jax.make_mesh((jax.device_count(),), (_POINTS,), axis_types=(AxisType.Auto,))
@@ -208,7 +229,7 @@ def _arguments(tiling, task, batch):
 
 @functools.partial(jax.jit, static_argnames=("mesh", "group", "quadrature", "quantities"))
 def _evaluate(scene, velocity, pressure, temperature, *, mesh, group, quadrature, quantities):
-    """Compute quantities at every pressure and pair: dict of arrays (pressures, pairs)."""
+    """Compute a dict of quantities, as arrays of shape (pressures, pairs)."""
     several = jax.process_count() > 1
 
     def share(scene, velocity, pressure, temperature):
@@ -233,7 +254,10 @@ def _evaluate(scene, velocity, pressure, temperature, *, mesh, group, quadrature
 
 
 def _shared(ready, quantities, pressure, pairs):
-    """Compute quantities (pressures, pairs). Work that does not depend on the pressure is done once."""
+    """Compute quantities of a scene without heating, as arrays of shape (pressures, pairs).
+
+    Work that does not depend on the pressure is done once.
+    """
     velocity, temperature = pairs
 
     def at(pressure):
@@ -244,7 +268,10 @@ def _shared(ready, quantities, pressure, pairs):
 
 
 def _heated(ready, quantities, pressure, pairs):
-    """Compute quantities (pressures, pairs) of a heated scene, whose temperatures depend on the pressure."""
+    """Compute quantities of a heated scene, as arrays of shape (pressures, pairs).
+
+    The temperatures depend on the pressure, so that pressures share no work.
+    """
     shape = pressure.size, pairs[0].size
     conditions = (jnp.broadcast_to(x, shape).reshape(-1) for x in (pairs[0], pressure[:, None], pairs[1]))
     found = evaluate(ready, quantities, list(conditions))

@@ -47,7 +47,7 @@ from rubberfric.theory.arguments import checked_arguments
 
 
 class SlidingContact(NamedTuple):
-    """Results of `boundary_element` and `sliding_contact`; sliding is along the first axis, x."""
+    """Results of `boundary_element` and `sliding_contact`. Sliding is along the first axis, x."""
 
     area: float  # A/A0, corrected for the jagged border of the pixels [-]
     pixel_area: float  # share of the pixels with pressure [-]
@@ -63,16 +63,17 @@ class SlidingContact(NamedTuple):
     displacement: np.ndarray  # mean square in each ring [m^2]
     roughness: np.ndarray  # mean square of the heights in each ring [m^2]
     iterations: int
-    residual: float  # of the last step over the pressure, root mean squares [-]
+    residual: float  # rms of the last step divided by rms of the pressure [-]
     converged: bool
 
     def distribution(self, field: str = "pressure", bins: int = 50) -> tuple[np.ndarray, np.ndarray]:
-        """Return a histogram of the nonzero values of "pressure" or "gap": bin centres and density.
+        """Return a histogram of the nonzero values of the field "pressure" or "gap".
 
         Returns
         -------
-        (values, density), shape (bins,): in Pa and 1/Pa, or m and 1/m. The density integrates to the share of
-        points with pressure, or with a gap.
+        (values, density), arrays of shape (bins,)
+            Values are the centres of the bins in Pa or m, and densities are in 1/Pa or 1/m. The density
+            integrates to the share of points with pressure, or with a gap.
         """
         if field not in ("pressure", "gap"):
             raise ValueError(f'field = {shown(field)}: must be "pressure" or "gap"')
@@ -81,7 +82,10 @@ class SlidingContact(NamedTuple):
         return 0.5 * (edges[1:] + edges[:-1]), density * np.mean(values > 0)
 
     def heat_beyond(self, q: float) -> float:
-        """Return the share of the dissipation at wavevectors above q [1/m]; 0 without dissipation."""
+        """Return the share of the dissipation at wavevectors above q [1/m].
+
+        The share is 0 if there is no dissipation.
+        """
         beyond = float(self.friction_by_wavevector[self.wavevector > q].sum())
         return beyond / self.friction_of_heat if self.friction_of_heat else 0.0
 
@@ -183,7 +187,10 @@ def sliding_contact(
 
 
 def _result(heights, length, wavevectors, stiffness, pressure, scale, tolerance, found):
-    """Convert a solution in units of the pressure and of pressure / scale to a `SlidingContact`."""
+    """Convert the result of `solve_contact` to a `SlidingContact`.
+
+    `found` has pressures in units of `pressure`, and gaps in units of `pressure / scale`.
+    """
     qx, q = wavevectors
     n = heights.shape[0]
     p, gap = pressure * np.asarray(found.pressure), pressure / scale * np.asarray(found.gap)
@@ -223,7 +230,7 @@ def _result(heights, length, wavevectors, stiffness, pressure, scale, tolerance,
 
 
 def _modulus_along(material, omega, temperature):
-    """Return E_r at angular frequencies of either sign [Pa], complex."""
+    """Return E_r at angular frequencies of either sign, as complex numbers [Pa]."""
     at = np.abs(omega)
     if temperature is not None and material.shift is not None:
         at = at * float(jnp.exp(material.shift.log_factor(temperature)))
@@ -236,7 +243,10 @@ def _modulus_along(material, omega, temperature):
 
 
 def _rough_and_smooth(scene):
-    """Return the spectrum of the rigid body and the material of the other body, or raise ValueError."""
+    """Return the spectrum of the rigid body and the material of the other body.
+
+    A ValueError is raised if `boundary_element` does not cover the scene.
+    """
     if not isinstance(scene, Scene):
         raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
     rough = [body for body in (scene.lower, scene.upper) if not body.material.deforms]
@@ -280,14 +290,14 @@ def solve_contact(
     ----------
     heights : shape (n, n)
     stiffness : K of the modes of `rfft2`, shape (n, n/2 + 1), complex; the mean mode is ignored
-        Choose units in which the dominant stiffness is 1: the number of steps depends on them.
-    tolerance : largest residual, rms step over rms pressure
+        Choose units in which the dominant stiffness is 1, because the number of steps depends on the units.
+    tolerance : largest residual, which is rms step / rms pressure
     most_steps : static
 
     Returns
     -------
-    GridContact, after `most_steps` the last iterate. Pressure and gap are >= 0, at most one of them is > 0,
-    and they match the heights except for the residual.
+    GridContact. After `most_steps` steps the result is the last iterate. Pressure and gap are >= 0, and at
+    every point one of the two is 0. Pressure and gap match the heights except for the residual.
     """
     pull = jnp.fft.rfft2(heights)
     share = stiffness / (1 + stiffness)
@@ -316,7 +326,7 @@ def solve_contact(
     return GridContact(jnp.maximum(reflected, 0.0), jnp.maximum(-reflected, 0.0), steps, residual[0])
 
 
-_COARSEST = 4  # least points per shortest wavelength: friction is 5 % off, with eight points 1 %
+_COARSEST = 4  # least points per shortest wavelength. The error of friction is 5 %, with eight points 1 %
 
 
 class Surface(NamedTuple):

@@ -58,7 +58,11 @@ MapModel = Callable[[tuple[str, ...], Conditions], Quantities]
 
 
 class PressureSeries(NamedTuple):
-    """Values over ln p: a power of p times a Chebyshev series, or values at the pressures of the map."""
+    """n functions of ln p.
+
+    Each function is a power of p times a Chebyshev series. If `exponents` is None, the functions are known
+    only at the pressures of the map.
+    """
 
     nodes: np.ndarray  # ln p, (m,)
     values: np.ndarray  # at the nodes, divided by the powers of p, (m, n)
@@ -66,9 +70,10 @@ class PressureSeries(NamedTuple):
 
     @classmethod
     def of(cls, nodes: np.ndarray, values: np.ndarray) -> "PressureSeries":
-        """Return the series through values (m, n) at the nodes.
+        """Return the series through values of shape (m, n) at the nodes.
 
-        Each value is divided by the power of p through its first and its last node, if these have one sign.
+        Each column is divided by a power of p. The exponent is the slope of ln |value| between the first and
+        the last node. The exponent is 0 if the first and the last value do not have the same sign.
         """
         same_sign = np.sign(values[0]) * np.sign(values[-1]) > 0
         first, last = (np.log(np.abs(np.where(same_sign, x, 1.0))) for x in (values[0], values[-1]))
@@ -77,7 +82,7 @@ class PressureSeries(NamedTuple):
         return cls(nodes, values / powers, exponents)
 
     def at(self, log_pressure: float) -> np.ndarray:
-        """Return the values at ln p, (n,)."""
+        """Return the values at ln p, of shape (n,)."""
         if self.exponents is None:
             return self.values[np.argmin(np.abs(self.nodes - log_pressure))]
         size, middle = self.nodes.size, 0.5 * (self.nodes[0] + self.nodes[-1])
@@ -98,20 +103,23 @@ class Interpolant(NamedTuple):
     evaluations: int  # points at which the model was evaluated
 
     def places(self, log_speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the cell of each ln(v a_T) and the position in this cell, -1 ... 1."""
+        """Return the index of the cell of each ln(v a_T), and the position in the cell from -1 to 1."""
         log_speed = np.maximum(log_speed, self.first)  # -inf at rest
         cell = self.owner.take(((log_speed - self.first) / self.width).astype(np.intp), mode="clip")
         return cell, (log_speed - self.center.take(cell)) / self.half.take(cell)
 
     def at_pressure(self, name: str, log_pressure: float) -> tuple[np.ndarray, float]:
-        """Return the polynomials of the cells (coefficients, cells) at ln p, and the value at rest."""
+        """Return the polynomials of all cells at ln p, and the value at rest.
+
+        The polynomials are an array of shape (coefficients, cells).
+        """
         values = self.values[name].at(log_pressure)
         cells = values[:-1].reshape(-1, _NODES) @ _to_cells(_NODES).T
         return np.ascontiguousarray(cells.reshape(-1, _COEFFICIENTS).T), float(values[-1])
 
 
 class CollapsedMap(NamedTuple):
-    """The curve that all points of a map without heating lie on."""
+    """The curve on which all points of a map without heating lie."""
 
     scene: Scene
     quantities: tuple[str, ...]  # of the map
@@ -122,7 +130,9 @@ class CollapsedMap(NamedTuple):
 def collapse(
     scene: Scene, conditions: Conditions, quantities: tuple[str, ...], model: MapModel
 ) -> CollapsedMap | None:
-    """Interpolate a map; None if it does not collapse or the curve would cost as much as the map.
+    """Interpolate a map along one curve.
+
+    The result is None if the map does not collapse, or if the curve would cost as much as the map.
 
     Parameters
     ----------
@@ -157,7 +167,10 @@ def collapse(
 
 
 def log_speeds(scene: Scene, conditions: Conditions) -> np.ndarray | None:
-    """Return ln|v a_T|, (temperatures, velocities), -inf at rest; None if the map does not collapse."""
+    """Return ln|v a_T| of shape (temperatures, velocities), or None if the map does not collapse.
+
+    The logarithm is -inf at rest.
+    """
     if scene.heating is not None:
         return None
     T, shift = conditions.temperature, np.zeros(1)
@@ -174,7 +187,10 @@ def log_speeds(scene: Scene, conditions: Conditions) -> np.ndarray | None:
 
 @quick_jit()
 def _log_factors(scene, temperature):
-    """Return ln a_T for each surface that is not static; None if temperature has other effects as well."""
+    """Return ln a_T for each surface that is not static.
+
+    The result is None if temperature changes more than a_T.
+    """
     found = []
     for surface in rough_surfaces_of(scene):
         if surface.static:
@@ -187,7 +203,7 @@ def _log_factors(scene, temperature):
 
 
 def whole(found: CollapsedMap, conditions: Conditions) -> Quantities:
-    """Return the quantities at conditions of the map, [temperature, pressure, velocity]."""
+    """Return the quantities at conditions of the map, as arrays [temperature, pressure, velocity]."""
     values = {name: np.empty(result_shape(conditions)) for name in found.quantities}
     for T, j, piece in pieces(found, conditions):
         for name, array in piece.items():
@@ -196,9 +212,9 @@ def whole(found: CollapsedMap, conditions: Conditions) -> Quantities:
 
 
 def pieces(found: CollapsedMap, conditions: Conditions) -> Iterator[tuple[slice, int, Quantities]]:
-    """Yield a map in pieces: (slice of temperatures, index of the pressure, quantities).
+    """Yield pieces of a map, as (slice of temperatures, index of the pressure, quantities).
 
-    Quantities are arrays (temperatures, velocities).
+    The quantities are arrays of shape (temperatures, velocities).
     """
     log_speed = log_speeds(found.scene, conditions)
     assert log_speed is not None
@@ -227,10 +243,10 @@ def pieces(found: CollapsedMap, conditions: Conditions) -> Iterator[tuple[slice,
 
 
 def _on_curve(scene, quantities):
-    """Return the quantities to interpolate.
+    """Return the names of the quantities to interpolate.
 
-    These are the parts of the requested quantities except contact shear, and the area if contact shear needs
-    it.
+    These quantities are the parts of the requested quantities except contact shear. The area is added if
+    contact shear needs the area.
     """
     parts = quantity_parts(quantities)
     needed = parts - {"shear_friction"}
@@ -241,7 +257,7 @@ def _on_curve(scene, quantities):
 
 @jax.jit
 def _shear(shear, velocity, temperature):
-    """Return the friction of the contact shear at A/A0 = 1 and 1 Pa, (temperatures, velocities)."""
+    """Return mu of the contact shear at A/A0 = 1 and 1 Pa, of shape (temperatures, velocities)."""
     one = jnp.ones((), velocity.dtype)
     found = shear_friction(shear, one, velocity, one, temperature)
     return jnp.broadcast_to(found, (1 if temperature is None else temperature.size, velocity.size))
@@ -253,7 +269,9 @@ def _shear(shear, velocity, temperature):
 def interpolant(
     log_speed: np.ndarray, log_pressure: np.ndarray, evaluate: Callable[[np.ndarray, np.ndarray], Quantities]
 ) -> Interpolant | None:
-    """Interpolate quantities of a map; None if the series converge too slowly or cost as much as the map.
+    """Interpolate the quantities of a map.
+
+    The result is None if the series converge too slowly or cost as much as the map.
 
     Parameters
     ----------
@@ -279,7 +297,10 @@ def interpolant(
 
 
 def _over_panels(waiting, nodes, in_series, budget, evaluate):
-    """Return the `Interpolant` over panels, halved as needed; None if it fails or is too expensive."""
+    """Return the `Interpolant` over panels, or None if the interpolation fails or is too expensive.
+
+    Panels are halved as needed.
+    """
     done: list[tuple[float, float, Quantities]] = []
     rest: Quantities = {}
     evaluations = 0
@@ -329,7 +350,10 @@ def _over_panels(waiting, nodes, in_series, budget, evaluate):
 
 
 def _pressure_nodes(log_pressure):
-    """Return ln p of the nodes; None if there are at most 1.3 times as many pressures as nodes."""
+    """Return ln p at the nodes of the series over ln p.
+
+    The result is None if there are at most 1.3 times as many pressures as nodes.
+    """
     low, high = log_pressure.min(), log_pressure.max()
     count = math.ceil(_PRESSURES + _PRESSURES_EACH * (high - low))
     if log_pressure.size <= 1.3 * count:
@@ -338,9 +362,10 @@ def _pressure_nodes(log_pressure):
 
 
 def _difference(found, exact):
-    """Return the largest relative difference; infinite for NaN.
+    """Return the largest relative difference between found and exact quantities.
 
-    For a quantity that changes sign, differences are relative to its largest absolute value.
+    Differences of a quantity that changes sign are divided by the largest absolute value of the quantity. The
+    result is infinite if a value is NaN.
     """
     worst = 0.0
     for name, values in exact.items():
@@ -354,7 +379,6 @@ def _difference(found, exact):
 
 
 def _a_few(values):
-    """Return a few of the values, equally spaced in their order, including the smallest and the largest."""
     return np.sort(values)[np.unique(np.linspace(0, values.size - 1, _COMPARED).round().astype(int))]
 
 
@@ -369,7 +393,7 @@ def _roots(count):
 
 @functools.cache
 def _series(count):
-    """Return the matrix from values at the nodes to Chebyshev coefficients, (count, count)."""
+    """Return the matrix from values at the nodes to Chebyshev coefficients, of shape (count, count)."""
     matrix = 2 / count * chebyshev.chebvander(_roots(count), count - 1).T
     matrix[0] /= 2
     return matrix
@@ -377,7 +401,7 @@ def _series(count):
 
 @functools.cache
 def _to_cells(count):
-    """Return the matrix from node values of a panel to power series of its cells."""
+    """Return the matrix from the node values of a panel to the power series of all cells of the panel."""
     centers = -1 + (2 * np.arange(_CELLS) + 1) / _CELLS
     at = (centers[:, None] + _roots(_COEFFICIENTS) / _CELLS).reshape(-1)
     values = chebyshev.chebvander(at, count - 1) @ _series(count)
@@ -388,10 +412,11 @@ def _to_cells(count):
 
 
 def _last_coefficients(values):
-    """Return the largest of the last three Chebyshev coefficients of `values` along the last axis.
+    """Return the largest of the last three Chebyshev coefficients, relative to the values.
 
-    It is divided by the smallest absolute value, or by the largest one if the values change sign. The result
-    is infinite if some but not all values are 0.
+    The series runs along the last axis of `values`. The coefficient is divided by the smallest absolute
+    value, or by the largest absolute value if the values change sign. The result is infinite if some values
+    are 0, some are not 0, and the values do not change sign.
     """
     size = np.abs(values)
     changes = (values.min(-1) < 0) & (values.max(-1) > 0)
@@ -402,7 +427,11 @@ def _last_coefficients(values):
 
 
 def summed(coefficients: np.ndarray, cell: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Evaluate the polynomials (coefficients, cells) at places in cells, arrays of any shape."""
+    """Evaluate polynomials at places in cells.
+
+    `coefficients` has the shape (coefficients, cells). `cell` and `place` have one common shape, which is
+    arbitrary.
+    """
     found = np.empty(cell.shape)
     values, cells, places = found.reshape(-1), cell.reshape(-1), place.reshape(-1)
     for begin in range(0, values.size, _BLOCK):

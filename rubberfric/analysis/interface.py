@@ -101,7 +101,6 @@ def _stress_distribution(scene, stress, velocity, pressure, temperature, q, *, q
 
 
 def _converged(temperatures):
-    """Return True where the temperatures converged; None without heating."""
     return None if temperatures is None else temperatures.converged
 
 
@@ -145,8 +144,8 @@ def contact_stiffness(
 
     Returns
     -------
-    array, broadcast shape [Pa/m]; infinite with derivative 0 without roughness or in full contact (to the
-    last bit).
+    array, broadcast shape [Pa/m]. Without roughness, or in full contact to the last bit, the stiffness is
+    infinite and the derivative is 0.
 
     Raises
     ------
@@ -158,7 +157,7 @@ def contact_stiffness(
 
     Notes
     -----
-    Uses the plain G like `separation`, regardless of `scene.area_correction`. In a heated scene the
+    G does not contain S, as in `separation`, regardless of `scene.area_correction`. In a heated scene the
     temperatures are held constant.
     """
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
@@ -189,7 +188,6 @@ def _contact_stiffness(scene, velocity, pressure, temperature, *, quadrature):
 
 
 def _load_slope(x, gamma):
-    """Return s'(x), the derivative of S P with respect to x."""
     P = contact_fraction(x)
     return TWO_OVER_ROOT_PI * jnp.exp(-x * x) * (gamma + 3 * (1 - gamma) * P * P)
 

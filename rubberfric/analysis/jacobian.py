@@ -38,7 +38,7 @@ BLOCK, CPU_BLOCK = 256, 32
 
 
 class LinearisedTree(NamedTuple):
-    """A pytree that depends on x, and its derivatives."""
+    """A pytree that depends on x, with its derivatives with respect to x."""
 
     leaves: list[Any]  # of the pytree
     structure: Any
@@ -46,13 +46,16 @@ class LinearisedTree(NamedTuple):
     push: Callable[[Any], list[jax.Array]]  # tangent of x -> tangents of the moving leaves
 
     def tree(self, others: Mapping[int, jax.Array]) -> Any:
-        """Return the pytree with some leaves replaced. `others` maps indices of leaves to new leaves."""
+        """Return the pytree with some leaves replaced.
+
+        `others` maps indices of leaves to new leaves.
+        """
         leaves = [others.get(i, leaf) for i, leaf in enumerate(self.leaves)]
         return jax.tree_util.tree_unflatten(self.structure, leaves)
 
 
 def linearise_tree(function: Callable[[Any], Any], x: Any) -> LinearisedTree:
-    """Return value and derivatives of a function that returns a pytree.
+    """Linearise a function that returns a pytree.
 
     Leaves that are not arrays of real numbers are returned unchanged, without derivatives.
     """
@@ -79,7 +82,10 @@ def linearise_tree(function: Callable[[Any], Any], x: Any) -> LinearisedTree:
 
 
 def _watched(moves, *arrays):
-    """Return the arrays, and append to `moves` True for each whose tangent is not a symbolic zero."""
+    """Return the arrays unchanged, and fill the list `moves` with one flag for each array.
+
+    The flag of an array is True if the tangent of the array is not a symbolic zero.
+    """
 
     @jax.custom_jvp
     def identity(*arrays):
@@ -164,9 +170,10 @@ def value_and_jacobian(
 def _parts(scene_of, x, prepared):
     """Return the derivatives of the prepared scene with respect to each part of the scene.
 
-    Returns a list of (LinearisedTree, tangents of the leaves that depend on x, shape (m, numbers), components
-    of x along the m directions, shape (m, size)). The directions are the elements of those leaves, or the
-    elements of x if these are fewer.
+    The result is a list of (LinearisedTree, tangents, components). The tangents of the leaves that depend on
+    x have the shape (m, numbers), with one row for each of m directions. The components of x along the
+    directions have the shape (m, size). The directions are the elements of the leaves of the part. If x has
+    fewer elements than these leaves, or as many, the directions are the elements of x.
     """
     scene = linearise_tree(scene_of, x)
     every = jnp.eye(x.size, dtype=x.dtype)
@@ -197,7 +204,7 @@ def _part_name(path):
 
 
 def _flat(arrays, like):
-    """Concatenate arrays to a matrix (rows, numbers), with the first axis and the dtype of `like`."""
+    # Shape (rows, numbers). `like` gives the number of rows and the dtype.
     rows = len(like)
     # In reverse mode a complex leaf would need its conjugate.
     assert not any(jnp.iscomplexobj(a) for a in arrays)
@@ -250,5 +257,4 @@ def _forward_heated(scene_of, x, conditions, quantity, quadrature):
 
 
 def _or_nan(values, converged):
-    """Return the values, NaN where the iteration did not converge."""
     return values if converged is None else jnp.where(converged, values, jnp.nan)

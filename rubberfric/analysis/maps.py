@@ -81,10 +81,10 @@ def friction_map(
     block : int, >= 1, or None
         largest number of points of a batch, with at least one per device; None: chosen for the devices.
     path : result file (.h5), or None
-        written completely or not at all. Its space is reserved before the work begins.
-    title : of the map, in its file and figure
+        written completely or not at all. Disk space is reserved before the work begins.
+    title : title of the map in the file and in the figure
     devices : sequence of JAX devices, or None
-        None: all devices of every process. With several processes (`jax.distributed`), all must call this.
+        None: all devices of every process. Each process must make this call (`jax.distributed`).
     interpolate : bool
         False: the model is evaluated at every point.
 
@@ -139,7 +139,11 @@ def friction_map(
 
 @contextlib.contextmanager
 def _file(path: StrPath, result: Result, dtypes: Mapping[str, np.dtype]) -> Iterator[dict[str, h5py.Dataset]]:
-    """Open the datasets of the quantities in the file of a map, in the first process. The others wait."""
+    """Open the file of a map, and yield a dict of the datasets of the quantities.
+
+    Only the first process opens the file. The other processes wait for the first process and get an empty
+    dict.
+    """
     with contextlib.ExitStack() as stack:
         data: dict[str, h5py.Dataset] = {}
         if jax.process_index() == 0:
@@ -155,7 +159,11 @@ def _file(path: StrPath, result: Result, dtypes: Mapping[str, np.dtype]) -> Iter
 
 
 def _fill(data: _Values, progress, task, devices, block, interpolate) -> Interpolation | None:
-    """Compute a map into arrays [temperature, pressure, velocity]; return its interpolation or None."""
+    """Compute a map and write the values into `data`.
+
+    The arrays in `data` are [temperature, pressure, velocity]. The result is the `Interpolation`, or None if
+    every point was computed.
+    """
     shape = result_shape(task.conditions)
     done, points = 0, math.prod(shape)
     tell = progress or (lambda *_: None)
@@ -184,7 +192,6 @@ def _fill(data: _Values, progress, task, devices, block, interpolate) -> Interpo
 
 
 def _model(task: batches.Task, devices) -> collapse.MapModel:
-    """Return the function of quantities and conditions that the collapse evaluates."""
     tiling = None
 
     def model(quantities: tuple[str, ...], conditions: Conditions) -> Arrays:
@@ -208,7 +215,7 @@ def _model(task: batches.Task, devices) -> collapse.MapModel:
 
 
 def _place(data: _Values, conditions: Conditions, batch: batches.MapBatch, values: Arrays) -> None:
-    """Write the values of a batch, (pressures, pairs), into the map."""
+    """Write the values of a batch, which have the shape (pressures, pairs), into the map."""
     for T, v, pairs in batch.pieces(conditions.velocity.size):
         for name, array in data.items():
             piece = values[name][:, pairs].reshape(batch.high - batch.low, T.stop - T.start, -1)
@@ -216,7 +223,10 @@ def _place(data: _Values, conditions: Conditions, batch: batches.MapBatch, value
 
 
 def _computed(tiling: batches.Tiling, task: batches.Task) -> Iterator[tuple[batches.MapBatch, Arrays]]:
-    """Yield each batch and its values on the host, a dict of arrays (pressures, pairs)."""
+    """Yield each batch and its values.
+
+    The values are a dict of NumPy arrays of shape (pressures, pairs).
+    """
     begun = ((batch, batches.launch(tiling, task, batch)) for batch in batches.batches(tiling))
     one = next(begun, None)
     while one is not None:
@@ -240,7 +250,6 @@ def _check_finite(values: Arrays, conditions: Conditions, batch: batches.MapBatc
 
 
 def _conditions(scene, velocity, pressure, temperature):
-    """Return the checked conditions and the dtype of conditions and results."""
     given = {"velocity": velocity, "pressure": pressure}
     if temperature is not None:
         given["temperature"] = temperature
@@ -254,7 +263,6 @@ def _conditions(scene, velocity, pressure, temperature):
 
 
 def _check(scene, quantities, quadrature, block):
-    """Return the quantities as a tuple; raise ValueError for a bad argument."""
     quantities = (quantities,) if isinstance(quantities, str) else tuple(quantities)
     for name in quantities:
         if name not in Solution._fields:

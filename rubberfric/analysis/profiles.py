@@ -49,10 +49,13 @@ _SEPARATION_COUNT, _SEPARATION_BLOCK = 100, 8
 
 
 class Profile(NamedTuple):
-    """Results of `profile`, of shape [q], or [conditions..., q] if they depend on the conditions."""
+    """Results of `profile`.
+
+    A field has the shape [q], or [conditions..., q] if the field depends on the conditions.
+    """
 
     q: jax.Array  # wavevectors [1/m]
-    magnification: jax.Array  # q over the first wavevector of the roughness [-]
+    magnification: jax.Array  # q / (first wavevector of the roughness) [-]
     area: jax.Array  # P(q), relative contact area at resolution q [-]
     fluctuation: jax.Array  # G(q), with P = erf(1 / (2 sqrt G)) [-]
     energy_factor: jax.Array  # S(q) [-]
@@ -121,7 +124,11 @@ def profile(
 def checked_wavevectors(
     q: ArrayLike | None, ndim: int, conditions: Sequence[jax.Array | None], scene: Scene
 ) -> jax.Array | None:
-    """Check the wavevectors and cast them to the dtype of the conditions; None stays None."""
+    """Check the wavevectors, and cast them to the dtype of the conditions.
+
+    If `q` is None, the result is None. A ValueError is raised if `q` is None and `ndim` is 1 for a scene
+    without roughness.
+    """
     if q is not None:
         q = as_leaf("q", q, ndim)
         check_values("q", q, POSITIVE)
@@ -164,7 +171,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
 
 
 def default_wavevectors(laws: Sequence[BrokenPowerLaw], count: int = _COUNT) -> jax.Array:
-    """Return wavevectors equally spaced in ln q over all roughness."""
+    """Return `count` wavevectors over all roughness, equally spaced in ln q."""
     first = functools.reduce(jnp.minimum, [law.q[0] for law in laws])
     last = functools.reduce(jnp.maximum, [law.q[-1] for law in laws])
     within = first * jnp.exp(log_ratio(last, first) * (np.arange(1, count - 1) / (count - 1)))
@@ -173,19 +180,28 @@ def default_wavevectors(laws: Sequence[BrokenPowerLaw], count: int = _COUNT) -> 
 
 
 def fluctuation_at_borders(prepared: Prepared, contact: Contact, count: int) -> jax.Array:
-    """Return G without S (A11) at the last `count` borders, (points, borders)."""
+    """Return G without S, eq. (A11), at the last `count` borders.
+
+    The result has the shape (points, count).
+    """
     return jnp.maximum(sum_below_borders(prepared, contact.G_panels, count), 0.0)
 
 
 def sum_below_borders(prepared: Prepared, panels: jax.Array, count: int) -> jax.Array:
-    """Sum (panels, points) over the panels below each of the last `count` borders, (points, borders)."""
+    """Sum over all panels below each of the last `count` borders.
+
+    `panels` has the shape (panels, points). The result has the shape (points, count).
+    """
     before, below = prepared.roughness.mesh.panels_below, jnp.cumsum(panels, 0)
     assert before is not None  # the mesh has borders
     return jnp.concatenate([jnp.zeros_like(panels[:1]), below])[before[-count:]].T
 
 
 def contact_at_borders(prepared: Prepared, contact: Contact, count: int) -> tuple[jax.Array, jax.Array]:
-    """Return x and G at the last `count` borders, with S in G if the scene has it, (points, borders)."""
+    """Return x and G at the last `count` borders, of shape (points, count).
+
+    G contains S if the scene has `area_correction`.
+    """
     plain = fluctuation_at_borders(prepared, contact, count)
     x_plain = contact_argument(plain)
     x = contact.corrected(x_plain)
@@ -194,7 +210,6 @@ def contact_at_borders(prepared: Prepared, contact: Contact, count: int) -> tupl
 
 
 def _over_wavevectors(prepared, densities, q, points):
-    """Compute fields of Profile at points, (points, wavevectors)."""
     contact, temperatures = solved(prepared, *points)
     x, G = contact_at_borders(prepared, contact, q.shape[0])
     P = contact_fraction(x)
@@ -222,11 +237,14 @@ def _over_wavevectors(prepared, densities, q, points):
 def density_of(
     surface: RoughSurface, scale: jax.Array, kind: str, q: jax.Array
 ) -> Callable[[jax.Array, SurfaceTemperatures], jax.Array | float]:
-    """Return the function for q^4 C <cos phi Im K'> ("mean_cos_loss") or q^4 C <|K'|^2> ("mean_abs2").
+    """Return a function that evaluates the density of a mean at the wavevectors q.
 
-    K' is the series stiffness in units of the scale, including all factors. The function takes the velocity
-    and the temperatures of both solids, None, (points,) or (points, wavevectors). It returns an array
-    (points, wavevectors), or 0.0 without dissipation.
+    The density is q^4 C <cos(phi) Im K'> for "mean_cos_loss", and q^4 C <|K'|^2> for "mean_abs2". K' is the
+    series stiffness in units of the scale, including all factors.
+
+    The function takes the velocity and the `SurfaceTemperatures`. A temperature is None, or has the shape
+    (points,) or (points, wavevectors). The function returns an array of shape (points, wavevectors), or 0.0
+    if there is no dissipation.
     """
     law = surface.law
     inside = (q >= law.q[0]) & (q <= law.q[-1])
@@ -252,14 +270,16 @@ def _root(square):
 
 
 def _without_roughness(q, shape):
-    """Return the profile of two smooth solids: full contact."""
     one, none = jnp.ones((*shape, q.shape[0]), q.dtype), jnp.zeros_like(q)
     nothing = jnp.zeros_like(one)
     return Profile(q, q / q[0], one, nothing, one, nothing, nothing, none, none)
 
 
 class SeparationProfile(NamedTuple):
-    """Results of `separation_profile`; q has the shape [q], the other fields have [conditions..., q]."""
+    """Results of `separation_profile`.
+
+    `q` has the shape [q]. The other fields have the shape [conditions..., q].
+    """
 
     q: jax.Array  # wavevectors [1/m]
     area: jax.Array  # P(q), of the plain G [-]
@@ -308,8 +328,9 @@ def separation_profile(
     ------
     ValueError : as `profile`; a heated scene.
 
-    Limits: velocity and temperature are the same at every q. Uses the plain G like `separation`. Takes a
-    thousand times the work of `separation`, with a mesh for every q. Smooth solids have u1 = u_bar = 0.
+    Limits: velocity and temperature are the same at every q. G does not contain S, as in `separation`. The
+    computation takes a thousand times the work of `separation`, with one mesh for every q. Smooth solids have
+    u1 = u_bar = 0.
     """
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
     check_without(scene, ("adhesion", "correlation"), "the separation")
@@ -336,7 +357,6 @@ def _separation_profile(scene, velocity, pressure, temperature, q, *, quadrature
 
 
 def _separations(scene, prepared, surfaces, densities, q, quadrature, points):
-    """Compute fields of SeparationProfile at points, (points, wavevectors)."""
     velocity, pressure, *temperature = points
     contact, _ = solved(prepared, *points)
     ratio = contact.modulus_over_pressure[:, None]
@@ -369,7 +389,10 @@ def _separations(scene, prepared, surfaces, densities, q, quadrature, points):
 
 
 def _beyond(law, q):
-    """Remove roughness below q from a power law: its pieces below q get zero width."""
+    """Remove the roughness below q from a power law.
+
+    The pieces of the power law below q get zero width.
+    """
     # At a kink the derivative with respect to q is taken from the piece above.
     q = jnp.where(q < law.q[-1], q, law.q[-1])
     above = law.q > q

@@ -66,7 +66,7 @@ class Outcome(NamedTuple):
 
 
 class Errors(NamedTuple):
-    """Largest relative errors over the points; None for gradients that were not computed."""
+    """Largest relative errors over the points. A gradient is None if it was not computed."""
 
     area: float
     friction: float
@@ -103,7 +103,11 @@ class Reference(NamedTuple):
 def case_of(
     scene: Scene, velocity: ArrayLike, pressure: ArrayLike, temperature: ArrayLike | None = None
 ) -> Case:
-    """Return the `Case` in double precision. Raise ValueError as `solve` does, or if x64 is disabled."""
+    """Return the `Case` of a scene and conditions, in double precision.
+
+    A ValueError is raised if an argument is invalid, if there are no points, or if double precision is
+    switched off.
+    """
     if jnp.result_type(float) != jnp.float64:
         raise ValueError(
             "errors are measured in float64, which is switched off; "
@@ -128,7 +132,7 @@ def rounded(case: Case) -> Case:
 
 
 def refused(case: Case) -> str:
-    """Return the error of `solve` if single precision cannot represent the scene, else ""."""
+    """Return the error message of `solve` if single precision cannot represent the scene, otherwise ""."""
     (scene, conditions), _ = arguments(case, jnp.float32)
     try:
         solve(scene, *conditions, quantities=())
@@ -138,7 +142,10 @@ def refused(case: Case) -> str:
 
 
 def forward_of(quadrature: Quadrature) -> Callable[[Scene, CaseConditions], jax.Array]:
-    """Return the function (scene, conditions) -> values, (quantities, points)."""
+    """Return a function that computes the quantities of a scene with a given quadrature.
+
+    The function takes (scene, conditions) and returns an array of shape (quantities, points).
+    """
 
     def forward(scene: Scene, conditions: CaseConditions) -> jax.Array:
         solution = solve(scene, *conditions, quadrature=quadrature)
@@ -150,7 +157,12 @@ def forward_of(quadrature: Quadrature) -> Callable[[Scene, CaseConditions], jax.
 def gradient_of(
     quadrature: Quadrature,
 ) -> Callable[[Scene, CaseConditions, jax.Array], tuple[jax.Array, Any]]:
-    """Return the function (scene, conditions, weight) -> values, gradient of their weighted sum."""
+    """Return a function that computes quantities and a gradient with a given quadrature.
+
+    The function takes (scene, conditions, weight) and returns (values, gradient). `weight` and the values
+    have the shape (quantities, points). The gradient is the derivative of the weighted sum of the values with
+    respect to the scene and the conditions.
+    """
 
     def gradient(scene: Scene, conditions: CaseConditions, weight: jax.Array) -> tuple[jax.Array, Any]:
         values, pull = jax.vjp(forward_of(quadrature), scene, conditions)
@@ -160,20 +172,20 @@ def gradient_of(
 
 
 def compiled(function: Callable[..., Any], *arguments: Any) -> tuple[Compiled, float]:
-    """Compile a function for its arguments; return it with the compile time [s]."""
+    """Compile a function for given arguments, and return the result and the compile time [s]."""
     begin = time.perf_counter()
     ready = jax.jit(function).lower(*arguments).compile()
     return ready, time.perf_counter() - begin
 
 
 def arguments(case: Case, dtype: type) -> tuple[tuple[Scene, CaseConditions], jax.Array]:
-    """Return (scene, conditions) and unit weights of the values, in one dtype."""
+    """Return (scene, conditions) of a case and unit weights for all values, in one dtype."""
     scene, conditions = cast((case.scene, case.conditions), dtype)
     return (scene, conditions), jnp.ones((len(QUANTITIES), conditions[0].size), dtype)
 
 
 def outcome(gradient: Compiled, case: Case, dtype: type = jnp.float64) -> Outcome:
-    """Evaluate a compiled `gradient_of` for a case; return values and sensitivities."""
+    """Evaluate a compiled function from `gradient_of`, and return values and sensitivities."""
     at, ones = arguments(case, dtype)
     numbers = [np.asarray(leaf, float) for leaf in jax.tree_util.tree_leaves(at)]
     values, sensitivities = np.empty(0), []
@@ -189,9 +201,9 @@ def outcome(gradient: Compiled, case: Case, dtype: type = jnp.float64) -> Outcom
 
 
 def measured(case: Case, quadrature: Quadrature, gradients: bool = True) -> tuple[Outcome, Compiled]:
-    """Evaluate a setting in double precision; return the `Outcome` and the compiled function.
+    """Evaluate a setting in double precision, and return the `Outcome` and the compiled function.
 
-    Without gradients, sensitivities are None.
+    If `gradients` is False, the sensitivities are None.
     """
     at, ones = arguments(case, jnp.float64)
     if gradients:
@@ -208,7 +220,10 @@ def reference(case: Case, gradients: bool = True) -> Reference:
 
 
 def compare_outcomes(found: Outcome, exact: Outcome, case: Case) -> Errors:
-    """Return the errors of an outcome; without sensitivities, only the errors of the values."""
+    """Return the errors of an outcome.
+
+    If an outcome has no sensitivities, only the errors of the values are computed.
+    """
     scale = np.abs(exact.values)
     scale[QUANTITIES.index("separation")] += _NEGLIGIBLE * case.height
     worst = _relative(np.abs(found.values - exact.values), scale)
@@ -220,7 +235,10 @@ def compare_outcomes(found: Outcome, exact: Outcome, case: Case) -> Errors:
 
 
 def _relative(difference: np.ndarray, scale: np.ndarray) -> list[float]:
-    """Return the largest ratios over the last axis; 0/0 = 0, and non-finite ratios count as infinite."""
+    """Return the largest ratio along the last axis, for each row.
+
+    0/0 counts as 0. Other ratios that are not finite count as infinite.
+    """
     ratio = difference / np.where(scale > 0, scale, 1.0)
     ratio = np.where((scale > 0) | (difference == 0), ratio, np.inf)
     return [float(x) for x in np.max(np.where(np.isfinite(ratio), ratio, np.inf), -1)]
@@ -241,7 +259,7 @@ SETTINGS = (
 
 
 def node_count(scene: Scene, quadrature: Quadrature) -> int:
-    """Return the number of nodes in q per point, for the contact and for the stiffness."""
+    """Return the number of nodes in q per point: contact nodes plus angular nodes."""
     laws = [pair.law for pair in rough_surfaces_of(scene)]
     if not laws:
         return 0
@@ -270,8 +288,8 @@ def quadrature_for(
 ) -> Quadrature:
     """Find the cheapest setting that meets a relative error on a scene.
 
-    Compares `SETTINGS` with the reference of this module in double precision. Takes 10 ... 30 s, mostly for
-    compilation.
+    The function compares `SETTINGS` with the reference of this module in double precision. The comparison
+    takes 10 to 30 s, mostly for compilation.
 
     Parameters
     ----------

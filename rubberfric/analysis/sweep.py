@@ -77,7 +77,7 @@ class Accuracy(NamedTuple):
         return self._cheapest(lambda errors: errors.value, lambda row: row.forward)
 
     def known(self, row: Row) -> Errors:
-        """Return the errors of a row, but at least the resolution of the reference."""
+        """Return the errors of a row, where no error is below the resolution of the reference."""
         bounds = {name: _KNOWN * a for name, a in self.agreement._asdict().items() if a is not None}
         errors = row.errors._asdict()
         return row.errors._replace(
@@ -85,11 +85,10 @@ class Accuracy(NamedTuple):
         )
 
     def report(self) -> str:
-        """Return the table and the cheapest settings in lines of at most 110 characters."""
+        """Return the table and the cheapest settings as text, with lines of at most 110 characters."""
         return "\n".join(self._lines())
 
     def _repr_html_(self) -> str:
-        """Return a table for notebooks."""
         knobs = self._varied()
         names = ("area", "mu", "u_bar")
         headings = ("method", "/".join(knobs), "nodes", *(f"error of {name} [-]" for name in names))
@@ -99,10 +98,10 @@ class Accuracy(NamedTuple):
         return table([*rows, *self._about_reference(), *self._choices()], headings, self._about())
 
     def write(self, path: StrPath) -> None:
-        """Write the rows as a CSV table with two header rows, names and units, completely or not at all.
+        """Write the rows as a CSV table, completely or not at all.
 
-        Errors below the resolution of the reference are written as that resolution. Raises ValueError if the
-        file cannot be written.
+        Two header rows have the names and the units. Errors below the resolution of the reference are written
+        as that resolution. A ValueError is raised if the file cannot be written.
         """
         check_writable(path, (".csv",))
         quantities = ("area", "friction", "separation")
@@ -163,13 +162,19 @@ class Accuracy(NamedTuple):
         yield from self._choices()
 
     def _varied(self) -> tuple[str, ...]:
-        """Return the names of the fields of the settings, without `heat` if it is equal in all settings."""
+        """Return the names of the fields of `Quadrature` that are shown.
+
+        The field `heat` is left out if all settings have the same value of `heat`.
+        """
         settings = [row.setting for row in self.rows if row.method == "panels"]
         same = {knob for knob in ("heat",) if len({getattr(one, knob) for one in settings}) < 2}
         return tuple(knob for knob in _KNOBS if knob not in same)
 
     def _cells(self, row: Row, knobs: tuple[str, ...]) -> tuple[str, ...]:
-        """Return texts of a row: setting, nodes, six errors, two run times [ms], two compile times [s]."""
+        """Return the texts of a row of the table.
+
+        The texts are the setting, the nodes, six errors, two run times [ms] and two compile times [s].
+        """
         errors = (
             "-" if error is None or known is None else "<" * (known > error) + f"{known:.0e}"
             for error, known in zip(row.errors, self.known(row), strict=True)
@@ -180,7 +185,6 @@ class Accuracy(NamedTuple):
         return (short_setting(row.setting, knobs), f"{row.nodes}", *errors, *texts)
 
     def _choices(self) -> Iterator[str]:
-        """Return the lines about the cheapest settings; one line if the same setting serves both uses."""
         values, both = self.chosen_values, self.chosen
         if values is None or values is not both:
             yield from self._choice("values", values, self.agreement.value)
@@ -218,14 +222,18 @@ class Accuracy(NamedTuple):
 
 
 def short_setting(setting: Quadrature | tuple[int, int], knobs: tuple[str, ...]) -> str:
-    """Format a setting briefly: values of its fields, or the sizes of the textbook method."""
+    """Format a setting as a short text.
+
+    A Quadrature becomes the values of the fields `knobs`, such as "8/5/1". A size of the textbook method
+    becomes a text such as "100 x 32".
+    """
     if not isinstance(setting, Quadrature):
         return f"{setting[0]} x {setting[1]}"
     return "/".join(f"{getattr(setting, knob):g}" for knob in knobs)
 
 
 Key = TypeVar("Key")
-Timed = tuple[Row, dict[str, Callable[[], Any]]]  # a row without run times, and the calls to time
+Timed = tuple[Row, dict[str, Callable[[], Any]]]  # a row without run times, and the functions to time
 
 # Nodes of the textbook method, (ln q, phi).
 TEXTBOOK = ((50, 16), (100, 32), (200, 64), (400, 128))
@@ -251,10 +259,10 @@ def accuracy(
 
     Errors of area, friction and separation and of their gradients are relative to a reference that validates
     itself (`rubberfric.analysis.reference`). Settings in single precision are compared at inputs rounded to
-    it. Single precision is left out if it cannot represent the scene. Times are medians over alternating
-    rounds of compiled calls for all three quantities at all points. The gradient of the sum of the three
-    quantities is taken with respect to every number of the scene and the conditions. It is computed together
-    with the values.
+    single precision. Single precision is left out if it cannot represent the scene. Times are medians over
+    alternating rounds of compiled calls for all three quantities at all points. The gradient of the sum of
+    the three quantities is taken with respect to every number of the scene and the conditions. The gradient
+    is computed together with the values.
 
     Parameters
     ----------
@@ -279,8 +287,8 @@ def accuracy(
     Returns
     -------
     Accuracy. `chosen` is the cheapest setting for values and gradients, `chosen_values` for values alone.
-    They are None if no setting meets `error`, or if the refinements of the reference do not agree to a tenth
-    of it.
+    A row is None if no setting meets `error`, or if the refinements of the reference do not agree to a tenth
+    of `error`.
 
     Raises
     ------
@@ -348,7 +356,10 @@ def in_float32(settings: Sequence[Quadrature], errors: Sequence[float]) -> list[
 
 
 def in_turns(functions: Mapping[Key, Callable[[], Any]], rounds: int) -> dict[Key, float]:
-    """Return the median times of several functions [s], called alternately in every round."""
+    """Return the median run time of each function [s].
+
+    The functions are called alternately in every round.
+    """
     times: dict[Key, list[float]] = {name: [] for name in functions}
     for function in functions.values():
         jax.block_until_ready(function())
@@ -368,7 +379,10 @@ def in_turns(functions: Mapping[Key, Callable[[], Any]], rounds: int) -> dict[Ke
 
 
 def _panels(case: reference.Case, exact: reference.Outcome, setting: Quadrature, dtype: type) -> Timed:
-    """Return the row of a setting, with run times still missing, and the functions to be timed."""
+    """Compile and evaluate a setting, and return the `Row` and the functions to time.
+
+    The row has no run times yet.
+    """
     at, ones = reference.arguments(case, dtype)
     forward, forward_seconds = reference.compiled(reference.forward_of(setting), *at)
     gradient, gradient_seconds = reference.compiled(reference.gradient_of(setting), *at, ones)
@@ -386,7 +400,10 @@ def _panels(case: reference.Case, exact: reference.Outcome, setting: Quadrature,
 
 
 def _textbook(case: reference.Case, exact: reference.Outcome, size: tuple[int, int]) -> Timed:
-    """Return the row of a size of the textbook method, and the call to time."""
+    """Compile and evaluate a size of the textbook method, and return the `Row` and the function to time.
+
+    The row has no run times yet.
+    """
     spectra = [body.spectrum for body in (case.scene.lower, case.scene.upper) if body.spectrum is not None]
     pieces = sum(one.power_law().q.size for one in spectra) - 1
     nodes = paper.trapezoid_nodes(max(2, round(size[0] / pieces)), size[1])
@@ -403,7 +420,7 @@ def _textbook(case: reference.Case, exact: reference.Outcome, size: tuple[int, i
 
 
 def with_automatic(scene: Scene, automatic: Quadrature) -> tuple[Quadrature, ...]:
-    """Insert the automatic setting into `SETTINGS`, in order of increasing work."""
+    """Insert the automatic setting into `SETTINGS`, in the order of increasing work."""
     if automatic in SETTINGS:
         return SETTINGS
     work = node_count(scene, automatic)
@@ -414,11 +431,11 @@ def with_automatic(scene: Scene, automatic: Quadrature) -> tuple[Quadrature, ...
 def _check(settings: Sequence[Quadrature], textbook: Sequence[tuple[int, int]], repeats: int) -> None:
     for setting in settings:
         if not isinstance(setting, Quadrature):
-            raise ValueError(f"settings has {setting!r}: must be Quadrature objects")
+            raise ValueError(f"settings has {setting!r}: every setting must be a Quadrature")
     if not settings:
         raise ValueError("settings is empty; give at least one")
     for size in textbook:
         if np.shape(size) != (2,) or not all(isinstance(n, int) and n >= 2 for n in size):
-            raise ValueError(f"textbook has {size!r}: must be pairs of integers >= 2")
+            raise ValueError(f"textbook has {size!r}: every size must be a pair of integers >= 2")
     if isinstance(repeats, bool) or not isinstance(repeats, int) or repeats < 1:
         raise ValueError(f"repeats = {repeats!r}: must be an integer >= 1")

@@ -49,7 +49,7 @@ def friction_table(
         temperature None: every shift at its reference temperature.
     error : largest relative error of mu by multilinear interpolation, in v, p and T themselves
     quadrature : Quadrature, static
-    title : of the table, in its file
+    title : title of the table in the file
 
     Returns
     -------
@@ -98,11 +98,10 @@ def _between(x):
 
 
 def _ends(name, given):
-    """Return (lowest, highest) of an axis."""
     values = np.asarray(as_leaf(name, given, np.ndim(given)), float).ravel()
     check_values(name, values, POSITIVE)
     if values.size not in (1, 2) or values[0] > values[-1]:
-        raise ValueError(f"{name} = {shown(given)}: must be (lowest, highest), or a number")
+        raise ValueError(f"{name} = {shown(given)}: {name} must be (lowest, highest) or a number")
     return float(values[0]), float(values[-1])
 
 
@@ -114,7 +113,7 @@ def _points(name: str, ends: tuple[float, float], count: int) -> np.ndarray:
 
 
 def _computed(scene, axes, quadrature):
-    """Return mu and A/A0 on a grid [temperature, pressure, velocity]."""
+    """Return mu and A/A0 on a grid, as arrays [temperature, pressure, velocity]."""
     whether = ("converged",) if iterates(scene) else ()
     solution = friction_map(
         scene, *axes, quantities=("friction", "area", *whether), quadrature=quadrature
@@ -131,7 +130,7 @@ def _computed(scene, axes, quadrature):
 
 
 def _halved(axis, mu, place):
-    """Return the largest relative error of interpolating every second point from its neighbours."""
+    """Return the largest relative error if every second point is interpolated from its neighbours."""
     if axis.size == 1:
         return 0.0
     values = np.moveaxis(mu, place, 0)
@@ -141,7 +140,10 @@ def _halved(axis, mu, place):
 
 
 def _kept(axis, mu, place, share):
-    """Return indices of the kept points of an axis, each as far from the previous one as `share` allows."""
+    """Return the indices of the points of an axis that are kept.
+
+    Each kept point is as far from the previous kept point as the error `share` allows.
+    """
     if axis.size == 1:
         return [0]
     values = np.moveaxis(mu, place, 0).reshape(axis.size, -1)
@@ -160,5 +162,4 @@ def _kept(axis, mu, place, share):
 
 
 def _along(place, weights, values):
-    """Multiply one axis of an array by a matrix."""
     return np.moveaxis(np.tensordot(weights, values, (1, place)), 0, place)

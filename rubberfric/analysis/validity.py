@@ -118,7 +118,7 @@ def theory_error(scene: Scene, area: ArrayLike | None = None) -> TheoryError | N
     Returns
     -------
     TheoryError over all areas between 0.003 and 0.8; None without such areas, or if the table does not cover
-    the scene. It covers a rigid self-affine surface, H = 0.6 ... 1, q1/qr = 8 ... 64, under a smooth
+    the scene. The table covers a rigid self-affine surface, H = 0.6 ... 1, q1/qr = 8 ... 64, under a smooth
     viscoelastic half-space without heating or softening, with gamma about 1/2.
 
     Sources: notebooks/boundary_elements.csv, which notebooks/boundary_elements.py makes. The errors for
@@ -146,7 +146,6 @@ def theory_error(scene: Scene, area: ArrayLike | None = None) -> TheoryError | N
 
 
 def _covered(scene):
-    """Return True if the table covers the scene."""
     for rough, smooth in ((scene.lower, scene.upper), (scene.upper, scene.lower)):
         spectrum = rough.spectrum
         if (
@@ -164,7 +163,7 @@ def _covered(scene):
 
 
 def tabulated_solids(scene: Scene) -> list[str]:
-    """Return which of "lower" and "upper" have a tabulated modulus."""
+    """Return the names of the solids with a tabulated modulus: "lower", "upper" or both."""
     bodies = {"lower": scene.lower, "upper": scene.upper}
     return [name for name, body in bodies.items() if isinstance(body.material, TabulatedModulus)]
 
@@ -223,7 +222,6 @@ class AdhesionVerdict(NamedTuple):
     words: str  # verdict from the smallest ratio
 
     def __str__(self) -> str:
-        """Return the verdict."""
         return self.words
 
 

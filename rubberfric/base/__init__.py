@@ -1,4 +1,4 @@
-"""Parts without physics: objects and their rules, quadrature, units, files, progress."""
+"""Modules without physics: fields and checks of objects, quadrature, units, files and progress."""
 
 from rubberfric.base import lazy
 

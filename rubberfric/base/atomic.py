@@ -1,4 +1,4 @@
-"""Files: checks before reading, text in several encodings, and writing completely or not at all."""
+"""Check files before reading, read text in several encodings, and write files completely or not at all."""
 
 import contextlib
 import errno
@@ -30,7 +30,11 @@ _lock = threading.Lock()
 
 
 def as_path(path: StrPath) -> Path:
-    """Return a `Path`; ValueError for another type, which is given if arguments are in the wrong order."""
+    """Convert a string or a path object to a `Path`.
+
+    A value of another type raises ValueError. Such a value usually means that the arguments of a call are in
+    the wrong order.
+    """
     try:
         return Path(path)
     except TypeError:
@@ -38,7 +42,7 @@ def as_path(path: StrPath) -> Path:
 
 
 def begin(path: Path) -> None:
-    """Register a file or folder for removal if a signal ends the process before `finish`."""
+    """Register a file or folder for removal if a signal ends the process before `finish` is called."""
     with _lock:
         _begun.add(path)
 
@@ -50,7 +54,10 @@ def finish(path: Path) -> None:
 
 
 def remove_begun(then: Callable[[], None] = lambda: None) -> None:
-    """Remove all incomplete files, and call `then` before another thread can begin a file."""
+    """Remove all files and folders that `begin` registered, and then call `then`.
+
+    No other thread can register a file before `then` is called.
+    """
     with _lock:
         try:
             for path in _begun:
@@ -64,7 +71,7 @@ def remove_begun(then: Callable[[], None] = lambda: None) -> None:
 
 
 def _remove_folder(path: Path) -> None:
-    """Remove a folder that contains only files, without shutil, which takes long to import."""
+    # Importing shutil, whose rmtree would do this, takes long.
     for file in path.glob("*"):
         file.unlink(missing_ok=True)
     with contextlib.suppress(OSError):  # another thread removed it, or is about to
@@ -73,7 +80,10 @@ def _remove_folder(path: Path) -> None:
 
 @contextlib.contextmanager
 def temporary_folder(parent: StrPath) -> Iterator[Path]:
-    """Make a hidden folder in `parent`; the end of the `with` block or `remove_begun` removes it."""
+    """Make a hidden folder in `parent`, and yield the path of the folder.
+
+    The folder is removed at the end of the `with` block, or by `remove_begun` if a signal ends the process.
+    """
     folder = Path(parent) / f".writing-{os.urandom(8).hex()}"
     begin(folder)  # first, so that a signal between the two lines leaves no folder
     try:
@@ -86,10 +96,11 @@ def temporary_folder(parent: StrPath) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def replacing(path: StrPath) -> Iterator[Path]:
-    """Yield a temporary path to write to; at the end rename the file to `path`, or remove it on failure.
+    """Yield a temporary path, and rename the file written there to `path` after the `with` block.
 
-    The temporary file lies in a hidden folder beside `path`, so that the rename stays on
-    one file system, and has the name of `path`, so that its suffix shows its format.
+    If the block raises an exception, the temporary file is removed. The temporary file lies in a hidden
+    folder in the folder of `path`, so that the rename stays on one file system. The temporary file has the
+    name of `path`, so that the suffix shows the format.
     """
     place = Path(path).resolve()  # a link is followed, not replaced
     with temporary_folder(place.parent) as folder:
@@ -104,7 +115,10 @@ def replacing(path: StrPath) -> Iterator[Path]:
 
 
 def write_durably(path: StrPath, content: bytes | memoryview) -> None:
-    """Write bytes completely or not at all, and wait until they are on the disk; OSError if this fails."""
+    """Write bytes to a file completely or not at all, and wait until they are on the disk.
+
+    An OSError is raised if the bytes cannot be written.
+    """
     path = Path(path).resolve()  # a link is followed, not replaced
     # Always the same name: the next process overwrites the file that a killed one left.
     temporary = path.with_name(f".{path.name}.writing")
@@ -138,7 +152,8 @@ def check_suffix(path: StrPath, suffixes: tuple[str, ...]) -> None:
 def check_readable(path: StrPath, largest: int | None = None) -> None:
     """Raise ValueError if a file cannot be read, is too large, or is not a regular file.
 
-    Reading a pipe or a device could wait forever or fill the memory.
+    `largest` is the largest allowed size in bytes. Pipes and devices are refused because reading them could
+    wait forever or fill the memory.
     """
     try:
         found = os.stat(path)
@@ -161,7 +176,11 @@ def check_readable(path: StrPath, largest: int | None = None) -> None:
 
 
 def check_writable(path: StrPath, suffixes: tuple[str, ...]) -> None:
-    """Raise ValueError if a file cannot be written: wrong suffix, no folder, or no permission."""
+    """Raise ValueError if a path has none of the suffixes or cannot be written.
+
+    A path cannot be written if the folder is missing, if the path is a folder, a pipe or a device, or if the
+    user lacks permission.
+    """
     check_suffix(path, suffixes)
     path = as_path(path)
     try:
@@ -180,12 +199,14 @@ def check_writable(path: StrPath, suffixes: tuple[str, ...]) -> None:
 def read_text(path: StrPath, exports: bool = False) -> str:
     """Return the text of a UTF-8 file.
 
-    With `exports`, UTF-16, Latin-1 signs such as ° and µ, and Excel's .xlsx are read as well. A workbook
-    requires openpyxl. Its first sheet with numbers becomes lines of cells separated by tabs.
+    If `exports` is True, files in UTF-16, files in Latin-1 with signs such as ° and µ, and Excel workbooks
+    (.xlsx) are read too. A workbook requires openpyxl. The first sheet that contains numbers becomes lines of
+    cells separated by tabs.
 
     Raises
     ------
-    ValueError : the file is missing, too large, not a regular file or not UTF-8; the message has one line.
+    ValueError : the file is missing, too large, not a regular file, or has an unknown encoding
+        The message has one line.
     """
     check_readable(as_path(path), LARGEST_FILE)
     if exports and as_path(path).suffix.lower() == ".xlsx":
@@ -204,7 +225,6 @@ def read_text(path: StrPath, exports: bool = False) -> str:
 
 
 def _sheet(path: StrPath) -> str:
-    """Return the first sheet with numbers of a workbook as text."""
     try:
         openpyxl: Any = importlib.import_module("openpyxl")
     except ImportError:
@@ -227,17 +247,23 @@ def _sheet(path: StrPath) -> str:
 
 
 def _check_unpacked(file: IO[bytes]) -> None:
-    """Raise ValueError if a workbook, which is an archive, unpacks to more than `LARGEST_FILE` bytes."""
+    """Raise ValueError if a workbook, which is a ZIP archive, unpacks to more than `LARGEST_FILE` bytes."""
     import zipfile
 
     size = sum(part.file_size for part in zipfile.ZipFile(file).infolist())
     if size > LARGEST_FILE:
-        raise ValueError(f"has {size / 2**20:.0f} MiB unpacked: must have at most {LARGEST_FILE / 2**20:.0f}")
+        raise ValueError(
+            f"has {size / 2**20:.0f} MiB unpacked; must have at most {LARGEST_FILE / 2**20:.0f} MiB"
+        )
     file.seek(0)
 
 
 def _rows(sheets: Iterable[Any]) -> list[list[tuple[Any, ...]]]:
-    """Return the rows of each sheet; ValueError above `MOST_CELLS`, which one distant cell can exceed."""
+    """Return the rows of each sheet of a workbook.
+
+    A ValueError is raised if the workbook has more than `MOST_CELLS` cells. A single distant cell can cause
+    this error because empty cells are counted.
+    """
     found, cells = [], 0
     for sheet in sheets:
         found.append([])
@@ -245,15 +271,15 @@ def _rows(sheets: Iterable[Any]) -> list[list[tuple[Any, ...]]]:
             cells += len(row)
             if cells > MOST_CELLS:
                 raise ValueError(
-                    f"sheet {sheet.title!r} has more than {MOST_CELLS} cells, including empty cells: "
-                    "must have fewer; delete distant cells, or save the sheet as .csv"
+                    f"the workbook has more than {MOST_CELLS} cells up to sheet {sheet.title!r}, including "
+                    "empty cells; delete distant cells, or save the sheet as .csv"
                 )
             found[-1].append(row)
     return found
 
 
 def _damages() -> tuple[type[Exception], ...]:
-    """Return the exceptions that openpyxl raises for a damaged archive."""
+    """Return the types of exceptions that openpyxl raises for a damaged or encrypted workbook."""
     import zipfile
     import zlib
 
@@ -266,7 +292,10 @@ def _cell(value: object) -> str:
 
 
 def write_text(path: StrPath, text: str) -> None:
-    """Write a text file completely or not at all; ValueError if its folder is missing."""
+    """Write text to a file completely or not at all.
+
+    A ValueError is raised if the folder of the file does not exist.
+    """
     folder = as_path(path).parent
     if not folder.is_dir():
         raise ValueError(f"{path}: cannot be written: folder {str(folder)!r} must exist")

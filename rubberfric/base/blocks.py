@@ -1,4 +1,4 @@
-"""Evaluation of functions over conditions of any shape, and standard lengths of arrays."""
+"""Evaluation of functions at conditions of any shape, and standard lengths of padded arrays."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -10,18 +10,20 @@ import jax.numpy as jnp
 def over_points(
     function: Callable[[list[jax.Array]], Any], conditions: Iterable[jax.Array | None], block: int
 ) -> Any:
-    """Evaluate a function of points over conditions of any shape, in blocks of points.
+    """Evaluate a function at conditions of any shape, in blocks of points.
 
     Parameters
     ----------
-    function : takes [velocity, pressure(, temperature)] of shape (n,), returns a pytree of arrays (n, ...)
-    conditions : velocity, pressure, temperature; None is left out
+    function : function of a list of the given conditions, each of shape (n,)
+        It returns a pytree of arrays of shape (n, ...).
+    conditions : velocity, pressure and temperature. A condition that is None is left out of the list.
     block : number of points evaluated together. Each block is recomputed in the backward pass, so that
         the gradient of 1e5 points takes a few hundred MB.
 
     Returns
     -------
-    the pytree, with the broadcast shape of the conditions instead of (n,)
+    The pytree that `function` returns. The broadcast shape of the conditions replaces the first axis of each
+    array.
     """
     conditions = [x for x in conditions if x is not None]
     shape = jnp.broadcast_shapes(*(x.shape for x in conditions))
@@ -39,10 +41,10 @@ def over_points(
 
 
 def recurring_length(size: int) -> int:
-    """Return the length to which `size` entries are padded: 8, 12, 16 ... 32, 40 ... 64, 80, ...
+    """Return the length to which arrays of `size` entries are padded.
 
-    Above 16 the length exceeds `size` by at most a quarter. A function that was compiled for one length
-    serves all data that are padded to this length.
+    The lengths are 8, 12, 16 ... 32, 40 ... 64, 80 and so on. Above 16 the length exceeds `size` by at most a
+    quarter. A function that was compiled for one length serves all data that are padded to this length.
     """
     step = 2 ** max((size - 1).bit_length() - 3, 2)
     return max(8, -(-size // step) * step)

@@ -1,4 +1,4 @@
-"""Rules for numbers, and error messages: what is wrong, where, and what is allowed."""
+"""Rules for numbers, and error messages that state what is wrong, where, and what is allowed."""
 
 import difflib
 import functools
@@ -29,7 +29,7 @@ PLAUSIBLE_HEIGHT = (0.0, 1.0)  # [m]
 class UnitWarning(UserWarning):
     """Warning that a number of a scene or a condition is probably not in SI units.
 
-    `warnings.simplefilter("ignore", rubberfric.UnitWarning)` switches it off.
+    `warnings.simplefilter("ignore", rubberfric.UnitWarning)` switches the warning off.
     """
 
 
@@ -38,7 +38,7 @@ _PASSED = ("rubberfric", "fitting", "jax", "functools", "contextlib", "copy", "d
 
 
 def warn_caller(text: str, category: type[Warning]) -> None:
-    """Give a warning that points to the calling line outside the packages in `_PASSED`."""
+    """Issue a warning that points to the nearest calling line outside the packages in `_PASSED`."""
     level, frame = 1, sys._getframe()
     while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _PASSED:
         level, frame = level + 1, frame.f_back
@@ -53,17 +53,20 @@ def shown(value: object) -> str:
 
 
 def between(low: float, high: float) -> Rule:
-    """Return the rule low <= value <= high."""
+    """Return the rule that a value must satisfy low <= value <= high."""
     return (f"must be between {low} and {high}", lambda x: (x >= low) & (x <= high))
 
 
 def is_concrete(value: object) -> bool:
-    """Return False for tracers, whose values are unknown while tracing."""
+    """Return False if a value is a JAX tracer, whose numbers are unknown while JAX traces a function."""
     return not isinstance(value, Tracer)
 
 
 def check_values(name: str, value: Any, rule: Rule) -> None:
-    """Raise ValueError for the first element of a concrete value that is not finite or breaks the rule."""
+    """Raise ValueError if a number or an element of an array is not finite or breaks a rule.
+
+    The message names the first such element. Tracers are not checked.
+    """
     if not is_concrete(value):
         return
     array = np.asarray(value)
@@ -79,10 +82,10 @@ def check_values(name: str, value: Any, rule: Rule) -> None:
 
 
 def as_leaf(name: str, value: Any, ndim: int) -> jax.Array:
-    """Return a float array of a given rank; Python scalars stay weakly typed floats.
+    """Convert a value to a float array with `ndim` dimensions, or raise ValueError.
 
-    Weak typing lets a float32 scene stay float32 with x64 on although its Poisson's ratio is the Python
-    default 0.5.
+    A Python number stays a Python float, which JAX treats as weakly typed. A float32 scene therefore stays
+    float32 in JAX's x64 mode, although the default of Poisson's ratio is the Python number 0.5.
     """
     if isinstance(value, bool | str | bytes) or value is None:
         kind = "a number" if ndim == 0 else "a sequence of numbers"
@@ -108,7 +111,10 @@ def as_leaf(name: str, value: Any, ndim: int) -> jax.Array:
 
 
 def as_array(value: ArrayLike, dtype: str | type | np.dtype | None = None) -> jax.Array:
-    """Return jnp.asarray(value, dtype) without compiling a copy for every new shape (10 ms each)."""
+    """Return the same array as `jnp.asarray(value, dtype)`, without compiling for every new shape.
+
+    `jnp.asarray` needs 10 ms to compile a copy for each new shape.
+    """
     if isinstance(value, jax.Array):
         return jnp.asarray(value, dtype)
     # A copy, because JAX keeps the memory of an array, which a user may change later.
@@ -116,11 +122,11 @@ def as_array(value: ArrayLike, dtype: str | type | np.dtype | None = None) -> ja
 
 
 def as_arguments(tree: Any, dtype: str | type | np.dtype) -> Any:
-    """Return a tree of arguments of a jitted function in one dtype.
+    """Convert all leaves of a tree, the arguments of a jitted function, to one dtype.
 
-    Leaves that are not JAX arrays become NumPy arrays, which avoids the 30 us of `as_array`. JAX arrays,
-    which may be differentiated, are converted in one operation, because each operation takes a third of a
-    millisecond.
+    Leaves that are not JAX arrays become NumPy arrays, because `as_array` would take 30 us for each of them.
+    JAX arrays may be differentiated, so they remain JAX arrays. One jitted function converts all of them,
+    because each separate operation would take a third of a millisecond.
     """
     leaves, structure = jax.tree.flatten(tree)
     others = {
@@ -139,7 +145,10 @@ def _converted(values, dtype):
 
 
 def no_list(value: ArrayLike | None) -> Any:
-    """Convert a list or tuple to an array, because a jitted function takes each element as an argument."""
+    """Convert a list or tuple to an array, and return other values unchanged.
+
+    A jitted function would take each element of a list as a separate argument.
+    """
     return jnp.asarray(value) if isinstance(value, list | tuple) else value
 
 
@@ -152,7 +161,10 @@ def check_lengths(owner: str, **vectors: jax.Array) -> None:
 
 
 def check_increasing(name: str, vector: Any) -> None:
-    """Raise ValueError unless a concrete vector increases strictly."""
+    """Raise ValueError unless a vector increases strictly.
+
+    Tracers are not checked.
+    """
     if is_concrete(vector):
         array = np.asarray(vector)
         bad = np.flatnonzero(~(np.diff(array) > 0))
@@ -164,13 +176,17 @@ def check_increasing(name: str, vector: Any) -> None:
 
 
 def either(names: Collection[str]) -> str:
-    """Join names in a sentence: "A, B or C"."""
+    """Join names to a text such as "A, B or C"."""
     *first, last = names
     return f"{', '.join(first)} or {last}" if first else last
 
 
 def closest(name: object, allowed: Collection[str]) -> str:
-    """Return the end of a message about an unknown name: the nearest allowed name, and all names."""
+    """Return the end of an error message about an unknown name.
+
+    The text lists the allowed names. If one of them is similar to the unknown name, the text suggests it
+    first.
+    """
     near = difflib.get_close_matches(str(name), list(allowed), n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
     return f"{hint}must be one of {', '.join(allowed)}" if allowed else "no name is allowed here"

@@ -1,8 +1,8 @@
 """The persistent compilation cache, and XLA options for functions that are compiled to run once.
 
-The cache is JAX's [https://docs.jax.dev/en/latest/persistent_compilation_cache.html]. Each version of jaxlib
-and each processor has a separate folder, because entries of another version or processor may crash. The total
-size of the folders is limited. JAX is imported by the first call.
+The module sets up JAX's cache [https://docs.jax.dev/en/latest/persistent_compilation_cache.html]. Each
+version of jaxlib and each processor has a separate folder, because entries of another version or processor
+may crash. The total size of the folders is limited. JAX is imported by the first call.
 """
 
 import contextlib
@@ -36,27 +36,30 @@ def compilation_cache(folder: StrPath | None = None) -> Path | None:
         rf.compilation_cache()  # first, before anything is computed
 
     An entry serves all calls with the same scene structure, shapes, quadrature, JAX version, XLA flags and
-    processor. The results are bit-identical. The commands use the cache unless --no-cache is given;
-    JAX_ENABLE_COMPILATION_CACHE=false in the environment switches it off everywhere.
+    processor. Loaded functions give bit-identical results. The commands use the cache unless --no-cache is
+    given. JAX_ENABLE_COMPILATION_CACHE=false in the environment switches the cache off everywhere.
 
     Parameters
     ----------
-    folder : the cache folder. None: JAX_COMPILATION_CACHE_DIR, or a folder for this jaxlib version and
-        processor in the user's cache folder: XDG_CACHE_HOME if set, otherwise ~/.cache, ~/Library/Caches on
-        macOS or %LOCALAPPDATA% on Windows. If all such folders together exceed 1 GiB, the oldest are removed.
+    folder : the cache folder, or None
+        None selects JAX_COMPILATION_CACHE_DIR if it is set. Otherwise None selects a folder for this jaxlib
+        version and processor in the user's cache folder, which is XDG_CACHE_HOME if set, otherwise ~/.cache,
+        ~/Library/Caches on macOS or %LOCALAPPDATA% on Windows. If all such folders together exceed 1 GiB, the
+        oldest folders are removed.
 
     Returns
     -------
-    The folder. None if the cache is switched off, or if the folder cannot be written to. None also if other
-    users may write to the default folder, because entries are executed.
+    The folder, or None if the cache is not used. The cache is not used if it is switched off, if the folder
+    cannot be written to, or if other users may write to the default folder. The last case would be unsafe
+    because the entries are executed.
 
     Notes
     -----
     On processors with AVX-512, jax 0.10 logs two lines for each function that it loads
-    (``+prefer-no-gather is not supported``). They are harmless: they name preferences of XLA's compiler, not
-    instructions [https://github.com/jax-ml/jax/issues/38445]. TF_CPP_MIN_LOG_LEVEL=3 in the environment hides
-    them; the commands set it. Some versions of JAX compile again instead of loading an entry;
-    `rubberfric doctor` reports this.
+    (``+prefer-no-gather is not supported``). The lines are harmless because they name preferences of XLA's
+    compiler, not instructions [https://github.com/jax-ml/jax/issues/38445]. TF_CPP_MIN_LOG_LEVEL=3 in the
+    environment hides the lines, and the commands set this variable. Some versions of JAX compile again
+    instead of loading an entry, which `rubberfric doctor` reports.
     If a killed process or a full disk left an entry incomplete, every process compiles it again, and JAX
     warns.
     """
@@ -104,7 +107,7 @@ def default_folder() -> Path:
 
 
 def _processor() -> str:
-    """Return the processor's name and instruction sets, as far as the system reports them."""
+    """Return the machine type and, if the system reports them, the processor's name and instructions."""
     lines = [platform.machine()]
     with contextlib.suppress(OSError), open("/proc/cpuinfo", encoding="utf-8") as file:
         for line in file:
@@ -116,7 +119,6 @@ def _processor() -> str:
 
 
 def _is_own(folder: Path) -> bool:
-    """Return True if only this user can write to a folder."""
     if not hasattr(os, "getuid"):  # on Windows it lies in the user's profile
         return True
     found = folder.stat()
@@ -124,7 +126,7 @@ def _is_own(folder: Path) -> bool:
 
 
 def _remove_oldest(root: Path) -> None:
-    """Remove the least recently changed folders until the total size is at most `LARGEST_CACHE` bytes."""
+    """Remove the least recently changed folders in `root` until they take at most `LARGEST_CACHE` bytes."""
     folders = [folder for folder in root.glob("*") if folder.is_dir()]
     sizes = {folder: sum(file.stat().st_size for file in folder.glob("*")) for folder in folders}
     for folder in sorted(folders, key=lambda one: one.stat().st_mtime):
@@ -174,8 +176,9 @@ def quick_jit(
 ) -> Callable[[Callable[_Given, _Found]], Callable[_Given, _Found]]:
     """Return a decorator that applies jax.jit with `quick_options`.
 
-    It is for functions that are not called within another trace. The options are evaluated at each call and
-    not when the function is decorated, because this would start JAX, and XLA_FLAGS may change later.
+    The decorator is for functions that are not called within another trace. The options are evaluated at each
+    call. They are not evaluated when the function is decorated, because this would start JAX, and because
+    XLA_FLAGS may change later.
     """
 
     def decorated(function: Callable[_Given, _Found]) -> Callable[_Given, _Found]:

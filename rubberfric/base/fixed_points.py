@@ -1,14 +1,15 @@
-r"""Fixed points y = f(y) of many independent points with implicit derivatives; zeros of scalar functions.
+r"""Fixed points y = f(y) with implicit derivatives, and zeros of functions of one number.
 
-In Anderson's method the next iterate is the combination of the last few with the smallest residual,
+In Anderson's method the next iterate is the combination of the last few iterates with the smallest
+residual,
 
 .. math:: y_{k+1} = y_k + z_k - \sum_m \gamma_m (\Delta y_m + \Delta z_m),\qquad
           \gamma = \arg\min |z_k - \sum_m \gamma_m \Delta z_m|,\qquad z = M (f(y) - y)
 
 [Walker & Ni, SIAM J. Numer. Anal. 49 (2011) 1715]. M is the identity or an approximate inverse of 1 - f'.
 For a linear f the method is equivalent to GMRES, so the same iteration solves the linear systems of the
-derivatives, (1 - f') dy = df and its transpose. For the first zero of a function of one number, `first` finds
-a bracket by even steps, and `zero` uses secants within the bracket.
+derivatives, (1 - f') dy = df and its transpose. For the smallest zero of a function of one number, `first`
+finds a bracket by even steps, and `zero` uses secants within the bracket.
 """
 
 import functools
@@ -20,9 +21,9 @@ import jax.numpy as jnp
 
 _HISTORY, _MOST_STEPS = 7, 80
 
-# Residual over the largest element of a row at which a step is the last, for the iteration and for the linear
-# systems of the derivatives. The last step reduces the residual at least tenfold; friction has an error of
-# 1e-12.
+# A row takes its last step if its residual divided by its largest element is below this tolerance. The first
+# value is for the iteration, the second for the linear systems of the derivatives. The last step reduces the
+# residual at least tenfold, and friction then has an error of 1e-12.
 _TOLERANCE, _LINEAR_TOLERANCE = 1e-7, 1e-9
 
 # Largest number of secant steps, and the slope above which the last step is not verified by an evaluation.
@@ -30,17 +31,20 @@ _MOST_SECANTS, _STEEP = 60, 0.1
 
 
 class Inverse(NamedTuple):
-    """An approximate inverse of 1 - f', the identity plus a product of low rank: 1 + left right."""
+    """An approximate inverse of 1 - f', where f' is the Jacobian of a function f.
+
+    The inverse is the identity plus a product of low rank, 1 + left right.
+    """
 
     left: jax.Array  # (points, n, rank)
     right: jax.Array  # (rank, n)
 
     def __call__(self, x: jax.Array) -> jax.Array:
-        """Apply the inverse to rows x, (points, n)."""
+        """Apply the inverse to the rows of `x`, which has shape (points, n)."""
         return x + jnp.einsum("pnm,pm->pn", self.left, x @ self.right.T)
 
     def transposed(self, x: jax.Array) -> jax.Array:
-        """Apply the transpose of the inverse to rows x, (points, n)."""
+        """Apply the transpose of the inverse to the rows of `x`, which has shape (points, n)."""
         return x + jnp.einsum("pnm,pn->pm", self.left, x) @ self.right
 
 
@@ -50,21 +54,25 @@ def fixed_point(
     inverse: Inverse | None = None,
     tolerance: float | None = None,
 ) -> tuple[jax.Array, jax.Array]:
-    """Iterate to a fixed point near a start value; the result carries no derivatives.
+    """Iterate y = f(y) to a fixed point near a start value.
+
+    The result carries no derivatives.
 
     Parameters
     ----------
     function : maps an array of shape (points, n) to an array of the same shape, each row independently
     start : shape (points, n)
     inverse : Inverse of 1 - f' near the start, or None
-    tolerance : a row takes its last step when its residual over its largest element is below this; None:
-        1e-7 (float32: 1e-5)
+    tolerance : limit of a row's residual divided by the row's largest element
+        A row below the limit takes one last step. None means 1e-7. In float32 the limit is always 1e-5.
 
     Returns
     -------
-    (y, True for rows that converged), shapes (points, n) and (points,). A row does not depend on other rows.
+    Tuple of y, shape (points, n), and an array of shape (points,) that is True for rows that converged. The
+    result of a row does not depend on other rows.
 
-    Limits: after the last step residuals are about a hundredth of the tolerance (float32: 1e-5).
+    Limits: after the last step the residuals are about a hundredth of the tolerance. In float32 they are at
+    most about 1e-5.
     """
     goal = _TOLERANCE if tolerance is None else tolerance
     return _iterate(lambda y: function(y) - y, start, goal, inverse)[:2]
@@ -76,14 +84,16 @@ def implicit(
     inverse: Inverse | None = None,
     tolerance: float | None = None,
 ) -> jax.Array:
-    """Return a known fixed point with its implicit derivatives, (1 - f') dy = df.
+    """Return a known fixed point y = f(y) with implicit derivatives.
+
+    The derivatives dy solve (1 - f') dy = df.
 
     Parameters
     ----------
-    function, inverse : as in `fixed_point`; `inverse` carries no derivatives
-    solution : shape (points, n), without derivatives; it must be a fixed point
-    tolerance : tolerance of the linear system, as in `fixed_point`; None: 1e-9. For n = 1 the solution is
-        exact.
+    function, inverse : as in `fixed_point`. `inverse` carries no derivatives.
+    solution : a fixed point of the function, shape (points, n), without derivatives
+    tolerance : tolerance of the linear system, as in `fixed_point`
+        None means 1e-9. For n = 1 the linear system is solved exactly by a division.
     """
     goal = _LINEAR_TOLERANCE if tolerance is None else tolerance
     solve = functools.partial(_tangent_solve, inverse, goal)
@@ -98,16 +108,16 @@ def linear_fixed_point(
 ) -> jax.Array:
     """Return the derivative of a quantity that depends on a fixed point.
 
-    The result is the derivative of the quantity at the dy for which the residual f' dy + df - dy is zero. It
-    cannot be differentiated again. The linear system is the same as in `implicit`, but one function gives the
-    residual and the quantity, so only one function is differentiated.
+    The derivative is evaluated at the dy for which the residual f' dy + df - dy is zero. The result cannot be
+    differentiated again. The linear system is the same as in `implicit`. One function gives both the residual
+    and the quantity, so only one function has to be differentiated.
 
     Parameters
     ----------
-    residual : linear function of dy, shape (points, n), that returns (residual, derivative of the quantity),
-        shapes (points, n) and (points,)
+    residual : linear function of dy, which has shape (points, n)
+        It returns the residual of shape (points, n) and the derivative of the quantity of shape (points,).
     start : initial dy, shape (points, n)
-    also : zeros with the shape and dtype of the derivative of the quantity, (points,)
+    also : array of zeros with the shape (points,) and the dtype of the derivative of the quantity
     inverse : as in `fixed_point`
     """
     found = _iterate(residual, start, _LINEAR_TOLERANCE, inverse, also)[2]
@@ -116,7 +126,7 @@ def linear_fixed_point(
 
 
 def _tangent_solve(inverse, tolerance, linear, right):
-    """Solve linear(y) = right, where linear is the derivative of f(y) - y."""
+    """Solve the linear system linear(y) = right, where `linear` is the derivative of f(y) - y."""
 
     def solve(inverse, product, right):
         if right.shape[-1] == 1:  # scalar systems need a division only
@@ -131,7 +141,11 @@ def _tangent_solve(inverse, tolerance, linear, right):
 
 
 def _iterate(residual, start, tolerance, inverse=None, also=None):
-    """Return the zero of a residual, True for rows that converged, and the residual's other result there."""
+    """Find a zero of a residual by Anderson's method.
+
+    Return y of shape (points, n), an array of shape (points,) that is True for rows that converged, and the
+    second result of `residual`, which is None if `also` is None.
+    """
     single = start.dtype != jnp.float64
     tolerance = 1e-5 if single else tolerance
 
@@ -155,24 +169,30 @@ def anderson(
     most_steps: int,
     rise: float | None = None,
 ) -> tuple[jax.Array, jax.Array, Any, jax.Array]:
-    """Iterate y until the residual of every row is small, without derivatives.
+    """Solve f(y) = y for every row by Anderson's method.
+
+    The result carries no derivatives.
 
     Parameters
     ----------
-    residual : function of y, shape (points, n), that returns f(y) - y; with `also`, a pair of this and
-        another result
+    residual : function of y, which has shape (points, n)
+        It returns f(y) - y. If `also` is given, it returns a pair of f(y) - y and another result.
     start : shape (points, n)
-    reached : function of (y, residual, other result). It returns True for rows that have
-        converged, shape (points,); these take one more step
+    reached : function of (y, residual, other result)
+        It returns an array of shape (points,) that is True for rows that have converged. Such rows take one
+        more step.
     inverse : Inverse of 1 - f' near the start, or None
     also : array of zeros like the other result, shape (points,), or None
-    history : number of previous steps combined
+    history : number of previous steps that are combined
     most_steps : largest number of evaluations of the residual
-    rise : the history is dropped where the residual exceeds its minimum by this factor; None: never
+    rise : factor, or None
+        If the residual of a row exceeds the smallest residual of the row by this factor, the history of the
+        row is dropped. None never drops the history.
 
     Returns
     -------
-    (y, True for rows that converged, other result at the last evaluation, number of evaluations)
+    Tuple of y, an array of shape (points,) that is True for rows that converged, the other result at the last
+    evaluation of each row, and the number of evaluations
     """
     smallest = 1e-5 if start.dtype != jnp.float64 else 1e-12
     points, n = start.shape
@@ -249,7 +269,10 @@ def anderson(
 
 
 class Near(NamedTuple):
-    """An initial guess of a zero, with a bracket that may not contain the zero."""
+    """An initial guess of a zero, and a bracket in which the zero is expected.
+
+    The zero may lie outside the bracket.
+    """
 
     start: jax.Array
     low: jax.Array
@@ -258,13 +281,14 @@ class Near(NamedTuple):
 
 
 def first(function: Callable[[jax.Array], jax.Array], top: jax.Array, tried: int) -> Near:
-    """Bracket the first zero of a function between 0 and top by even steps.
+    """Bracket the smallest zero of a function between 0 and `top` by even steps.
 
     Parameters
     ----------
-    function : function of a number that is negative at 0
-    top : end of the range, which is returned if the function is below 0 throughout
-    tried : number of nodes, including both ends
+    function : function of one number, whose value at 0 is negative
+    top : end of the range
+        If the function is negative at all nodes, the guess and both ends of the bracket are `top`.
+    tried : number of nodes, including 0 and `top`
     """
     step = top / (tried - 1)
 
@@ -289,18 +313,20 @@ def first(function: Callable[[jax.Array], jax.Array], top: jax.Array, tried: int
 def zero(
     function: Callable[[jax.Array], jax.Array], near: Near, top: jax.Array
 ) -> tuple[jax.Array, jax.Array, Near]:
-    """Find the zero of a function between 0 and top by secants in a bracket, without derivatives.
+    """Find a zero of a function between 0 and `top` by secants within a bracket.
+
+    The result carries no derivatives.
 
     Parameters
     ----------
-    function : function of a number that is negative at 0. If it is also negative at top, top is returned as
-        not found
+    function : function of one number, whose value at 0 is negative
+        If the value at `top` is negative too, the result is `top`, marked as not found.
     near : initial guess and bracket
     top : end of the range
 
     Returns
     -------
-    (zero, whether it was found, initial guess for a similar function)
+    Tuple of the zero, True if the zero was found, and an initial guess for a similar function
 
     Limits: the function's absolute value is at most 1e-11 at the zero (float32: 1e-5).
     """
@@ -324,7 +350,7 @@ def zero(
             short, jnp.where(above, 0.5 * (z + high), high), jnp.where(below, 0.5 * (low + z), low)
         )
         following = jnp.where(inside, further, outside)
-        # A secant leaves the product of the last two errors, times a curvature over the slope.
+        # The error after a secant step is the product of the last two errors, times curvature / slope.
         there = moved & inside & (slope > _STEEP) & (jnp.abs((further - z) * (z - before)) <= 0.1 * tolerance)
         following = jnp.where(here | (short & (z >= top)), z, following)
         found = here | there

@@ -28,7 +28,7 @@ class LazyPackage(ModuleType):
     _elsewhere: str | None
 
     def __getattr__(self, name: str) -> Any:
-        """Import a name."""
+        """Import a public name or a module of the package, and return the imported object."""
         place = self._places.get(name, self.__name__)
         source = self if place == self.__name__ else importlib.import_module(place)
         if source is not self and hasattr(source, name):
@@ -43,14 +43,16 @@ class LazyPackage(ModuleType):
         return value
 
     def _missing(self, name):
-        """Return the message for a missing name; it names the other package if the name is there."""
         other = self._elsewhere
         if other is not None and not name.startswith("_") and name in dir(importlib.import_module(other)):
             return f"{self.__name__} has no {name!r}, {other} has: from {other} import {name}"
         return f"module {self.__name__!r} has no attribute {name!r}"
 
     def __setattr__(self, name: str, value: object) -> None:
-        """Set an attribute, but keep the function `fitting.fit` when the module of that name is imported."""
+        """Set an attribute, but do not let a module replace a public name.
+
+        For example, importing the module `fitting.fit` does not replace the function `fitting.fit`.
+        """
         if name in self._places and isinstance(value, ModuleType):
             place = self._places[name]
             if value.__name__ == place:
@@ -69,9 +71,10 @@ def lazily(package: str, path: str, elsewhere: str | None = None) -> None:
 
     Parameters
     ----------
-    package, path : `__name__` and `__file__` of the package, which has a line
-        `from module import name as name` for every public name
-    elsewhere : another package that users may confuse with it; an AttributeError names it
+    package, path : `__name__` and `__file__` of the package
+        The file has a line `from module import name as name` for every public name.
+    elsewhere : another package that users may confuse with this package
+        If the other package has a missing name, the AttributeError says so.
     """
     places = {}
     with open(path, encoding="utf-8") as file:

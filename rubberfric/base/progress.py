@@ -1,4 +1,4 @@
-"""Progress of long computations in a terminal or a notebook; silent elsewhere."""
+"""Progress of long computations, shown in a terminal or a notebook."""
 
 import contextlib
 import html
@@ -26,8 +26,8 @@ def progress(label: str = "") -> "Progress":
         fitting.fit(scene, data, free, callback=rf.progress("fit"))
         result.bootstrap(callback=rf.progress("bootstrap"))
 
-    The function replaces a line in a terminal (standard error) and moves a bar in a notebook. Elsewhere, for
-    example in a script whose output goes to a file, it does nothing.
+    In a terminal the function updates one line of standard error, and in a notebook it moves a bar. Elsewhere
+    it does nothing, for example in a script whose output goes to a file.
 
     Parameters
     ----------
@@ -36,8 +36,8 @@ def progress(label: str = "") -> "Progress":
     Returns
     -------
     function of (points done, all points), (step, cost) or (text,)
-        `friction_map`, `fitting.fit`, bootstrap and profile of a fit, and `accuracy` call it. Its line ends
-        when the function is deleted, or at the end of its `with` block.
+        `friction_map`, `fitting.fit`, bootstrap and profile of a fit, and `accuracy` call the function. The
+        line in the terminal ends when the function is deleted, or at the end of its `with` block.
 
     Raises
     ------
@@ -51,7 +51,10 @@ def progress(label: str = "") -> "Progress":
 
 
 class Progress:
-    """Function that shows progress, see `progress`. It shows nothing if `place` is None."""
+    """Function that shows progress, see `progress`.
+
+    The function shows nothing if `place` is None.
+    """
 
     def __init__(
         self, label: str, place: "Place | None", clock: Callable[[], float] = time.monotonic
@@ -62,7 +65,11 @@ class Progress:
             self._end = weakref.finalize(self, place.end)
 
     def __call__(self, done: int | str, of: float | None = None) -> None:
-        """Show the points done, a step and its cost, or a text."""
+        """Show the progress of points or steps, or a text.
+
+        The arguments are the number of points done and the number of all points, a step and its cost, or one
+        text.
+        """
         if self._place is None:
             return
         text, part = describe(done, of, self._clock() - self._begin)
@@ -75,13 +82,17 @@ class Progress:
         self.end()
 
     def end(self) -> None:
-        """End the line."""
+        """End the progress line or bar."""
         if self._place is not None:
             self._end()
 
 
 def describe(done: Any, of: float | None, seconds: float) -> tuple[str, float | None]:
-    """Return (text, share done or None) from the points done and in all, a step and its cost, or a text."""
+    """Return the text of a progress line, and the share of the work that is done or None.
+
+    `done` and `of` are the number of points done and the number of all points, a step and its cost, or a text
+    and None. `seconds` is the time since the beginning.
+    """
     if of is None:
         return str(done), None
     if not isinstance(of, numbers.Integral):
@@ -98,7 +109,7 @@ def describe(done: Any, of: float | None, seconds: float) -> tuple[str, float | 
 class TerminalLine:
     """Progress line of a terminal, in which each text replaces the previous one.
 
-    At the end the last text stays if `stays` is True; otherwise it is removed.
+    The last text stays at the end if `stays` is True. Otherwise it is removed.
     """
 
     def __init__(self, stream: TextIO, stays: bool = True) -> None:
@@ -111,7 +122,7 @@ class TerminalLine:
         self._open = True
 
     def end(self) -> None:
-        """End the line."""
+        """End the progress line."""
         if self._open:
             with contextlib.suppress(ValueError, OSError):  # the stream may be closed before
                 print(end="\n" if self._stays else "\r\033[K", file=self._stream, flush=True)
@@ -119,7 +130,7 @@ class TerminalLine:
 
 
 class Lines(TerminalLine):
-    """Progress lines, one for each text, with the seconds since the beginning."""
+    """Progress output with a separate line for each text and the seconds since the beginning."""
 
     def __init__(self, stream: TextIO) -> None:
         super().__init__(stream)
@@ -136,7 +147,7 @@ class Lines(TerminalLine):
 
 
 class ClockLine(TerminalLine):
-    """Progress line of a terminal with a clock: the seconds since the present text appeared."""
+    """Progress line of a terminal that counts the seconds since the present text appeared."""
 
     def __init__(self, stream: TextIO) -> None:
         super().__init__(stream, stays=False)
@@ -159,7 +170,7 @@ class ClockLine(TerminalLine):
             print(f"\r\033[K{text}", file=self._stream, flush=True)
 
     def end(self) -> None:
-        """Remove the line."""
+        """Remove the progress line."""
         with self._lock:
             self._text = None
             super().end()
@@ -176,7 +187,10 @@ class ClockLine(TerminalLine):
 
 
 class _Notebook:
-    """Progress bar and text in the output of a notebook cell, which replace the previous bar and text."""
+    """Progress bar with text in the output of a notebook cell.
+
+    A new bar and text replace the previous bar and text.
+    """
 
     def __init__(self, display, clock=time.monotonic):
         self._display, self._clock = display, clock
@@ -204,8 +218,6 @@ Place = TerminalLine | _Notebook  # where progress is shown
 
 
 class _Bar:
-    """Display in a notebook: a text, and a bar if the share of the work done is known."""
-
     def __init__(self, text, part):
         self._text, self._part = text, part
 
@@ -218,7 +230,7 @@ class _Bar:
 
 
 def _place() -> "Place | None":
-    """Return where progress is shown: the notebook of this kernel, the terminal, or None for nowhere."""
+    """Return a display for progress: a notebook cell, a terminal line, or None if there is neither."""
     # A kernel has imported IPython; otherwise it is not imported here.
     if "IPython" in sys.modules:
         from IPython import get_ipython
@@ -233,7 +245,7 @@ def _place() -> "Place | None":
 
 
 class Phases(Progress):
-    """Progress of a command, and lines that stay in its output."""
+    """Progress of the phases of a command, and lines that stay in the output."""
 
     def __init__(self, place: "ClockLine | Lines | None") -> None:
         super().__init__("", place)

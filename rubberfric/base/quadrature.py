@@ -1,4 +1,4 @@
-"""Accuracy settings, and node tables built once on the host in float64 NumPy."""
+"""Accuracy settings, and quadrature tables that NumPy computes once in float64."""
 
 import dataclasses
 import functools
@@ -23,12 +23,13 @@ _COARSEST = 0.27
 @jax.tree_util.register_static
 @dataclasses.dataclass(frozen=True)
 class Quadrature:
-    """Accuracy setting of the forward model; static, so each new setting compiles again.
+    """Accuracy setting of the forward model.
 
-    The defaults have errors below 1e-9 for area, friction and separation over ten decades of roughness, also
-    with plateaus of nine decades. Calls without a setting choose one for the scene
-    (`rf.analysis.default_quadrature`), with half as many nodes for roughness of two or three decades.
-    `rf.analysis.quadrature_for` finds a setting for another error.
+    The setting is static, so functions are compiled again for each new setting. The defaults have errors
+    below 1e-9 for area, friction and separation over ten decades of roughness, also with plateaus of nine
+    decades. Calls without a setting choose one for the scene (`rf.analysis.default_quadrature`). For
+    roughness of two or three decades the chosen setting has half as many nodes. `rf.analysis.quadrature_for`
+    finds a setting for another error.
 
     Parameters
     ----------
@@ -87,13 +88,16 @@ class Quadrature:
 
 
 def typed(table: npt.ArrayLike, values: ArrayLike) -> jax.Array:
-    """Return a host table with the dtype of `values`; NumPy's float64 would widen a float32 scene."""
+    """Convert a NumPy table to a JAX array with the dtype of `values`.
+
+    A table in float64 would widen the results of a float32 scene.
+    """
     return jnp.asarray(table, jnp.result_type(values))
 
 
 @functools.cache
 def gauss(order: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return Gauss-Legendre nodes and weights on [0, 1] as read-only arrays, shape (order,)."""
+    """Return Gauss-Legendre nodes and weights on [0, 1] as read-only arrays of shape (order,)."""
     x, w = legendre.leggauss(order)
     return _frozen(0.5 * (x + 1)), _frozen(0.5 * w)
 
@@ -102,7 +106,7 @@ def gauss(order: int) -> tuple[np.ndarray, np.ndarray]:
 def legendre_transform(order: int) -> np.ndarray:
     """Return the matrix that converts values at Gauss nodes to Legendre coefficients.
 
-    It is exact for polynomials of degree order - 1.
+    The conversion is exact for polynomials of degree order - 1.
     """
     x, w = legendre.leggauss(order)
     basis = legendre.legvander(x, order - 1)
@@ -111,14 +115,21 @@ def legendre_transform(order: int) -> np.ndarray:
 
 @functools.cache
 def nodes_between(order: int) -> np.ndarray:
-    """Return nodes on [0, 1] for integrals from 0 to every Gauss node: a few in each gap between nodes."""
+    """Return nodes on [0, 1] for integrals from 0 to every Gauss node.
+
+    The result has `_IN_A_GAP` nodes in each gap between neighbouring Gauss nodes, and between 0 and the first
+    Gauss node.
+    """
     borders = np.concatenate([[0.0], gauss(order)[0]])
     return _frozen((borders[:-1, None] + np.diff(borders)[:, None] * gauss(_IN_A_GAP)[0]).ravel())
 
 
 @functools.cache
 def weights_between(order: int) -> np.ndarray:
-    """Return the weights of `nodes_between` in the gap before each Gauss node, (order, nodes in a gap)."""
+    """Return the integration weights of the nodes of `nodes_between`.
+
+    The weights have shape (order, nodes in a gap). Row k belongs to the gap before Gauss node k.
+    """
     gap = np.diff(np.concatenate([[0.0], gauss(order)[0]]))
     return _frozen(gap[:, None] * gauss(_IN_A_GAP)[1])
 
@@ -129,9 +140,9 @@ def cumulative(order: int) -> np.ndarray:
 
     .. math:: \int_0^{x_k} w f\,dx = \sum_{s i} w(y_s)\, T_{ski}\, f(x_i)
 
-    x are the Gauss nodes and y the nodes of `nodes_between`. f is smooth and known at x only; w is known
-    everywhere. The rule stays accurate, and therefore positive, if w grows by 1e6 within the panel. The shape
-    is (nodes between, order, order).
+    x are the Gauss nodes and y the nodes of `nodes_between`. f is smooth and known at x only, and w is
+    known everywhere. The rule stays accurate, and therefore positive, if w grows by 1e6 within the panel. T
+    has the shape (nodes between, order, order).
     """
     y = nodes_between(order)
     weight = weights_between(order).ravel()
@@ -143,9 +154,10 @@ def cumulative(order: int) -> np.ndarray:
 def chebyshev_fit(
     function: Callable[[np.ndarray], np.ndarray], low: float, high: float, degree: int
 ) -> np.ndarray:
-    """Return the coefficients of the Chebyshev interpolant of a function on [low, high], as a power series.
+    """Return the power series of the Chebyshev interpolant of a function on [low, high].
 
-    The powers of u ascend; u increases linearly from -1 at `low` to 1 at `high`.
+    The coefficients are ordered by ascending powers of u. The variable u increases linearly from -1 at `low`
+    to 1 at `high`.
     """
     coefficients = chebyshev.chebinterpolate(
         # NumPy's stub has the wrong type for the values at all nodes.

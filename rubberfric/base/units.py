@@ -3,7 +3,7 @@ r"""Conversions to and from SI units: pure functions of numbers or arrays.
 .. math:: T/\mathrm{K} = \vartheta/{}^\circ\mathrm{C} + 273.15,\qquad \omega = 2\pi f,\qquad
           E = 2(1 + \nu)\, G,\qquad B = \frac{E}{3(1 - 2\nu)}
 
-They also hold for complex moduli if Poisson's ratio is a constant.
+The relations also hold for complex moduli if Poisson's ratio is a constant.
 """
 
 import math

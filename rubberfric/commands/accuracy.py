@@ -1,4 +1,4 @@
-"""The command `rubberfric accuracy`: error against run time of a scene file at its conditions."""
+"""The command `rubberfric accuracy`, which measures errors and run times of accuracy settings."""
 
 import argparse
 
@@ -17,9 +17,9 @@ _POINTS = 60
 
 
 def run_accuracy(arguments: argparse.Namespace, show: Phases) -> tuple[str, OSError | None]:
-    """Run `rubberfric accuracy`: compare accuracy settings at the conditions of a file.
+    """Run `rubberfric accuracy`, which compares accuracy settings at the conditions of a file.
 
-    Return the printed text, and the error of a file that could not be written, or None.
+    Return the text to print, and the error of a file that could not be written, or None.
     """
     check_error(arguments.error)
     show(f"reading {arguments.scene}")
@@ -45,7 +45,10 @@ def run_accuracy(arguments: argparse.Namespace, show: Phases) -> tuple[str, OSEr
 
 
 def thinned(conditions: Conditions) -> np.ndarray:
-    """Return a few equally spread velocities of the conditions, at least 5 if available."""
+    """Return some of the velocities, evenly spread, so that a sweep has few points.
+
+    At least 5 velocities are returned if the conditions have 5 or more.
+    """
     temperatures = 1 if conditions.temperature is None else conditions.temperature.size
     count = max(5, _POINTS // (temperatures * conditions.pressure.size))
     velocity = conditions.velocity

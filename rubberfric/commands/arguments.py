@@ -22,12 +22,12 @@ class Parser(argparse.ArgumentParser):
     """A parser whose error message is one line."""
 
     def error(self, message: str) -> NoReturn:
-        """Print one line without the usage, and exit."""
+        """Print the message on one line without the usage, and exit."""
         self.exit(2, f"{self.prog}: {' '.join(message.split())}\n")
 
 
 def parser() -> Parser:
-    """Return the parser of `rubberfric`."""
+    """Return the argument parser of `rubberfric`."""
     whole = Parser(prog="rubberfric", description="Rubber friction and contact of rough viscoelastic solids.")
     whole.add_argument("--version", action="version", version=f"rubberfric {VERSION}")
     commands = whole.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -120,13 +120,16 @@ def _add_explore(commands: "argparse._SubParsersAction[Parser]") -> None:
 
 
 def add_outputs(command: argparse.ArgumentParser, name: str, written: str, drawn: str) -> None:
-    """Add the options --out and --plot; `name` stands for the file of --out in the help."""
+    """Add the options --out and --plot.
+
+    The help shows `name` as the file of --out.
+    """
     command.add_argument("--out", metavar=name, help=written)
     command.add_argument("--plot", metavar="FILE.png", help=f"{drawn} (.png, .pdf or .svg)")
 
 
 def add_common(command: argparse.ArgumentParser) -> None:
-    """Add the arguments of every command."""
+    """Add the options that every command has."""
     command.add_argument(
         "--no-cache",
         action="store_true",
@@ -168,7 +171,10 @@ def check_input(path: StrPath, suffixes: tuple[str, ...]) -> None:
 
 
 def check_outputs(arguments: argparse.Namespace, *suffixes: str) -> None:
-    """Raise ValueError unless --out has one of the suffixes and the files --out and --plot are writable."""
+    """Raise ValueError unless the files of --out and --plot can be written.
+
+    The file of --out must have one of the suffixes, and --plot requires matplotlib.
+    """
     if arguments.out is not None:
         check_writable(arguments.out, suffixes)
     if arguments.plot is None:
@@ -181,7 +187,9 @@ def check_outputs(arguments: argparse.Namespace, *suffixes: str) -> None:
 def write_outputs(
     show: Callable[[str], object], *outputs: tuple[str, str | None, Callable[[str], object]]
 ) -> OSError | None:
-    """Write files; an error in one file does not prevent the other files or the printed output.
+    """Write the files of a command, and return the last error or None.
+
+    An error in one file does not prevent the other files or the printed output.
 
     Parameters
     ----------

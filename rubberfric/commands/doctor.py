@@ -1,4 +1,4 @@
-"""The command `rubberfric doctor`: versions, devices, precision, and a test of the compilation cache."""
+"""The command `rubberfric doctor`, which reports versions, devices and a test of the compilation cache."""
 
 import argparse
 import contextlib
@@ -27,7 +27,10 @@ _EVENT = "/jax/compilation_cache/cache_hits"
 
 
 def run_doctor(arguments: argparse.Namespace, show: Progress) -> tuple[str, None]:
-    """Run `rubberfric doctor` and return the printed text and None, because no file is written."""
+    """Run `rubberfric doctor`, and return the text to print and None.
+
+    Other commands return the error of a file that could not be written in place of None.
+    """
     show("trying the devices")
     return "\n".join(_lines(arguments)), None
 
@@ -47,7 +50,6 @@ def _lines(arguments: argparse.Namespace) -> Iterator[str]:
 
 
 def _version(name: str) -> str:
-    """Return the version of a package, or a text if it is missing or importable without being installed."""
     if importlib.util.find_spec(name) is None:
         return "is not installed"
     try:
@@ -57,7 +59,6 @@ def _version(name: str) -> str:
 
 
 def _about_cache(arguments: argparse.Namespace) -> Iterator[str]:
-    """Yield lines about the compilation cache."""
     if arguments.no_cache:
         yield f"{'cache':12} not used: --no-cache"
         return
@@ -67,7 +68,7 @@ def _about_cache(arguments: argparse.Namespace) -> Iterator[str]:
 
 @contextlib.contextmanager
 def _options_kept() -> Iterator[None]:
-    """Restore the cache options of JAX at the end of a `with` block, for callers from Python."""
+    """Restore JAX's cache options after the `with` block, because the caller may be a Python program."""
     config: Any = jax.config  # its options are unknown to type checkers
     names = [
         f"jax_{name}"
@@ -87,7 +88,7 @@ def _options_kept() -> Iterator[None]:
 
 
 def _tried() -> Iterator[str]:
-    """Yield lines with the cache folder and with the result of a test that compiles a function twice."""
+    """Compile a function twice, and yield lines about the cache folder and the cache hits."""
     folder = compilation_cache()
     if folder is None:
         config: Any = jax.config  # whose options checkers do not know

@@ -1,6 +1,6 @@
-"""Start and end of a command: signal handling, one line for each error, the exit status.
+"""Start and end of a command: signals, error messages on one line, and the exit status.
 
-JAX is imported, in double precision, after the arguments have been checked.
+JAX is imported after the arguments have been checked, and uses double precision.
 """
 
 import io
@@ -26,7 +26,9 @@ _SPACE = 2**31
 
 
 def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> int:
-    """Run a command and return its exit status, also after an error.
+    """Run a command and return the exit status.
+
+    An expected error is printed on one line. An unexpected error is raised.
 
     Parameters
     ----------
@@ -59,7 +61,7 @@ def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> 
 
 
 def _status(error: Exception) -> int | None:
-    """Return the exit status of an error that one line can report; None for an error with a traceback."""
+    """Return the exit status for an error, or None for an unexpected error that needs a traceback."""
     # By name, so that numpy and JAX need not be imported.
     names = {cls.__name__ for cls in type(error).__mro__}
     if names & _FAILED:
@@ -75,7 +77,7 @@ def _text(error: Exception) -> str:
 
 
 def complain(program: str, error: object, status: int) -> int:
-    """Print an error on one line and return the exit status."""
+    """Print an error on one line of stderr, and return `status`."""
     try:
         print(f"{program}: {' '.join(str(error).split())}", file=sys.stderr)
     except OSError:  # stderr takes no output
@@ -84,7 +86,6 @@ def complain(program: str, error: object, status: int) -> int:
 
 
 def _flushed(status: int) -> int:
-    """Return the status, or 1 if stdout cannot be flushed."""
     try:
         if sys.stdout is not None:
             sys.stdout.flush()
@@ -95,7 +96,10 @@ def _flushed(status: int) -> int:
 
 
 def _give_up(stream: TextIO | None) -> None:
-    """Redirect a broken stream to the null device, because Python would report its buffer at exit."""
+    """Redirect a broken stream to the null device.
+
+    Otherwise Python would try to flush the stream at exit and report an error.
+    """
     if stream is None:
         return
     try:
@@ -105,10 +109,10 @@ def _give_up(stream: TextIO | None) -> None:
 
 
 def _have_streams() -> bool:
-    """Make the standard streams safe to use, and return False if stdout is closed.
+    """Open closed standard streams on the null device, and return False if stdout was closed.
 
-    An opened file takes the lowest free descriptor. If this were the descriptor of a closed stream, logs of
-    libraries would go into that file.
+    A newly opened file takes the lowest free descriptor. If a standard stream were closed, the file could
+    take the descriptor of the stream, and libraries would write their logs into the file.
     """
     have = sys.stdout is not None
     for number in range(3):
@@ -126,7 +130,7 @@ def _have_streams() -> bool:
 
 
 def begin_jax(*, process: bool, cache: bool) -> None:
-    """Import JAX, in double precision.
+    """Import JAX and switch double precision on.
 
     Parameters
     ----------

@@ -1,4 +1,7 @@
-"""SIGINT (Ctrl-C), SIGTERM and SIGHUP in the commands: one line, nothing half-written, status 128 + signal.
+"""Handling of SIGINT (Ctrl-C), SIGTERM and SIGHUP in the commands.
+
+A signal ends a command with one line on stderr, without half-written files, and with the exit status 128 +
+number of the signal.
 
 If a command is a separate process, a thread that waits for signals ends the process. The main thread cannot
 end it in time: Python runs handlers between its own instructions only, and a compiled function may run for
@@ -31,7 +34,10 @@ _AGAIN = 0.02  # seconds after which a signal during compilation is raised again
 
 
 def leave_at_once(program: str) -> None:
-    """Let a signal end the process at once, as long as the process only imports modules."""
+    """Let signals end the process at once.
+
+    The commands use this function while they only import modules.
+    """
 
     def leave(which: int, _frame: FrameType | None) -> None:
         say(program, f"interrupted; {LOST}")
@@ -51,9 +57,10 @@ def say(program: str, text: str) -> None:
 
 
 class Interrupts:
-    """Handle signals while a command runs; the first one can be held back until `check`.
+    """Handle signals while a command runs.
 
-    A fit then ends between two steps, and an open file is completed. A second signal is never held back.
+    After `hold`, the first signal takes effect at the next `check`. A fit then ends between two steps, and an
+    open file is completed. A second signal is never held back.
 
     Parameters
     ----------
@@ -110,7 +117,10 @@ class Interrupts:
         self._again.start()
 
     def _wait(self, hear: Any) -> None:
-        """End the process at the first signal that is not held back; runs in a separate thread."""
+        """End the process at the first signal that is not held back.
+
+        This method runs in a separate thread.
+        """
         with hear:
             while which := hear.recv(1):
                 if which[0] not in self._before:
@@ -133,17 +143,17 @@ class Interrupts:
         remove_begun(leave)
 
     def complain(self) -> int:
-        """Print that the command was interrupted, if the process continues, and return the exit status."""
+        """Print that the command was interrupted, and return the exit status."""
         print(f"{self.program}: interrupted; {LOST}", file=sys.stderr)
         return self.status
 
     @property
     def status(self) -> int:
-        """Exit status after the last signal."""
+        """Exit status for the last signal that arrived."""
         return 128 + int(self.which)
 
     def hold(self) -> None:
-        """Hold the first signal back from now on."""
+        """Hold back the first signal from now on."""
         self._holding = True
 
     def release(self) -> None:
@@ -158,7 +168,10 @@ class Interrupts:
 
 
 def _raise_in_main(thread: int, which: int) -> None:
-    """Send a signal to the main thread, where the signal also interrupts system calls that wait."""
+    """Send a signal to the main thread.
+
+    The signal also interrupts a system call in which the main thread waits.
+    """
     if hasattr(signal, "pthread_kill"):
         signal.pthread_kill(thread, which)
     else:  # Windows

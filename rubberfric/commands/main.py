@@ -52,7 +52,6 @@ def _run(argv: Sequence[str] | None) -> int:
 
 
 def _work(command: str) -> Callable[[argparse.Namespace, Phases], tuple[str, OSError | None]]:
-    """Import and return the function of a command."""
     match command:
         case "run":
             from rubberfric.commands.run import run_scene as run

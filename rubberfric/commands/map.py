@@ -1,4 +1,4 @@
-"""The command `rubberfric map`: quantities of a scene file over velocity, temperature and pressure."""
+"""The command `rubberfric map`, which computes quantities over velocity, temperature and pressure."""
 
 import argparse
 import math
@@ -22,7 +22,10 @@ _SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "t
 
 
 def run_map(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
-    """Run `rubberfric map` and return the printed text and the error of writing a file, or None."""
+    """Run `rubberfric map`.
+
+    Return the text to print, and the error of a file that could not be written, or None.
+    """
     make_devices(arguments.devices)  # before reading the scene, which starts JAX
     show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene, "map")

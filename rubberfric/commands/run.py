@@ -1,4 +1,4 @@
-"""The command `rubberfric run`: all quantities of a scene file at its conditions."""
+"""The command `rubberfric run`, which computes all quantities of a scene file at its conditions."""
 
 import argparse
 import math
@@ -26,7 +26,10 @@ from rubberfric.theory.quantities import Solution, iterated, quantities_of
 
 
 def run_scene(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
-    """Run `rubberfric run`; returns the printed text and the error, or None."""
+    """Run `rubberfric run`.
+
+    Return the text to print, and the error of a file that could not be written, or None.
+    """
     show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene, most=MOST_POINTS, default=True)
     quadrature = default_quadrature(scene, conditions.pressure)
@@ -58,7 +61,7 @@ def run_scene(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSErr
 def compute(scene: Scene, conditions: Conditions, quadrature: Quadrature | None = None) -> Solution:
     """Return all quantities of a scene as NumPy arrays of shape [temperature, pressure, velocity].
 
-    Raises FloatingPointError if one of them is not finite.
+    A FloatingPointError is raised if a value is not finite.
     """
     quantities = quantities_of(scene)
     solution = solve(
@@ -82,7 +85,7 @@ def compute(scene: Scene, conditions: Conditions, quadrature: Quadrature | None 
 
 
 def result_lines(result: Result) -> Iterator[str]:
-    """Yield the lines of the table, a block for every temperature and pressure."""
+    """Yield the lines of a printed result, with a block for every temperature and pressure."""
     solution = result.solution._asdict()
     columns = {name: solution[name] for name, quantity in QUANTITY_FORMATS.items() if quantity.heading}
     columns = {name: values for name, values in columns.items() if values is not None}
@@ -106,7 +109,10 @@ def result_lines(result: Result) -> Iterator[str]:
 
 
 def extrapolation_line(result: Result) -> str:
-    """Return the share of friction from extrapolated moduli as text; "" without tabulated moduli."""
+    """Return a line that states the share of the friction from extrapolated moduli.
+
+    The line is "" if the scene has no tabulated moduli.
+    """
     if not tabulated_solids(result.scene):
         return ""
     beyond = friction_outside_table(result.scene, *result.conditions.grid(), compiler_options=quick_options())
@@ -116,7 +122,7 @@ def extrapolation_line(result: Result) -> str:
 
 
 def model_error_line(result: Result) -> str:
-    """Return the contact model and its expected error as text."""
+    """Return lines that state the contact model and the expected error of this model."""
     found = theory_error(result.scene, np.asarray(result.solution.area))
     if found is None:
         return f"contact model: {contact_model_name(result.scene)}. Its error in such scenes is unknown"
@@ -133,7 +139,10 @@ def model_error_line(result: Result) -> str:
 
 
 def convergence_line(result: Result) -> str:
-    """Return the number of points that did not converge as text; "" if all did."""
+    """Return a line that states at how many points the solution did not converge.
+
+    The line is "" if the solution converged at all points, or if nothing was iterated.
+    """
     converged = result.solution.converged
     if converged is None:
         return ""

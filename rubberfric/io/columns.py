@@ -18,12 +18,15 @@ class Column(NamedTuple):
     offered: bool = True  # listed in messages; other columns are read from exports only
 
     def value(self, number: float, unit: str) -> float:
-        """Convert a number of a file to SI."""
+        """Convert a number in a file to SI."""
         offset = ZERO_CELSIUS if unit in ("C", "°C") else 0.0
         return self.units[unit] * (10.0**number if self.log10 else number) + offset
 
     def read(self, where: str, text: str, unit: str) -> float:
-        """Convert a field of a file to SI; the ValueError for an invalid field begins with `where`."""
+        """Convert the text of a field to a number in SI.
+
+        The message of the ValueError for an invalid field begins with `where`.
+        """
         try:
             if "_" in text:  # Python's digit grouping is not allowed in CSV
                 raise ValueError
@@ -40,7 +43,10 @@ class Column(NamedTuple):
         return value
 
     def check(self, where: str, value: float) -> None:
-        """Raise ValueError for an invalid value in SI; the message begins with `where`."""
+        """Raise ValueError if a value in SI is invalid.
+
+        The message begins with `where`.
+        """
         if not math.isfinite(value):
             raise ValueError(f"{where}: must be finite in SI units")
         if self.positive and not value > 0:
@@ -48,7 +54,11 @@ class Column(NamedTuple):
 
 
 def _log10(name: str, units: Mapping[str, float], offered: bool = False) -> Column:
-    """Return the column of log10 of a quantity; a quantity without unit may also have the unit "-"."""
+    """Return a column that holds the decimal logarithm of a quantity.
+
+    The units of the column are texts such as "log10(Pa)". If the quantity has no unit, the unit "-" is
+    allowed too.
+    """
     own = dict(units) if list(units) == ["-"] else {}
     logs = own | {f"log10({unit})": factor for unit, factor in units.items()}
     return Column(name, logs, log10=True, offered=offered)
@@ -192,15 +202,19 @@ _BRACKETS = re.compile(r"(.+?)\s*[\[(]([^\[\]()]*(?:\([^()]*\))?)[\])]")
 
 
 def is_foreign(title: str, name: str | None) -> bool:
-    """Return True if only other programs write a title; `name` is the title's `known_name`."""
+    """Return True if only other programs, and not this project, write a column title.
+
+    `name` is the name that `known_name` returns for the title.
+    """
     own = name in COLUMNS and COLUMNS[name].offered and name == title
     return title in _UNUSED or (name is not None and not own)
 
 
 def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:
-    """Return name and unit from the title of a column: ("T", "°C") for "Temperature (°C)".
+    """Return the name and the unit in the title of a column.
 
-    A unit may stand behind an underscore: ("f", "Hz") for "freq_hz".
+    For example, "Temperature (°C)" gives ("T", "°C"). A unit may stand behind an underscore: "freq_hz" gives
+    ("f", "Hz").
 
     Parameters
     ----------
@@ -209,7 +223,8 @@ def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:
 
     Returns
     -------
-    name in `rubberfric.io.COLUMNS`, unit as written or None; (None, None) for an unknown title
+    Tuple of the name in `rubberfric.io.COLUMNS` and the unit as written. The unit is None if the title has no
+    unit. An unknown title gives (None, None).
     """
     title = title.strip()
     if len(title) > _LONGEST_TITLE:
@@ -226,11 +241,13 @@ def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:
 
 
 def known_unit(unit: str | None, name: str | None) -> str:
-    """Spell a unit as in `COLUMNS[name]`: "MPa" for "N/mm²", "log10(um/s)" for "um/s" of log10_v.
+    """Return a unit in the spelling of `COLUMNS[name]`.
+
+    For example, "N/mm²" becomes "MPa", and "um/s" of the column log10_v becomes "log10(um/s)".
 
     Parameters
     ----------
-    unit, name : as returned by `known_name`; a missing unit is "-"
+    unit, name : results of `known_name`. A missing unit becomes "-".
     """
     unit = (unit or "").strip()
     units = COLUMNS[name].units if name in COLUMNS else ()
@@ -243,7 +260,7 @@ def known_unit(unit: str | None, name: str | None) -> str:
 
 
 def plain_unit(unit: str) -> str:
-    """Spell a unit with u for micro, digits for exponents and single blanks."""
+    """Return a unit in plain spelling, with u for micro, digits for exponents and single blanks."""
     return " ".join(unit.translate(_PLAIN).split())
 
 

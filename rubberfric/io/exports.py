@@ -45,13 +45,15 @@ class TextTable(NamedTuple):
 
 
 def find_table(path: StrPath, text: str, generic: str = "E", incomplete: bool = False) -> TextTable | None:
-    """Return the first table of another program in a text; None for a table of the project or no table.
+    """Return the first table of another program in a text.
+
+    The result is None if the text has no table, or a table in the format of this project.
 
     Parameters
     ----------
     path : name of the file in messages
     generic : "E" or "G", the meaning of "storage modulus"
-    incomplete : True to return also rows in which some cells are not numbers
+    incomplete : if True, rows in which some cells are not numbers are returned too
     """
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if has_fields(line)]
     for place, (_, line) in enumerate(lines):
@@ -70,9 +72,10 @@ def find_table(path: StrPath, text: str, generic: str = "E", incomplete: bool = 
 
 
 def headless(path: StrPath, text: str, titles: list[str]) -> TextTable:
-    """Return the table of a text with given titles: "name [unit]", or "-" for a column to leave out.
+    """Return the table of a text whose columns have the given titles.
 
-    Lines that begin without a number are skipped, so a header is allowed; blanks may separate columns.
+    A title is "name [unit]", or "-" for a column that is not read. Lines that do not begin with a number are
+    skipped, so a header is allowed. Blanks may separate columns.
     """
     if isinstance(titles, str) or not all(isinstance(title, str) for title in titles):
         raise ValueError(f'{path}: columns = {titles!r}: must be a list of "name [unit]" for all columns')
@@ -109,12 +112,12 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
     ----------
     path : text table or .xlsx with positions in the first column, and one trace of heights in each further
         column. Titles are arbitrary. The unit of length is in brackets behind a title, or in the row below. A
-        column before the positions that counts the points is skipped. NaN is a dropout: up to a quarter of
-        the heights of a trace are interpolated, with a warning that states their share.
+        column before the positions that counts the points is skipped. NaN is a dropout. Up to a quarter of
+        the heights of a trace may be dropouts, which are interpolated. A warning states their share.
 
     Returns
     -------
-    (x, heights) [m], shapes (n,) and (traces, n)
+    Tuple of the positions, shape (n,), and the heights, shape (traces, n) [m]
 
     Raises
     ------
@@ -154,7 +157,7 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _bridged(path, x, heights):
-    """Return heights with dropouts (NaN) interpolated along each trace."""
+    """Interpolate dropouts (NaN) along each trace, and return the heights."""
     hole = np.isnan(heights)
     if not hole.any():
         return heights
@@ -167,9 +170,9 @@ def _bridged(path, x, heights):
 
 
 def suggested_columns(text: str) -> str:
-    """Return `columns=[...]` for a table with unknown titles, with "?" for an unknown name or unit.
+    """Return a text `columns=[...]` that suggests names for the columns of a table.
 
-    The result is "" for a text without rows of numbers.
+    An unknown name or unit is shown as "?". The result is "" for a text without rows of numbers.
     """
     found = _above_numbers(text)
     if found is None:
@@ -187,9 +190,10 @@ def suggested_columns(text: str) -> str:
 
 
 def pick(table: TextTable, quantities: tuple[str, ...]) -> TextTable:
-    """Return the columns with the given quantities.
+    """Return the table with only the columns of the given quantities.
 
-    A measured value is preferred to a set value. ValueError if two columns disagree about a quantity.
+    If a quantity has measured values, its set values are left out. A ValueError is raised if two columns
+    disagree about a quantity.
     """
     found: dict[str, list[tuple[int, str]]] = {}
     measured = {COLUMNS[name].name for name in table.names if name in COLUMNS}
@@ -211,7 +215,10 @@ def pick(table: TextTable, quantities: tuple[str, ...]) -> TextTable:
 
 
 def _agree(table: TextTable, places: list[tuple[int, str]]) -> bool:
-    """Return True if columns with different names, such as omega and f, agree within 0.1 %."""
+    """Return True if the columns at `places` have different names and agree within 0.1 %.
+
+    For example, the columns omega and f may hold equal frequencies.
+    """
     if len({name for _, name in places}) < len(places):
         return False
     for _, fields in table.rows:
@@ -225,7 +232,7 @@ def _agree(table: TextTable, places: list[tuple[int, str]]) -> bool:
 
 
 def _export(path, lines, separator, titles, names, units, incomplete):
-    """Return the table whose titles are in the first line of `lines`."""
+    """Read the table whose titles are in the first line of `lines`."""
     (number, _), *below = lines
     where = f"{path}: line {number}"
     first = _split(below[0][1], separator)
@@ -260,7 +267,7 @@ def _export(path, lines, separator, titles, names, units, incomplete):
 
 
 def _checked(path: StrPath, count: int, rows: TextRows) -> TextRows:
-    """Return rows with decimal points instead of commas; ValueError for a row without `count` fields."""
+    """Convert decimal commas to points, and raise ValueError for a row without `count` fields."""
     commas = any(_DECIMAL_COMMA.fullmatch(field) for _, fields in rows for field in fields)
     checked = []
     for line, fields in rows:
@@ -281,7 +288,11 @@ def _checked(path: StrPath, count: int, rows: TextRows) -> TextRows:
 
 
 def _above_numbers(text: str) -> tuple[list[list[str]], list[str]] | None:
-    """Return up to two rows above the first row of numbers, with equally many fields, and this first row."""
+    """Return the rows of titles and the first row of numbers of a text, or None without numbers.
+
+    The rows of titles are the last two rows, or fewer, that precede the numbers and have as many fields as
+    the row of numbers.
+    """
     lines = list(filter(has_fields, text.splitlines()))
     for separator in ("\t", ";", ",", None):
         rows = [_split(line, separator) for line in lines]
@@ -292,12 +303,11 @@ def _above_numbers(text: str) -> tuple[list[list[str]], list[str]] | None:
 
 
 def has_fields(line: str) -> bool:
-    """Return False for blank lines and comments."""
+    """Return True unless a line is blank or a comment."""
     return bool(line.strip()) and not line.lstrip().startswith("#")
 
 
 def _split(line: str, separator: str | None) -> list[str]:
-    """Return the fields of a line; if `separator` is None, blanks separate the fields."""
     if separator is None:
         return line.split()
     quotes = csv.QUOTE_NONE if separator == "\t" else csv.QUOTE_MINIMAL  # with tabs E" means E''
@@ -314,7 +324,7 @@ def _any_number(fields: list[str]) -> bool:
 
 
 def is_number(field: str) -> bool:
-    """Return True for a number with a decimal point or comma."""
+    """Return True if a text is a number with a decimal point or comma."""
     try:
         float(field.replace(",", ".", 1))
     except ValueError:

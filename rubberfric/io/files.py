@@ -9,8 +9,8 @@ attribute units:
     transverse_friction [-]  flash_temperature [K]
     converged [-]                                       of type bool; 1.0 or 0.0 in older files
 
-with the accuracy settings as attributes of the group /quadrature, and the attributes title and, for an
-interpolated map, interpolated_from (points) and interpolation_error (relative).
+The accuracy settings are attributes of the group /quadrature. The file has the attribute title. The file of
+an interpolated map also has the attributes interpolated_from (points) and interpolation_error (relative).
 
 The conditions are HDF5 dimension scales, so `xarray.open_dataset(path, engine="h5netcdf")` returns quantities
 over named coordinates. A missing temperature is a dimension without values, marked as in netCDF.
@@ -74,7 +74,7 @@ _FROM, _ERROR = "interpolated_from", "interpolation_error"
 
 
 def load_scene(path: StrPath) -> Scene:
-    """Load the scene of a file with its curves.
+    """Load the scene of a file and the tables of the scene.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def load_scene(path: StrPath) -> Scene:
 
     Raises
     ------
-    ValueError : names the file, the fault and the rule
+    ValueError : the file is invalid. The message names the file, the fault and the rule.
     """
     return read_scene_file(path).scene
 
@@ -95,8 +95,8 @@ def load_scene(path: StrPath) -> Scene:
 def save_scene(path: StrPath, scene: Scene) -> None:
     """Save a scene as an HDF5 file (.h5) or a TOML file (.toml), completely or not at all.
 
-    A TOML file has all digits. Its tables are CSV files in the same folder, named after the TOML file. The
-    file contains no conditions, so `rubberfric run` uses default conditions.
+    Numbers in a TOML file have all digits. Tables are written as CSV files in the same folder, and are named
+    after the TOML file. The TOML file contains no conditions, so `rubberfric run` uses default conditions.
 
     Raises
     ------
@@ -122,7 +122,8 @@ def save_scene(path: StrPath, scene: Scene) -> None:
 def read_scene_file(path: StrPath, table: str = "run") -> SceneFile:
     """Read scene, conditions and title of a scene file or result file.
 
-    A TOML file has conditions in the tables "run" and "map"; an HDF5 file has one set of conditions.
+    A TOML file may have conditions in the tables "run" and "map", from which `table` selects one. An HDF5
+    file has one set of conditions.
     """
     path = as_path(path)
     check_suffix(path, (".toml", ".h5"))
@@ -135,15 +136,16 @@ def read_scene_file(path: StrPath, table: str = "run") -> SceneFile:
 def read_computable(
     path: StrPath, table: str = "run", most: float = math.inf, default: bool = False
 ) -> tuple[Scene, Conditions, str]:
-    """Read scene, conditions and title; ValueError for more than `most` points.
+    """Read scene, conditions and title of a file for a computation.
 
-    If the file has no conditions, a ValueError is raised. With `default`, the `default_conditions` are
-    returned instead, and the title states them.
+    A ValueError is raised if the file has more than `most` points, or if the file has no conditions. If
+    `default` is True, a file without conditions gives the `default_conditions`, and the title states these
+    conditions.
     """
     found = read_scene_file(path, table)
     if found.conditions is None:
         if not default:
-            raise ValueError(f"{path}: {table}: is missing; must hold velocity and pressure to compute at")
+            raise ValueError(f"{path}: {table}: is missing; must hold velocity and pressure")
         conditions = default_conditions(found.scene)
         check_conditions(f"{path}: {table}", conditions, found.scene)
         stated = f"default conditions: {conditions_text(conditions)}"
@@ -182,7 +184,7 @@ def _read_scene(file: h5py.File) -> SceneFile:
 
 
 def _is_bare(file: h5py.File, condition: str) -> bool:
-    """Return True if a condition is a dimension without values."""
+    """Return True if a condition is stored as a netCDF dimension without values."""
     name = file[condition].attrs.get("NAME", b"")
     return (name.decode("ascii", "replace") if isinstance(name, bytes) else str(name)).startswith(_BARE)
 
@@ -191,7 +193,7 @@ def _is_bare(file: h5py.File, condition: str) -> bool:
 
 
 def save_result(path: StrPath, result: Result) -> None:
-    """Save a result file, completely or not at all."""
+    """Save a result as an HDF5 file, completely or not at all."""
     found = {name: np.asarray(x) for name, x in result.solution._asdict().items() if x is not None}
     with replacing(path) as temporary, creating(temporary, _FORMAT) as file:
         data = _begin(file, result, {name: values.dtype for name, values in found.items()})
@@ -201,7 +203,10 @@ def save_result(path: StrPath, result: Result) -> None:
 
 
 def load_result(path: StrPath) -> Result:
-    """Load a result file; its quantities become NumPy arrays. ValueError for any other file."""
+    """Load a result file, with the quantities as NumPy arrays.
+
+    A ValueError is raised if the file is not a result file.
+    """
     with reading(path, _FORMAT) as file:
         scene, conditions, title = _read_scene(file)
         if conditions is None:
@@ -227,12 +232,14 @@ def _read_quantity(file: h5py.File, name: str, shape: tuple[int, ...]) -> np.nda
 def filling_result(
     path: StrPath, result: Result, dtypes: Mapping[str, np.dtype]
 ) -> Iterator[dict[str, h5py.Dataset]]:
-    """Yield datasets of quantities to fill in; at the end move the file to `path`, or remove it on failure.
+    """Yield the datasets of a new result file, which the caller fills in.
+
+    After the `with` block the file is moved to `path`. If the block raises an exception, the file is removed.
 
     Parameters
     ----------
     path : result file
-    result : its solution is ignored
+    result : Result, whose solution is ignored
     dtypes : dtype of each quantity that the file contains, by name
 
     Raises
@@ -255,7 +262,7 @@ def filling_result(
 
 
 def mapped_quantities(path: StrPath) -> dict[str, np.memmap]:
-    """Return memory maps, for reading, of the quantities in a file that `filling_result` wrote."""
+    """Return read-only memory maps of the quantities in a file that `filling_result` wrote."""
     with reading(path, _FORMAT) as file:
         found = {name: _dataset(file, name) for name in QUANTITY_FORMATS if name in file}
         # A dataset without chunks is contiguous.
@@ -264,21 +271,30 @@ def mapped_quantities(path: StrPath) -> dict[str, np.memmap]:
 
 
 def write_interpolation(data: Mapping[str, h5py.Dataset], interpolation: Interpolation | None) -> None:
-    """Write points and error of an interpolation as attributes of the file that contains the datasets."""
+    """Write the number of points and the error of an interpolation as attributes of a result file.
+
+    `data` are datasets of the file.
+    """
     if data and interpolation is not None:
         attributes = next(iter(data.values())).file.attrs
         attributes[_FROM], attributes[_ERROR] = interpolation
 
 
 def _allocate(path: Path, size: int) -> None:
-    """Allocate the disk space of a file that could be sparse; OSError if there is not enough space."""
+    """Allocate `size` bytes of disk space for a file, which could otherwise be sparse.
+
+    An OSError is raised if there is not enough space.
+    """
     if hasattr(os, "posix_fallocate"):
         with open(path, "ab") as file:
             os.posix_fallocate(file.fileno(), 0, size)
 
 
 def _begin(file: h5py.File, result: Result, dtypes: Mapping[str, np.dtype]) -> dict[str, h5py.Dataset]:
-    """Write a result except for its quantities, and return contiguous datasets to be filled in."""
+    """Write a result without its quantities, and return empty datasets for the quantities.
+
+    The data of each dataset are contiguous in the file.
+    """
     creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     creation.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     creation.set_fill_time(h5py.h5d.FILL_TIME_NEVER)

@@ -1,4 +1,4 @@
-"""Friction tables in the formats of other programs, read and written."""
+"""Reading and writing of friction tables in the formats of other programs."""
 
 import json
 import math
@@ -40,7 +40,7 @@ class TableUnits(NamedTuple):
     temperature: str
 
     def scales(self) -> Iterator[tuple[float, float]]:
-        """Yield the factor and offset that convert velocity, pressure and temperature of a file to SI."""
+        """Yield (factor, offset) for the conversion of velocity, pressure and temperature to SI."""
         yield from ((_SPEED[self.velocity], 0.0), (STRESS[self.pressure], 0.0))
         yield 1.0, TEMPERATURE[self.temperature]
 
@@ -65,16 +65,17 @@ def write_friction(
     path : file
     table : FrictionTable, or a result of `rubberfric.friction_map`, `solve` or `friction`
         `rubberfric.analysis.friction_table` and `fitting.friction_table` choose a grid for a stated error.
-    program : "abaqus", "lsdyna", "csv", "json" or "log10"; None: by the suffix .inp, .k, .csv, .json, .txt
+    program : "abaqus", "lsdyna", "csv", "json" or "log10"
+        None selects the program by the suffix .inp, .k, .csv, .json or .txt.
         abaqus: `*FRICTION` with data lines mu, slip rate, pressure, temperature.
         lsdyna: DEFINE_TABLE_2D with a curve for each pressure and a table for each temperature, numbered
         from 1001; `*CONTACT` takes a table with FS = 2 and its number as FD.
-        csv, json: in SI, with standard errors if the table has them; `fitting.read` reads csv.
+        csv, json: values in SI, with standard errors if the table has them. `fitting.read` reads csv.
         log10: columns log10 v, mu, A/A0 of one curve, as the established program writes them, in m/s.
     unit_velocity : "m/s", "mm/s" or "um/s", for abaqus and lsdyna
     unit_pressure : "Pa", "kPa", "MPa" or "GPa", for abaqus and lsdyna
     unit_temperature : "K" or "C", for abaqus and lsdyna
-    name : of the surface interaction, for abaqus
+    name : name of the surface interaction, for abaqus
     velocity, pressure, temperature : arguments of `solve` or `friction` [m/s], [Pa], [K]
 
     Returns
@@ -83,7 +84,7 @@ def write_friction(
 
     Raises
     ------
-    ValueError : unknown program or unit, mu < 0, or a grid that the format cannot hold
+    ValueError : unknown program or unit, mu < 0, or a grid that the format cannot represent
     """
     path = as_path(path)
     form = PROGRAMS[program := _program(path, program)]
@@ -112,12 +113,12 @@ def read_friction(
     ----------
     path, program : as for `write_friction`
     unit_velocity, unit_pressure, unit_temperature : for abaqus and lsdyna
-        None: the units in the comment of a file that `write_friction` wrote.
+        None selects the units in the comment of a file that `write_friction` wrote.
     pressure : pressure of a curve in log10 columns [Pa], which these files do not contain
 
     Raises
     ------
-    ValueError : names the file and the fault
+    ValueError : the file is invalid. The message names the file and the fault.
     """
     path = as_path(path)
     form = PROGRAMS[_program(path, program)]
@@ -165,7 +166,11 @@ def _head(table: FrictionTable, units: TableUnits) -> list[str]:
 
 
 def _units(text: str, velocity: str | None, pressure: str | None, temperature: str | None) -> TableUnits:
-    """Return the given units, or the units in the comment of a file."""
+    """Return the units of velocity, pressure and temperature in a file.
+
+    A unit that is None is read from the comment in the text of the file. The default unit of temperature is
+    K.
+    """
     found = re.search(r"Units: (\S+), (\S+?)(?:, (K|C))?\s*$", text, re.M)
     v, p, T = found.groups() if found else (None, None, None)
     given = (velocity or v, pressure or p, temperature or T or "K")
@@ -178,13 +183,16 @@ def _units(text: str, velocity: str | None, pressure: str | None, temperature: s
 
 
 def _file_axes(table: FrictionTable, units: TableUnits) -> list[np.ndarray]:
-    """Return the axes of a table in the units of a file: velocity, pressure and, if present, temperature."""
+    """Return velocity, pressure and, if present, temperature of a table in the units of a file."""
     axes = [getattr(table, name) for name in AXES if getattr(table, name) is not None]
     return [(axis - zero) / factor for axis, (factor, zero) in zip(axes, units.scales(), strict=False)]
 
 
 def _from_rows(rows: Any, units: TableUnits) -> FrictionTable:
-    """Return the table from rows (mu, v, p, T) in any order; T is NaN if the table has no temperatures."""
+    """Return the table from rows (mu, v, p, T), which may have any order.
+
+    T is NaN if the table has no temperatures.
+    """
     mu, v, p, T = np.array(rows, float).T
     axes, places = zip(*(np.unique(x, return_inverse=True) for x in (T, p, v)), strict=True)
     temperatures, pressures, velocities = shape = tuple(axis.size for axis in axes)
@@ -211,7 +219,6 @@ def _write_abaqus(table: FrictionTable, units: TableUnits, name: str) -> Iterato
 
 
 def _read_abaqus(text: str, units: TableUnits) -> FrictionTable:
-    """Read the table of the first keyword *FRICTION in an input file."""
     blocks = keyword_blocks(text, r"\s*(\*\*|$)")
     lines = [data for line, data in blocks if line.partition(",")[0].strip().upper() == "*FRICTION"]
     if not lines or not lines[0]:
@@ -245,7 +252,6 @@ def _write_lsdyna(table: FrictionTable, units: TableUnits, _name: str) -> Iterat
 
 
 def _read_lsdyna(text: str, units: TableUnits) -> FrictionTable:
-    """Read the tables of a keyword file, and the curves to which the tables refer."""
     found = re.findall(r"^\$ Table (\d+) is at (\S+) (?:K|C)\b", text, re.M)
     temperatures = {int(number): float(T) for number, T in found}
     tables, curves = {}, {}
@@ -257,7 +263,10 @@ def _read_lsdyna(text: str, units: TableUnits) -> FrictionTable:
     if not tables:
         raise ValueError("*DEFINE_TABLE_2D is missing: must be given")
     if len(tables) > 1 and tables.keys() - temperatures.keys():
-        raise ValueError(f"has {len(tables)} tables without a temperature for each: must have only one")
+        raise ValueError(
+            f"has {len(tables)} tables, but no temperature for some of them; keep one table, or state each "
+            "temperature in a comment as write_friction does"
+        )
     for curve in (int(curve) for table in tables.values() for _, curve in table):
         if curve not in curves:
             raise ValueError(f"curve {curve} of a table is missing: must be given as *DEFINE_CURVE")
@@ -295,7 +304,6 @@ def _write_log10(table: FrictionTable, _units: TableUnits, _name: str) -> Iterat
 
 
 def _read_columns(path: Path, pressure: float | None) -> FrictionTable:
-    """Read a CSV table or the columns of the established program."""
     optional = tuple({"p", "T", "sigma", "A_over_A0"} & set(read_names(path)))
     columns = read_table(path, ("v", "mu"), optional, increasing=False)
     if "p" in columns and pressure is not None:
@@ -349,8 +357,6 @@ def _read_json(text: str, _units: TableUnits) -> FrictionTable:
 
 
 class _Format(NamedTuple):
-    """The file format of one program."""
-
     suffixes: tuple[str, ...]
     comment: str  # beginning of a comment line; "": none
     has_units: bool  # False: SI

@@ -19,7 +19,7 @@ AXES = ("velocity", "pressure", "temperature")
 
 
 class FrictionTable(NamedTuple):
-    """mu at every combination of velocity, pressure and temperature."""
+    """Friction coefficient mu at every combination of velocity, pressure and temperature."""
 
     velocity: np.ndarray  # [m/s], increasing, shape (n,)
     pressure: np.ndarray  # [Pa], increasing, shape (m,)
@@ -33,7 +33,10 @@ class FrictionTable(NamedTuple):
     def at(
         self, velocity: ArrayLike, pressure: ArrayLike, temperature: ArrayLike | None = None
     ) -> np.ndarray:
-        """Interpolate mu linearly, constant beyond the ends; arguments broadcast [m/s], [Pa], [K]."""
+        """Interpolate mu linearly at velocities [m/s], pressures [Pa] and temperatures [K].
+
+        The arguments broadcast. Beyond the ends of an axis, mu keeps the value at the end.
+        """
         given = (velocity, pressure) if self.temperature is None else (velocity, pressure, temperature)
         points = np.broadcast_arrays(*(np.asarray(x, float) for x in given))
         v, p, *T = (x.ravel() for x in points)
@@ -44,9 +47,9 @@ class FrictionTable(NamedTuple):
 
 
 def hats(axis: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return the linear interpolation weights of the points of an axis at x, shape (x.size, axis.size).
+    """Return the weights of linear interpolation from the points of an axis to `x`.
 
-    The weights are constant beyond the ends of the axis.
+    The weights have shape (x.size, axis.size). Beyond the ends of the axis they are constant.
     """
     weights = np.zeros((x.size, axis.size))
     if axis.size == 1:
@@ -64,9 +67,9 @@ def as_friction_table(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> FrictionTable:
-    """Return a checked table from a FrictionTable, or from a result, whose axes are sorted first.
+    """Convert a FrictionTable or a result to a checked FrictionTable.
 
-    The arguments are as for `rubberfric.io.curves_of`.
+    The axes of a result are sorted first. The arguments are as for `rubberfric.io.curves_of`.
 
     Raises
     ------

@@ -8,7 +8,7 @@
     /scene/upper      attribute kind = "Body"
     /scene/upper/material/E ...
 
-Static fields are attributes; a field that is None is absent. A dataset with the attribute `weak` is a weakly
+Static fields are attributes. A field that is None is absent. A dataset with the attribute `weak` is a weakly
 typed number, which does not raise the precision of other leaves.
 """
 
@@ -37,9 +37,10 @@ MOST_VALUES = 10**8
 def creating(
     path: StrPath | io.BytesIO, form: str, version: int = 1, *, in_place: bool = False
 ) -> Iterator[h5py.File]:
-    """Open a new file of the format named `form` for writing; `path` may be a file object.
+    """Open a new HDF5 file of the format `form` for writing.
 
-    HDF5 may segfault on a full disk, so the file is written in memory first, unless `in_place`.
+    `path` may be a file object. HDF5 may segfault on a full disk, so the file is written in memory first,
+    unless `in_place` is True.
     """
     place = path if in_place or isinstance(path, io.BytesIO) else io.BytesIO()
     # Since 1.10 the file format has checksums on its structure.
@@ -54,7 +55,10 @@ def creating(
 
 @contextlib.contextmanager
 def reading(path: Any, form: str, version: int = 1) -> Iterator[h5py.File]:
-    """Open a file of the format named `form`; every fault is a ValueError that names the file."""
+    """Open an HDF5 file of the format `form` for reading.
+
+    Every fault of the file raises a ValueError that names the file.
+    """
     check_readable(path)  # names a missing file as such
     try:
         with h5py.File(path, "r") as file:
@@ -69,7 +73,7 @@ def reading(path: Any, form: str, version: int = 1) -> Iterator[h5py.File]:
 
 
 def _check_own_data(group: h5py.Group) -> None:
-    """Raise ValueError for links and datasets whose data are outside the file."""
+    """Raise ValueError if a group has links, or datasets whose data are in another file."""
     for name in group:
         where, link = _path(group, name), group.get(name, getlink=True)
         if not isinstance(link, h5py.HardLink):
@@ -82,7 +86,7 @@ def _check_own_data(group: h5py.Group) -> None:
 
 
 def write_values(group: h5py.Group, name: str, values: ArrayLike, units: str) -> h5py.Dataset:
-    """Write numbers as a dataset with units, and return it."""
+    """Write numbers as a dataset with units, and return the dataset."""
     weak = isinstance(values, float) or (isinstance(values, jax.Array) and values.weak_type)
     array = np.asarray(values)
     if array.dtype.kind != "f":
@@ -95,11 +99,14 @@ def write_values(group: h5py.Group, name: str, values: ArrayLike, units: str) ->
 
 
 def read_values(group: h5py.Group, name: str, units: str, shape: tuple[int, ...] | None = None) -> np.ndarray:
-    """Read numbers with the required units: a NumPy array, or a float for a weakly typed number.
+    """Read a dataset of numbers that must have the given units.
+
+    The result is a NumPy array. A weakly typed number becomes a float.
 
     Raises
     ------
-    ValueError : another shape than `shape`, or more than `MOST_VALUES` values without `shape`
+    ValueError : the dataset is missing, or has another unit, type or shape
+        If `shape` is None, a dataset may have any shape, but at most `MOST_VALUES` values.
     """
     where, data = _path(group, name), group.get(name)
     if not isinstance(data, h5py.Dataset):
@@ -119,7 +126,7 @@ def read_values(group: h5py.Group, name: str, units: str, shape: tuple[int, ...]
 
 
 def read_array(group: h5py.Group, name: str, units: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Read numbers of the required units and shape as an array."""
+    """Read a dataset that must have the given units and shape as an array."""
     return np.asarray(read_values(group, name, units, shape))
 
 
@@ -145,7 +152,7 @@ def read_texts(group: h5py.Group, name: str) -> list[str]:
 
 
 def attributes(owner: h5py.Group, types: Mapping[str, type]) -> dict[str, Any]:
-    """Read attributes of the given types from a file or group."""
+    """Read attributes from a file or group, which must have the given names and types."""
     found = {}
     for name, kind in types.items():
         value = plain(owner.attrs.get(name))
@@ -156,7 +163,7 @@ def attributes(owner: h5py.Group, types: Mapping[str, type]) -> dict[str, Any]:
 
 
 def subgroup(group: h5py.Group, name: str) -> h5py.Group:
-    """Return the group `name` in a group; ValueError if it is missing."""
+    """Return the group `name` in a group, or raise ValueError if this group is missing."""
     found = group.get(name)
     if not isinstance(found, h5py.Group):
         raise ValueError(f"{_path(group, name)}: is missing; must be a group")
@@ -164,7 +171,7 @@ def subgroup(group: h5py.Group, name: str) -> h5py.Group:
 
 
 def check_names(group: h5py.Group, names: Collection[str], attributes: Collection[str]) -> None:
-    """Raise ValueError if a group holds an unknown name."""
+    """Raise ValueError if a group has an object or an attribute with an unknown name."""
     for name in group:
         if name not in names:
             raise ValueError(f"{_path(group, name)}: unknown field; {closest(name, tuple(names))}")
@@ -174,7 +181,10 @@ def check_names(group: h5py.Group, names: Collection[str], attributes: Collectio
 
 
 def write_object(parent: h5py.Group, name: str, value: PhysicalObject) -> None:
-    """Write a physical object as the group `name`; ValueError if its constructor refuses its values."""
+    """Write a physical object as the group `name`.
+
+    A ValueError is raised if the constructor of the object refuses the values.
+    """
     cls = type(value)
     if cls not in kinds(PhysicalObject).values():
         raise ValueError(f"{name} = {value!r}: must be one of {', '.join(kinds(PhysicalObject))}")
@@ -194,7 +204,10 @@ def write_object(parent: h5py.Group, name: str, value: PhysicalObject) -> None:
 
 
 def read_object(group: Any) -> PhysicalObject:
-    """Read the object in a group; a ValueError names the group and the fault."""
+    """Read the physical object in a group.
+
+    The message of a ValueError names the group and the fault.
+    """
     where, known = group.name, kinds(PhysicalObject)
     if not isinstance(group, h5py.Group):
         raise ValueError(f"{where}: must be a group, not a dataset")
@@ -225,7 +238,7 @@ def read_object(group: Any) -> PhysicalObject:
 
 
 def plain(attribute: Any) -> Any:
-    """Convert an attribute to bool, int, float or str."""
+    """Convert a NumPy scalar to bool, int, float or str, and return other values unchanged."""
     return attribute.item() if isinstance(attribute, np.generic) else attribute
 
 

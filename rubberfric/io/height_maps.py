@@ -6,8 +6,8 @@
     0,00;0,00;-1,20                 -0.95   NaN  0.77 ...
     0,00;0,01;                      ...
 
-A file has a row x, y, z for each point, or a grid of heights whose spacing the caller gives. A point that is
-empty, `NaN` or `n/a`, or a row that is missing, is a hole.
+A file has a row x, y, z for each point, or a grid of heights whose spacing the caller gives. A height that is
+empty, `NaN` or `n/a` is a hole, and so is a missing row.
 """
 
 import re
@@ -28,7 +28,7 @@ _SAME = 0.05
 
 
 class HeightMap(NamedTuple):
-    """Heights on a grid; holes are filled.
+    """Heights on a grid, with filled holes.
 
     Attributes
     ----------
@@ -53,9 +53,10 @@ def read_heights(
     Parameters
     ----------
     path : text file (.csv, .txt, .dat, .xyz, .tsv)
-    spacing : dx = dy, or (dx, dy), of a grid of heights, > 0 [m]; rows are along y
-        None: the file has the columns x, y, z.
-    unit : unit of the numbers in the file, "m", "mm", "um" or "nm"; None: the titles give it, like "x [mm]"
+    spacing : dx = dy, or (dx, dy), of a grid of heights, > 0 [m]
+        The rows of the file are along y. None means that the file has the columns x, y and z.
+    unit : unit of the numbers in the file, "m", "mm", "um" or "nm"
+        None takes the unit from titles such as "x [mm]".
 
     Returns
     -------
@@ -63,8 +64,8 @@ def read_heights(
 
     Raises
     ------
-    ValueError : names the file and what is wrong: no numbers, no unit, positions that form no grid, rows of
-        different lengths, or more than a quarter of holes
+    ValueError : the file has no numbers, no unit, positions that form no grid, rows of different lengths, or
+        more than a quarter of holes. The message names the file and the fault.
     """
     titles, rows = _rows(path, read_text(path, exports=True))
     count = len(rows[0][1])
@@ -88,7 +89,7 @@ def read_heights(
 
 
 def filled(heights: np.ndarray) -> np.ndarray:
-    """Return heights in which every hole (NaN) is the mean of its neighbours along both axes."""
+    """Fill holes (NaN), so that each height in a hole is the mean of its neighbours along both axes."""
     hole = ~np.isfinite(heights)
     if not hole.any():
         return heights
@@ -114,7 +115,10 @@ def filled(heights: np.ndarray) -> np.ndarray:
 
 
 def _rows(path, text):
-    """Return the row of titles, or [] without titles, and (line, fields) of all rows of numbers and holes."""
+    """Return the titles of the columns, and (line number, fields) of all rows of numbers and holes.
+
+    The titles are [] if the file has no titles.
+    """
     lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if has_fields(line)]
     best: list = []
     titles: list[str] = []
@@ -136,7 +140,6 @@ def _is_value(field):
 
 
 def _numbers(path, rows):
-    """Return the values of all rows as an array with NaN for holes."""
     width = len(rows[0][1])
     for line, fields in rows:
         if len(fields) != width:
@@ -150,7 +153,7 @@ def _numbers(path, rows):
 
 
 def _units(path, titles, unit, count, named):
-    """Return the unit of length of every column in metres."""
+    """Return the length unit of every column in metres."""
     given = [unit] * count
     if unit is None:
         found = [_IN_BRACKETS.search(title) for title in titles] if named else []
@@ -165,7 +168,10 @@ def _units(path, titles, unit, count, named):
 
 
 def _on_a_grid(path, x, y, z):
-    """Return heights on a grid (nx, ny), NaN for points without a row, and the spacings along x and y."""
+    """Return heights of shape (nx, ny), the spacing along x and the spacing along y.
+
+    A point without a row has the height NaN.
+    """
     places, spacings = [], []
     for name, values in (("x", x), ("y", y)):
         if not np.isfinite(values).all():
@@ -173,7 +179,7 @@ def _on_a_grid(path, x, y, z):
         steps = np.diff(np.unique(values))
         large = steps[steps > _SAME * steps.max(initial=0.0)]
         if large.size < 1:
-            raise ValueError(f"{path}: {name} must have different values")
+            raise ValueError(f"{path}: {name} has only one value; the points must form a grid")
         spacing = float(np.median(np.asarray(large, float)))
         place = (values - values.min()) / spacing
         if np.abs(place - np.round(place)).max() > 4 * _SAME:
@@ -182,7 +188,9 @@ def _on_a_grid(path, x, y, z):
         spacings.append(spacing)
     size = [int(place.max()) + 1 for place in places]
     if size[0] * size[1] > 4 * x.size + 64:
-        raise ValueError(f"{path}: {x.size} points do not fill a grid of {size[0]} x {size[1]}")
+        raise ValueError(
+            f"{path}: {x.size} points do not fill a grid of {size[0]} x {size[1]}; too many rows are missing"
+        )
     heights = np.full(size, np.nan)
     heights[places[0], places[1]] = z
     return heights, *spacings

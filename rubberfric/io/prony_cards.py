@@ -59,23 +59,24 @@ def read_prony(
     Parameters
     ----------
     path : file
-    program : "abaqus", "ansys", "comsol", "lsdyna", "openradioss" or "pyvisco"; None: found in the text
+    program : "abaqus", "ansys", "comsol", "lsdyna", "openradioss" or "pyvisco"
+        None recognises the program from the text.
     unit_stress : "Pa", "kPa", "MPa" or "GPa"; required except for pyvisco, whose files name the unit
-    unit_temperature : "K" or "C", of a WLF shift
+    unit_temperature : "K" or "C", unit of the reference temperature of a WLF shift
     poisson : constant Poisson's ratio [-], or None
-        If given, it replaces the bulk modulus of the cards. pyvisco files hold no Poisson's ratio: it is 0.5
-        for Young's modulus by default, and must be given for a shear modulus.
+        If `poisson` is given, it replaces the bulk modulus of the cards. pyvisco files hold no Poisson's
+        ratio. The default is then 0.5 for Young's modulus, and `poisson` must be given for a shear modulus.
     shift : False ignores the shift
 
     Returns
     -------
-    Prony if shear and bulk modulus relax alike, `poisson` is given, or Poisson's ratio is 0.5;
-    PronyShear if the bulk modulus is elastic
+    Prony if shear and bulk modulus relax alike, if `poisson` is given, or if Poisson's ratio is 0.5.
+    PronyShear if the bulk modulus is elastic.
 
     Raises
     ------
-    ValueError : names the file and the fault: missing cards or units, bulk terms unlike the shear terms,
-        weights that add up to more than 1, a shift other than WLF
+    ValueError : cards or units are missing, bulk terms are unlike the shear terms, weights add up to more
+        than 1, or the shift is not WLF. The message names the file and the fault.
     """
     text = read_text(path)
     try:
@@ -115,22 +116,25 @@ def write_prony(
     Parameters
     ----------
     path : file, or None to return the text only
-    material : Prony, PronyShear, or an object with one as `material`, such as a Body or a PronyFit
+    material : Prony, PronyShear, or an object whose attribute `material` is a Prony or PronyShear, such as a
+        Body or a PronyFit
     program : "abaqus", "ansys", "comsol", "lsdyna", "openradioss" or "pyvisco"
         abaqus: `*ELASTIC` and `*VISCOELASTIC, TIME=PRONY`, with `*TRS` for a WLF shift. Poisson's ratio 0.5
-        is written with k_i = 0 for hybrid elements; other elements need `bulk`.
-        ansys: MP,EX and PRXY, TB,PRONY for shear and bulk, TB,SHIFT; at most 100 terms.
-        comsol: table of branches for its Generalized Maxwell model; moduli and shift in comments.
-        lsdyna: `*MAT_GENERAL_VISCOELASTIC` (076) in fields of 10 characters, which hold 6 digits; at most
-        18 terms including the relaxed modulus; a WLF shift in K.
-        openradioss: /MAT/LAW42 with the relaxed moduli and /VISC/PRONY; no shift.
-        pyvisco: CSV table of the terms of Young's modulus; no shift.
+        is written with k_i = 0 for hybrid elements. Other elements need `bulk`.
+        ansys: MP,EX and PRXY, TB,PRONY for shear and bulk, and TB,SHIFT, with at most 100 terms.
+        comsol: table of branches for its Generalized Maxwell model, with moduli and shift in comments.
+        lsdyna: `*MAT_GENERAL_VISCOELASTIC` (076) in fields of 10 characters, which hold 6 digits. There are
+        at most 18 terms including the relaxed modulus. A WLF shift must be in K.
+        openradioss: /MAT/LAW42 with the relaxed moduli and /VISC/PRONY, without a shift.
+        pyvisco: CSV table of the terms of Young's modulus, without a shift.
     unit_stress : "Pa", "kPa", "MPa" or "GPa"; times are in s
-    unit_temperature : "K" or "C", of the reference temperature of a shift
-    bulk : elastic bulk modulus [Pa] for a Prony, or None; if given, only the shear modulus relaxes
-    density : [kg/m^3]; written in kg/m^3 with Pa, in t/mm^3 with MPa; required by lsdyna and openradioss
+    unit_temperature : "K" or "C", unit of the reference temperature of a shift
+    bulk : elastic bulk modulus [Pa] for a Prony, or None
+        If `bulk` is given, only the shear modulus relaxes.
+    density : density [kg/m^3], required by lsdyna and openradioss
+        The density is written in kg/m^3 with Pa, and in t/mm^3 with MPa.
     shift : False leaves out the shift, for cards at its reference temperature
-    name : of the material, for abaqus and openradioss
+    name : name of the material, for abaqus and openradioss
 
     Returns
     -------
@@ -138,7 +142,7 @@ def write_prony(
 
     Raises
     ------
-    ValueError : the material is not a Prony series, or the program cannot hold it
+    ValueError : the material is not a Prony series, or the cards of the program cannot represent the material
     """
     _check("program", program, FORMATS)
     _check("unit_stress", unit_stress, STRESS)
@@ -169,7 +173,6 @@ def _check(name: str, value: object, allowed: dict) -> None:
 
 
 def _material(cards: Cards, options: CardOptions) -> Prony | PronyShear:
-    """Return the material that cards describe, in SI."""
     pascal, poisson = STRESS[options.stress or "Pa"], options.poisson
     if poisson is None and cards.poisson == 0.5:
         poisson = 0.5
@@ -192,7 +195,6 @@ def _material(cards: Cards, options: CardOptions) -> Prony | PronyShear:
 
 
 def _series(material: object, bulk: float | None, program: str, options: CardOptions) -> CardSeries:
-    """Convert a material to the `CardSeries` that is written for `program`."""
     if isinstance(material, PronyShear):
         if bulk is not None:
             raise ValueError(f"bulk = {shown(bulk)}: must not be given; the PronyShear has a bulk modulus")
@@ -225,7 +227,10 @@ def _series(material: object, bulk: float | None, program: str, options: CardOpt
 
 
 def _wlf(law: object, program: str, options: CardOptions) -> tuple[float, float, float]:
-    """Return reference temperature, C1 and C2 of a shift; ValueError if the program cannot hold it."""
+    """Return reference temperature, C1 and C2 of a WLF shift, with the temperature in the file's unit.
+
+    A ValueError is raised if the cards of the program cannot represent the shift.
+    """
     has_shift = FORMATS[program].has_shift
     if not (isinstance(law, WLF) and has_shift):
         raise ValueError(

@@ -6,7 +6,7 @@ Cards hold the glassy moduli, relative weights and relaxation times,
           B(t) = B_0 \Big[1 - \sum_i k_i (1 - e^{-t/\tau_i})\Big]
 
 as *VISCOELASTIC, TIME=PRONY of Abaqus defines them. COMSOL, LS-DYNA and OpenRadioss hold the shear moduli
-G_0 g_i. A constant Poisson's ratio means k_i = g_i, an elastic bulk modulus means k_i = 0.
+G_0 g_i. A constant Poisson's ratio means k_i = g_i, and an elastic bulk modulus means k_i = 0.
 """
 
 import math
@@ -23,7 +23,7 @@ TEMPERATURE = {"K": 0.0, "C": ZERO_CELSIUS}
 
 
 class CardOptions(NamedTuple):
-    """Units of a file, and options of reading."""
+    """Units of a file, and options for reading the file."""
 
     stress: str | None  # unit; None: named in the file
     zero: float  # zero of the temperature scale [K]
@@ -52,7 +52,7 @@ class CardSeries(NamedTuple):
     g: np.ndarray  # relative weights of the shear modulus [-], shape (n,)
     k: np.ndarray  # relative weights of the bulk modulus [-], shape (n,)
     tau: np.ndarray  # relaxation times [s], shape (n,)
-    rest: float  # relaxed over glassy shear modulus [-]; exact where 1 - sum(g) cancels
+    rest: float  # relaxed / glassy shear modulus [-]; exact where 1 - sum(g) cancels
     shear: float  # glassy shear modulus
     wlf: tuple[float, ...]  # reference temperature, C1 and C2; (): no shift
     options: CardOptions
@@ -61,7 +61,7 @@ class CardSeries(NamedTuple):
 
 
 class CardFormat(NamedTuple):
-    """The cards of one program."""
+    """Format of the cards of one program."""
 
     sign: str  # regular expression that identifies them
     comment: str  # beginning of a comment line; "": none
@@ -71,7 +71,10 @@ class CardFormat(NamedTuple):
 
 
 def parse_number(field: str) -> float:
-    """Return the number in a field of a card. An exponent may be D as in Fortran; a blank field is 0."""
+    """Return the number in a field of a card.
+
+    The exponent may begin with D as in Fortran. A blank field is 0.
+    """
     try:
         return float(re.sub(r"[dD](?=[+-]?\d+$)", "e", field.strip() or "0"))
     except ValueError:
@@ -89,7 +92,11 @@ def format_number(value: float, width: int = 20) -> str:
 
 
 def keyword_blocks(text: str, skip: str, mark: str = r"\s*\*") -> list[tuple[str, list[str]]]:
-    """Return (keyword line, lines below it) of each block; `skip` matches comments, `mark` keyword lines."""
+    """Return (keyword line, lines below the keyword line) of each block in a text.
+
+    The regular expressions `skip` and `mark` match the beginnings of comment lines and of keyword lines.
+    Comment lines are left out.
+    """
     blocks: list[tuple[str, list[str]]] = []
     for line in text.splitlines():
         if re.match(skip, line):
@@ -102,7 +109,10 @@ def keyword_blocks(text: str, skip: str, mark: str = r"\s*\*") -> list[tuple[str
 
 
 def comma_numbers(line: str) -> list[float]:
-    """Return the numbers of a line with commas between them; a comma may also end the line."""
+    """Return the numbers of a line, which are separated by commas.
+
+    A comma may also end the line.
+    """
     return [parse_number(field) for field in line.rstrip().rstrip(",").split(",")]
 
 
@@ -112,7 +122,7 @@ def comma_line(*values: float) -> str:
 
 
 def wide_numbers(line: str, count: int, width: int = 20) -> list[float]:
-    """Return the numbers in the first `count` fields of a line, with `width` characters in each field."""
+    """Return the numbers in the first `count` fields of a line, whose fields have `width` characters."""
     return [parse_number(line[i : i + width]) for i in range(0, width * count, width)]
 
 
@@ -122,14 +132,17 @@ def wide_line(*values: float, width: int = 20) -> str:
 
 
 def glassy_bulk(young: float, poisson: float) -> float:
-    """Return the bulk modulus; inf for an incompressible solid."""
+    """Return the bulk modulus for Young's modulus and Poisson's ratio.
+
+    The result is inf for an incompressible solid.
+    """
     return float(bulk_from_young(young, poisson)) if poisson < 0.5 else math.inf
 
 
 def _relative(young, nu, g, k, tau, wlf=(), long_term=False) -> Cards:
-    """Return the contents of cards that hold Young's modulus and relative weights.
+    """Convert cards that hold Young's modulus and relative weights.
 
-    Young's modulus is the relaxed one if `long_term`, otherwise the glassy one.
+    `young` is the relaxed modulus if `long_term` is True, otherwise the glassy modulus.
     """
     total = float(np.sum(g))
     if total > 1 + 1e-12:
@@ -146,7 +159,7 @@ def _relative(young, nu, g, k, tau, wlf=(), long_term=False) -> Cards:
 
 
 def _read_abaqus(text: str, options: CardOptions) -> Cards:
-    """Read the first material with *VISCOELASTIC."""
+    """Read the first material that has the keyword *VISCOELASTIC."""
     found: dict[str, tuple[str, list[str]]] = {}
     for line, data in keyword_blocks(text, r"\s*(\*\*|$)"):
         keyword = line.partition(",")[0].strip().upper()
@@ -196,7 +209,7 @@ def _read_ansys(text: str, options: CardOptions) -> Cards:
     if not g.size:
         raise ValueError("TB,PRONY,...,SHEAR with TBDATA is missing: must be given")
     if k.size and (k.shape != g.shape or not np.allclose(bulk_tau, tau, rtol=1e-9)):
-        raise ValueError("TB,PRONY,...,BULK has other times than SHEAR: must be the same")
+        raise ValueError("TB,PRONY,...,BULK has other times than SHEAR; the times must be equal")
     wlf = ()
     if shifts := [name for name in tables if options.shift and name.startswith("SHIFT,")]:
         if shifts[0] != "SHIFT,WLF":
@@ -206,9 +219,10 @@ def _read_ansys(text: str, options: CardOptions) -> Cards:
 
 
 def _ansys_commands(text: str) -> tuple[dict[str, float], dict[str, dict[int, float]]]:
-    """Return a dict label -> material constant, and a dict "LABEL,OPTION" -> table.
+    """Return the constants of all MP commands and the tables of all TB commands.
 
-    A table is a dict from the number of a constant to its value.
+    The constants are a dict from label to value. The tables are a dict from "LABEL,OPTION" to a dict, which
+    maps the number of a constant to its value.
     """
     constants, tables, current = {}, {}, None
     for line in text.splitlines():
@@ -227,7 +241,7 @@ def _ansys_commands(text: str) -> tuple[dict[str, float], dict[str, dict[int, fl
 
 
 def _ansys_pairs(tables: dict[str, dict[int, float]], what: str) -> np.ndarray:
-    """Return the weights and times of a table, shape (2, n)."""
+    """Return the weights and times of a Prony table as an array of shape (2, n)."""
     table = tables.get(f"PRONY,{what}", {})
     if len(table) % 2 or sorted(table) != list(range(1, len(table) + 1)):
         constants = sorted(table)

@@ -43,14 +43,20 @@ _SEARCHED = 2**24
 
 
 class Conditions(NamedTuple):
-    """Conditions of a computation, whose results have shape [temperature, pressure, velocity]."""
+    """Conditions of a computation.
+
+    The results have shape [temperature, pressure, velocity].
+    """
 
     velocity: np.ndarray  # [m/s], shape (n,)
     pressure: np.ndarray  # [Pa], shape (m,)
     temperature: np.ndarray | None  # [K], shape (k,); None where nothing depends on it
 
     def grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Return velocity, pressure and temperature that broadcast to [temperature, pressure, velocity]."""
+        """Return conditions as arrays that broadcast to the shape [temperature, pressure, velocity].
+
+        The order of the arrays is velocity, pressure, temperature.
+        """
         T = self.temperature
         return self.velocity, self.pressure[:, None], None if T is None else T[:, None, None]
 
@@ -74,7 +80,7 @@ def default_conditions(scene: Scene) -> Conditions:
 
 
 def conditions_text(conditions: Conditions) -> str:
-    """Return the ranges of conditions in one line."""
+    """Return the ranges of conditions as one line of text."""
     units = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
     given = {name: x for name, x in conditions._asdict().items() if x is not None}
     return ", ".join(
@@ -84,7 +90,7 @@ def conditions_text(conditions: Conditions) -> str:
 
 
 class Interpolation(NamedTuple):
-    """Interpolation of the quantities of a map."""
+    """Number of evaluations and error of an interpolated map."""
 
     evaluations: int  # points at which the model was evaluated
     error: float  # largest relative difference from the model at points of the map [-]
@@ -94,7 +100,7 @@ class Interpolation(NamedTuple):
 
 
 class Curves(NamedTuple):
-    """Quantities over their conditions, for plots and tables."""
+    """Quantities with the conditions at which they were computed, for plots and tables."""
 
     conditions: Conditions
     solution: Solution  # arrays [temperature, pressure, velocity]; None: not computed
@@ -112,7 +118,6 @@ class Result(NamedTuple):
     interpolation: Interpolation | None = None  # None: the model was evaluated at every point
 
     def _repr_html_(self) -> str:
-        """Return the tables for notebooks: conditions, the range of every quantity, the scene."""
         conditions, quantities = (
             {name: values for name, values in record._asdict().items() if values is not None}
             for record in (self.conditions, self.solution)
@@ -131,7 +136,10 @@ class Result(NamedTuple):
 
 
 def check_conditions(where: str, conditions: Conditions, scene: Scene) -> None:
-    """Raise ValueError for conditions that are invalid for the scene; the message begins with `where`."""
+    """Raise ValueError if conditions are invalid for the scene.
+
+    The message begins with `where`.
+    """
     for name, values in conditions._asdict().items():
         if values is None:
             continue
@@ -156,16 +164,16 @@ def check_conditions(where: str, conditions: Conditions, scene: Scene) -> None:
 
 
 def check_plausible(where: str, doubts: Iterable[str]) -> None:
-    """Raise ValueError for the first of `doubts`, texts about values that are probably not in SI units.
+    """Raise ValueError with the first text in `doubts`, if there is a text.
 
-    The message begins with `where`.
+    The texts describe values that are probably not in SI units. The message begins with `where`.
     """
     for text in doubts:
         raise ValueError(f"{where}{text} plausible = false at the top of the file accepts it")
 
 
 def check_plausible_conditions(where: str, conditions: Conditions) -> None:
-    """Raise ValueError for conditions that are probably not in SI units."""
+    """Raise ValueError if conditions are probably not in SI units."""
     check_plausible(where, doubts_of_conditions(**conditions._asdict()))
 
 
@@ -176,7 +184,7 @@ def curves_of(
     temperature: ArrayLike | None = None,
     quantity: str = "friction",
 ) -> Curves:
-    """Return quantities over their conditions from a result of `friction_map`, `solve` or `friction`.
+    """Convert a result of `friction_map`, `solve` or `friction` to quantities with their conditions.
 
     Parameters
     ----------
@@ -187,8 +195,8 @@ def curves_of(
 
     Raises
     ------
-    ValueError : missing or superfluous conditions; conditions that do not broadcast to the shape of the
-        quantities, or do not contain every combination of their values once
+    ValueError : conditions are missing or superfluous, do not broadcast to the shape of the quantities, or do
+        not contain every combination of their values once
     """
     given = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
     if isinstance(found, Result | Curves):
@@ -209,7 +217,7 @@ def curves_of(
 
 
 def _on_a_grid(solution: Solution, given: dict[str, ArrayLike | None]) -> Curves:
-    """Return a solution as arrays [temperature, pressure, velocity] with sorted axes."""
+    """Convert a solution to arrays of shape [temperature, pressure, velocity] with sorted axes."""
     arrays = {name: np.asarray(x) for name, x in solution._asdict().items() if x is not None}
     known = {name: np.asarray(x, float) for name, x in given.items() if x is not None}
     try:
@@ -241,13 +249,15 @@ def _on_a_grid(solution: Solution, given: dict[str, ArrayLike | None]) -> Curves
 
 
 def result_shape(conditions: Conditions) -> tuple[int, int, int]:
-    """Return the shape [temperature, pressure, velocity] of results, which begins with 1 without T."""
+    """Return the shape [temperature, pressure, velocity] of results.
+
+    The first length is 1 if there are no temperatures.
+    """
     temperatures = 1 if conditions.temperature is None else conditions.temperature.size
     return temperatures, conditions.pressure.size, conditions.velocity.size
 
 
 def _range(values: np.ndarray, name: str) -> str:
-    """Return the smallest and the largest value and the shape of an array as text."""
     if not is_concrete(values) or np.size(values) in (0, 1) or np.size(values) > _SEARCHED:
         return short(values)
     array = np.asarray(values)

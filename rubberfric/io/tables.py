@@ -1,4 +1,4 @@
-"""Tables of text, read and written in SI.
+"""Reading and writing of text tables in SI units.
 
 ::
 
@@ -61,17 +61,18 @@ def read_table(
     generic : "E" or "G", the modulus that "storage modulus" means
         None: "G" if poisson is given, otherwise "E".
     bad_rows : "error", or "drop" to leave out rows of an export with an empty, missing or invalid value
-        A warning names their lines.
+        A warning names the lines that are left out.
 
     Returns
     -------
-    dict of name in SI -> float64 array, shape (number of rows,)
+    dict from name in SI to float64 array of shape (number of rows,)
 
     Raises
     ------
-    ValueError : names file, line, column, value and rule: unreadable text; an unknown, missing or repeated
-        column; an unknown unit; a wrong number of fields; a value that is not a number, not finite, of the
-        wrong sign or out of order; shear moduli without Poisson's ratio, or the reverse
+    ValueError : the table is invalid. The message names file, line, column, value and rule.
+        Faults are unreadable text, an unknown, missing or repeated column, an unknown unit, a wrong number of
+        fields, and a value that is not a number, not finite, of the wrong sign or out of order. Shear moduli
+        without Poisson's ratio, and Poisson's ratio without shear moduli, are faults too.
     """
     if bad_rows not in BAD_ROWS:
         raise ValueError(f"bad_rows = {shown(bad_rows)}: must be one of {', '.join(BAD_ROWS)}")
@@ -100,7 +101,10 @@ def read_table(
 
 
 def _ordered(path, found, table, quantity, either):
-    """Return the table if a quantity increases strictly; `either` reverses a table in which it decreases."""
+    """Return the table if the column `quantity` increases strictly, otherwise raise ValueError.
+
+    If `either` is True, a table in which the column decreases strictly is reversed.
+    """
     first = table[quantity]
     if either and np.all(np.diff(first) < 0):
         return {name: values[::-1] for name, values in table.items()}
@@ -125,7 +129,7 @@ def read_columns(
 
     Returns
     -------
-    dict of name in SI ("omega", "E_stor", "T", ...) -> float64 array, shape (number of rows,)
+    dict from name in SI ("omega", "E_stor", "T", ...) to float64 array of shape (number of rows,)
 
     Raises
     ------
@@ -146,7 +150,7 @@ def read_directions(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
 
     Returns
     -------
-    q (n,), and C (n, directions) at phi = k pi / directions, k = 0, 1, ...
+    Tuple of q of shape (n,) and C of shape (n, directions). Column k of C is at phi = k pi / directions.
 
     Raises
     ------
@@ -173,7 +177,10 @@ def read_directions(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
 
 
 def read_names(path: StrPath, columns: list[str] | None = None, generic: str = "E") -> list[str]:
-    """Read the names of the columns of a table; for an export, only the known names."""
+    """Read the names of the columns of a table.
+
+    Only the known names are returned for a table of another program.
+    """
     text = read_text(path, exports=True)
     export = _export(path, text, columns, generic)
     if export is None:
@@ -182,7 +189,10 @@ def read_names(path: StrPath, columns: list[str] | None = None, generic: str = "
 
 
 def column_hint(path: StrPath) -> str:
-    """Return the end of a message about unknown titles: a function that reads the file, or `columns=`."""
+    """Return the end of an error message about unknown column titles.
+
+    The text names a function that can read the file, or suggests the argument `columns`.
+    """
     try:
         read_traces(path)
     except ValueError:
@@ -202,7 +212,7 @@ def write_table(path: StrPath, table: Mapping[str, ArrayLike], comment: str = ""
     Parameters
     ----------
     path : file
-    table : names in SI, see `COLUMNS`, with sequences of equal length
+    table : mapping from name in SI (see `COLUMNS`) to a sequence. All sequences must have equal length.
         Numbers are written with all digits, so that they are read back unchanged.
     comment : lines at the top of the file, written behind #
 
@@ -218,7 +228,7 @@ def write_table(path: StrPath, table: Mapping[str, ArrayLike], comment: str = ""
 
 
 def table_text(table: Mapping[str, ArrayLike]) -> str:
-    """Return columns in SI as CSV text; see `write_table`."""
+    """Return columns in SI as the CSV text that `write_table` writes."""
     for name in table:
         if name not in COLUMNS or COLUMNS[name].name != name:
             known = sorted({column.name for column in COLUMNS.values()})
@@ -238,14 +248,13 @@ def table_text(table: Mapping[str, ArrayLike]) -> str:
 def _export(
     path: StrPath, text: str, titles: list[str] | None, generic: str, incomplete: bool = False
 ) -> TextTable | None:
-    """Return the table of another program or with given titles; None for a table of the project."""
     return find_table(path, text, generic, incomplete) if titles is None else headless(path, text, titles)
 
 
 def _without_redundant(table: TextTable) -> TextTable:
-    """Return the table without tan(delta) and absolute moduli if it has both parts of the modulus.
+    """Remove tan(delta) and absolute moduli from a table with storage and loss modulus.
 
-    Instruments write a useless tan(delta) where the loss is within the noise.
+    Instruments write a useless tan(delta) if the loss is within the noise.
     """
     if not any({f"{m}_stor", f"{m}_loss"} <= set(table.names) for m in "EG"):
         return table
@@ -259,7 +268,7 @@ def _without_redundant(table: TextTable) -> TextTable:
 
 
 def _without_bad_rows(path: StrPath, table: TextTable) -> TextTable:
-    """Return the table without rows that have an invalid value, and warn about these rows."""
+    """Remove rows with an invalid value from a table, and warn about the removed rows."""
     good, bad = [], []
     for line, row in table.rows:
         try:
@@ -281,7 +290,7 @@ def _without_bad_rows(path: StrPath, table: TextTable) -> TextTable:
 
 
 def _project_table(path: StrPath, text: str, needed: Sequence[str], optional: Sequence[str]) -> TextTable:
-    """Return a table of the project with checked names, units and numbers of fields."""
+    """Parse a table of the project, and check names, units and numbers of fields."""
     (name_line, names), (unit_line, units), *rows = every = _rows(path, text)
     where = f"{path}: line {name_line}"
     known = {n: c.name for n, c in COLUMNS.items() if c.name in (*needed, *optional) and c.offered}
@@ -334,7 +343,10 @@ def _rows(path: StrPath, content: str) -> TextRows:
 def _with_moduli(
     where: str, table: dict[str, np.ndarray], poisson: float | None, strict: bool
 ) -> dict[str, np.ndarray]:
-    """Add E_stor and E_loss where they follow from |E*|, shear moduli or tan(delta) = E''/E'."""
+    """Add E_stor and E_loss if |E*|, shear moduli or tan(delta) = E''/E' determine them.
+
+    If `strict` is True, a Poisson's ratio for a table without shear moduli is an error.
+    """
     shear = [name for name in ("G_stor", "G_loss", "G_comp") if name in table]
     if shear and not {"E_stor", "E_loss", "E_comp"} & set(table):
         if poisson is None:
@@ -353,6 +365,5 @@ def _with_moduli(
 
 
 def _missing(where: str, quantity: str) -> str:
-    """Return the message about a missing column."""
     spellings = [name for name, column in COLUMNS.items() if column.name == quantity and column.offered]
     return f"{where}: no column {' or '.join(spellings)}: the table must have one"

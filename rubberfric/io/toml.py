@@ -21,11 +21,12 @@
     pressure = 0.15e6                                   # [Pa]
     temperature = [283.15, 293.15]                      # [K], optional
 
-Keys are the fields of the classes and `kind` is their `file_kind`; notebooks/formats.md lists all. Fields
-with a `column` come from the CSV `file`; `columns` names its columns, `poisson` converts shear moduli,
-`normalisation` and `hurst` describe a spectrum. A "prony" or "prony_shear" may come from a `file` of cards
-with `unit_stress`, `unit_temperature` and `poisson`, see `read_prony`. A condition is a number, a list or a
-range with both ends, spaced evenly in temperature and in the logarithm of velocity and pressure.
+Keys are the fields of the classes, and `kind` is the `file_kind` of a class. notebooks/formats.md lists all
+keys and kinds. Fields with a `column` are read from the CSV file that the key `file` names. The key `columns`
+names the columns of this file, `poisson` converts shear moduli, and `normalisation` and `hurst` describe a
+spectrum. A "prony" or "prony_shear" may be read from a `file` of material cards, with the keys `unit_stress`,
+`unit_temperature` and `poisson` (see `read_prony`). A condition is a number, a list or a range. A range
+includes both ends, and is spaced evenly in temperature or in the logarithm of velocity and pressure.
 """
 
 import dataclasses
@@ -65,7 +66,7 @@ TABLES = ("run", "map")
 
 
 def read_toml(path: StrPath) -> dict[str, Any]:
-    """Read a TOML file as a dict; ValueError if it is missing or invalid."""
+    """Read a TOML file as a dict, or raise ValueError if the file is missing or invalid."""
     text = read_text(path)
     try:
         return tomllib.loads(text)
@@ -90,12 +91,18 @@ def check_keys(
 
 
 def join(key: str, name: str) -> str:
-    """Return the key path of `name` in the table at `key`; "" is the top level of the file."""
+    """Return the key path of `name` in the TOML table at `key`.
+
+    The key "" stands for the top level of the file.
+    """
     return f"{key}.{name}" if key else name
 
 
 def number(path: StrPath, key: str, value: Any) -> Any:
-    """Return a number or a list of numbers as floats; constructors check NaN and signs."""
+    """Convert a number or a list of numbers to floats, or raise ValueError.
+
+    NaN and signs are not checked, because constructors check them.
+    """
     if isinstance(value, list):
         items = [number(path, f"{key}[{i}]", item) for i, item in enumerate(value)]
         if any(isinstance(item, list) for item in items):
@@ -115,11 +122,11 @@ def number(path: StrPath, key: str, value: Any) -> Any:
 def read_scene_toml(path: StrPath, table: str = "run") -> SceneFile:
     """Read scene, conditions and title of a TOML file.
 
-    The conditions are in `table`, "run" or "map"; [run] replaces a missing [map].
+    The conditions are in the TOML table `table`, "run" or "map". [run] replaces a missing [map].
 
     Raises
     ------
-    ValueError : names the file, the key, its value and the rule
+    ValueError : the file is invalid. The message names the file, the key, its value and the rule.
     """
     path = Path(path)
     content = read_toml(path)
@@ -160,7 +167,7 @@ def read_conditions(path: Path, table: str, content: Any, scene: Scene) -> Condi
 
 
 def _range(path, key, content, spaced):
-    """Return the values of a range { from, to, points }, which `spaced` computes."""
+    """Return the values of a range { from, to, points }, which the NumPy function `spaced` computes."""
     check_keys(path, key, content, ("from", "to", "points"), needed=("from", "to", "points"))
     low, high = (number(path, f"{key}.{name}", content[name]) for name in ("from", "to"))
     points = content["points"]
@@ -174,7 +181,6 @@ def _range(path, key, content, spaced):
 
 
 def _build(path, key, cls, content):
-    """Return an object of class `cls` from the TOML table at `key`."""
     fields, curves = fields_of(cls), _curves(cls)
     instead = {name: field for name, field in cls.alternatives.items() if name in content}
     for name, field in instead.items():
@@ -200,7 +206,10 @@ def _build(path, key, cls, content):
 
 
 def _build_child(path, key, field, content):
-    """Return the object of a field: of the field's class, or of the kind that the TOML table names."""
+    """Return the object of a field from the TOML table at `key`.
+
+    If the class of the field has several kinds, the table names the kind of the object.
+    """
     check_keys(path, key, content, content)
     if not issubclass(field.role, Kind):
         return _build(path, key, field.role, content)
@@ -216,7 +225,10 @@ def _build_child(path, key, field, content):
 
 
 def _read_cards(path, key, cls, content):
-    """Read the Prony series in a file of material cards; `shift` replaces the shift of the file."""
+    """Read the Prony series in a file of material cards.
+
+    If the TOML table has the key `shift`, this shift replaces the shift of the file.
+    """
     check_keys(path, key, content, ("file", "unit_stress", "unit_temperature", "poisson", "shift"))
     given = {name: content[name] for name in ("unit_stress", "unit_temperature") if name in content}
     if "poisson" in content:
@@ -235,7 +247,7 @@ def _read_cards(path, key, cls, content):
 
 
 def _curves(cls):
-    """Return the CSV columns of the fields that come from a CSV file, by field name."""
+    """Return a dict from field name to CSV column for the fields that are read from a CSV file."""
     return {name: field.column for name, field in leaves_of(cls).items() if field.column is not None}
 
 
@@ -245,7 +257,7 @@ def _has_directions(cls):
 
 
 def _file_keys(cls):
-    """Return the keys of a class that describe its CSV file."""
+    """Return the TOML keys that describe the CSV file of a class."""
     columns = _curves(cls).values()
     if _has_directions(cls):
         return ("file", "normalisation")
@@ -253,7 +265,6 @@ def _file_keys(cls):
 
 
 def _read_curves(path, key, cls, content):
-    """Read the fields of a tabulated class from its CSV file."""
     curves, name = _curves(cls), content.get("file")
     if not isinstance(name, str):
         value = "is missing" if name is None else f"= {shown(name)}"
@@ -281,7 +292,7 @@ def _read_curves(path, key, cls, content):
 
 
 def _normalisation(path, key, content):
-    """Return the normalisation of a tabulated spectrum, checked together with `hurst`."""
+    """Check `normalisation` and `hurst` of a tabulated spectrum, and return the normalisation."""
     name, hurst = content.get("normalisation"), content.get("hurst")
     if name is None:
         raise ValueError(f"{path}: {key}.normalisation is missing: {NORMALISATION_RULE}")
@@ -305,20 +316,20 @@ def scene_texts(
     name: str = "scene.toml",
     prefix: str = "",
 ) -> dict[str, str]:
-    """Return a scene as texts of files: a TOML file, and a CSV file for each table.
+    """Return the texts of the files for a scene: a TOML file, and a CSV file for each table.
 
     A CSV file is named after the key path of the object that has the table.
 
     Parameters
     ----------
     scene : Scene with concrete values, which `read_scene_toml` restores exactly
-    conditions : for [run], or None
+    conditions : conditions for [run], or None
     title : one line of text
     name, prefix : name of the TOML file, and beginning of the names of the CSV files
 
     Returns
     -------
-    dict of file name -> text, the TOML file first
+    dict from file name to text, with the TOML file first
     """
     tables: dict[str, str] = {}
     lines = [f"title = {string(title)}"] if title else []
@@ -335,7 +346,10 @@ def scene_texts(
 
 
 def _object(key: str, value: PhysicalObject, tables: dict[str, str], prefix: str) -> Iterator[str]:
-    """Yield the lines of an object at a key path: numbers and options, then nested objects."""
+    """Yield the TOML lines of an object: first numbers and options, then nested objects.
+
+    The texts of CSV files are added to `tables`.
+    """
     fields = fields_of(type(value))
     if isinstance(value, Kind):
         yield f"kind = {string(value.file_kind)}"
@@ -362,7 +376,10 @@ def _object(key: str, value: PhysicalObject, tables: dict[str, str], prefix: str
 
 
 def _table(columns: dict[str, np.ndarray]) -> str:
-    """Return columns as CSV text; a matrix over q and direction has a row for each element."""
+    """Return columns as CSV text.
+
+    A matrix over wavevectors and directions is written with one row for each element.
+    """
     for name, values in columns.items():
         if values.ndim == 2:
             count = values.shape[1]
@@ -374,7 +391,6 @@ def _table(columns: dict[str, np.ndarray]) -> str:
 
 
 def _literal(value: Any) -> str:
-    """Return a number, a list or an option in TOML, with all digits."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
@@ -385,6 +401,6 @@ def _literal(value: Any) -> str:
 
 
 def string(text: str) -> str:
-    """Return a basic string of TOML."""
+    """Return a text as a basic string of TOML."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     return f'"{escaped}"'

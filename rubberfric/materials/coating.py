@@ -1,4 +1,4 @@
-r"""A layer bonded to a deformable half-space; both are elastic or Prony solids."""
+"""A layer bonded to a deformable half-space, where layer and base are elastic or Prony solids."""
 
 from typing import ClassVar
 
@@ -29,7 +29,8 @@ class Coating(Layer):
     ----------
     thickness : d [m], > 0
     base : Elastic or Prony
-        material of the half-space. A Prony solid without a shift has the shift of the body's material.
+        material of the half-space. If a Prony base has no shift, the shift of the body's material applies to
+        the base.
     """
 
     multiplies: ClassVar[bool] = False
@@ -39,7 +40,7 @@ class Coating(Layer):
 
     @property
     def below(self) -> Material:
-        """Return `base`."""
+        """Return `base`, the material of the half-space."""
         return self.base
 
     def varies(self, material: Material) -> bool:
@@ -48,15 +49,13 @@ class Coating(Layer):
         return self.shift is not None or (vertical and not self.base.relaxes)
 
     def _base_shift(self, material):
-        """Return the shift of the base."""
         return material.shift if self.shift is None and self.base.relaxes else self.shift
 
     def _bonded(self, material):
-        """Return thickness and Poisson's ratios of the two solids."""
         return Bonded(self.thickness, poisson_of(material), poisson_of(self.base))
 
     def check_material(self, material: Material) -> None:
-        """Raise ValueError unless a coating can consist of this material."""
+        """Raise ValueError unless `material` is a `Coatable`, such as Elastic or Prony."""
         if not isinstance(material, Coatable):
             raise ValueError(
                 f"Body.material is a {type(material).__name__} with a Coating: must be "
@@ -66,7 +65,12 @@ class Coating(Layer):
     def static_reduced(
         self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
     ) -> jax.Array:
-        """Return E_r(0) Sbar / scale [-] of a body of this material at q [1/m] and T [K]; scale [Pa]."""
+        """Return E_r Sbar of the coated body at zero frequency, divided by `scale` [-].
+
+        `scale` is in Pa, `q` is the wavevector [1/m], and `temperature` is in K. E_r is the reduced modulus
+        of the layer's material, and Sbar is the stiffness of the body relative to a half-space of this
+        material.
+        """
         layer, base = (
             apply_vertical_shift(solid.static_reduced() / scale, shift, temperature)
             for solid, shift in ((material, material.shift), (self.base, self._base_shift(material)))
@@ -74,17 +78,18 @@ class Coating(Layer):
         return coated_spring(self._bonded(material), layer, base, q)
 
     def glassy_stiffening(self, material: Material, q: jax.Array) -> jax.Array:
-        """Return Sbar [-] at q [1/m], any shape, with both solids glassy."""
+        """Return Sbar [-] at wavevectors q [1/m] of any shape if layer and base are glassy."""
         layer, base = material.glassy_reduced(), self.base.glassy_reduced()
         return coated_spring(self._bonded(material), layer, base, q) / layer
 
     def reduced_series(
         self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
     ) -> Series:
-        """Return E_r Sbar / scale as a Prony series at q [1/m], shape (nodes,), and one T [K]; scale [Pa].
+        """Return E_r Sbar divided by `scale` [Pa] as a Prony series at every q [1/m] of shape (nodes,).
 
-        See `coated_series` for the shapes. The relaxation times do not include a_T of the material. Times of
-        a base with another shift therefore change with T.
+        All values belong to one temperature [K]. `coated_series` describes the shapes of the result. The
+        relaxation times do not include a_T of the material. If the base has another shift, the relaxation
+        times of the base therefore change with temperature.
         """
         layer, base = (series_of(solid, scale) for solid in (material, self.base))
         if temperature is not None:

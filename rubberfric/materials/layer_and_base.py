@@ -1,13 +1,13 @@
 r"""Stiffness of a layer bonded to a deformable half-space, as pairs of solids in series.
 
-The reduced stiffness E_r Sbar of layer and base, over E_r1 of a half-space of the layer's material, is with
-rho = mu_1/mu_0, x = q d, a = 3 - 4 nu_1, b = 3 - 4 nu_0,
+Sbar is the reduced stiffness of layer and base divided by E_r1 of a half-space of the layer's material. With
+rho = mu_1/mu_0, x = q d, a = 3 - 4 nu_1 and b = 3 - 4 nu_0,
 
 .. math:: \bar S = \frac{N_0\rho^2 + N_1\rho + N_2}{D_0\rho^2 + D_1\rho + D_2}
           = \alpha + \frac{R_1\rho + R_2}{D_0\rho^2 + D_1\rho + D_2}
           = \alpha + \sum_{k=1,2} \frac{w_k \cdot w_k r_k/\rho}{w_k + w_k r_k/\rho}
 
-with the roots -r_k of D. This is the stiffness of the layer as a free plate, in parallel with two pairs of
+with the roots -r_k of D. Sbar is the stiffness of the layer as a free plate, in parallel with two pairs of
 layer and base in series. A body of two Prony solids is therefore a Prony series at every q. N and D follow
 from the continuity of displacements and stresses in plane strain. R_1, R_2 and the discriminant are written
 as sums without cancellation. N_1 - alpha D_1 would lose all digits for thick layers, and the roots would
@@ -25,7 +25,7 @@ from rubberfric.materials.slab import sinh_minus_linear
 
 
 class Bonded(NamedTuple):
-    """Thickness of a layer, and Poisson's ratios of layer and base."""
+    """Thickness of a layer, and Poisson's ratios of the layer and of its base."""
 
     thickness: jax.Array  # d of the layer [m]
     layer: jax.Array  # nu_1 [-]
@@ -35,7 +35,7 @@ class Bonded(NamedTuple):
 class _Rational(NamedTuple):
     """Coefficients of Sbar = free + (R1 rho + R2) / (D0 rho^2 + D1 rho + D2).
 
-    All fields except `free` are multiplied by e^(-2x).
+    All fields except `free` are multiplied by e^(-2x), where x = q times the thickness of the layer.
     """
 
     free: jax.Array  # alpha, of the layer alone
@@ -47,7 +47,10 @@ class _Rational(NamedTuple):
 
 
 class _Parts(NamedTuple):
-    """Functions of 2x; all except X are multiplied by e^(-2x)."""
+    """Functions of 2x, where x = q times the thickness of the layer.
+
+    All fields except `X` are multiplied by e^(-2x).
+    """
 
     one: jax.Array  # 1
     cosh1: jax.Array  # cosh 2x - 1
@@ -67,7 +70,10 @@ def _parts(bonded, q):
 
 
 def _rational(bonded, alpha, beta, q):
-    """Return `_Rational` at q; alpha = a - 1 and beta = b - 1 are 0 for incompressible solids."""
+    """Return the `_Rational` at wavevectors q, where alpha = 2 - 4 nu_1 and beta = 2 - 4 nu_0.
+
+    alpha is 0 for an incompressible layer, and beta is 0 for an incompressible base.
+    """
     (one, cosh1, sinh, cosh, both, X), x = _parts(bonded, q)
     half = jnp.exp(-x)
     # 2 (sinh x - x)(sinh x + x) / (sinh 2x + 2x)
@@ -88,9 +94,9 @@ def _rational(bonded, alpha, beta, q):
 
 
 def _discriminant(bonded, alpha, beta, q):
-    """Return (D1^2 - 4 D0 D2) e^(-4x), computed as a square plus a remainder to avoid cancellation.
+    """Return (D1^2 - 4 D0 D2) e^(-4x), computed as a square plus a remainder.
 
-    The remainder is small for incompressible solids, where both terms of the definition are nearly equal.
+    For two incompressible solids, the difference of D1^2 and 4 D0 D2 would lose all digits.
     """
     (one, _, sinh, cosh, _, X), _ = _parts(bonded, q)
     # D1 without its share of X sinh: alpha beta e^2x + 2 alpha cosh 2x + 2 beta (cosh 2x - 2x)
@@ -105,9 +111,10 @@ def _discriminant(bonded, alpha, beta, q):
 
 
 def _skew(bonded, alpha, beta, q):
-    """Return (D1 R1 - 2 D0 R2)(sinh 2x + 2x) e^(-4x), a polynomial in alpha and beta, without cancellation.
+    """Return (D1 R1 - 2 D0 R2) (sinh 2x + 2x) e^(-4x) without cancellation.
 
-    o, c, s are e^(-2x) times 1, cosh 2x - 1, sinh 2x.
+    The result is computed as a polynomial in alpha and beta. The names o, c and s stand for e^(-2x),
+    (cosh 2x - 1) e^(-2x) and sinh 2x e^(-2x).
     """
     (o, c, s, cosh, _, X), _ = _parts(bonded, q)
     X2, X3 = X * X, X * X * X
@@ -153,24 +160,27 @@ def _skew(bonded, alpha, beta, q):
 
 
 def _numbers(bonded):
-    """Return alpha = 2 - 4 nu_1, beta = 2 - 4 nu_0, and mu_0/mu_1 divided by E_r0/E_r1."""
+    """Return alpha = 2 - 4 nu_1, beta = 2 - 4 nu_0 and the ratio (mu_0 / mu_1) / (E_r0 / E_r1).
+
+    The index 1 denotes the layer, and the index 0 denotes the base.
+    """
     layer, base = bonded.layer, bonded.base
     return 2 * (1 - 2 * layer), 2 * (1 - 2 * base), (1 - base) / (1 - layer)
 
 
 def coated_spring(bonded: Bonded, layer: jax.Array, base: jax.Array, q: jax.Array) -> jax.Array:
-    """Return E_r1 Sbar of a coated body whose solids do not relax.
+    """Return the stiffness E_r1 Sbar of a coated body whose solids do not relax.
 
     Parameters
     ----------
     bonded : Bonded
-    layer, base : E_r of the materials of layer and base, >= 0, in one unit
+    layer, base : E_r1 of the layer's material and E_r0 of the base, >= 0, in the same unit
     q : wavevector [1/m], any shape
 
     Returns
     -------
-    array of the shape of q, in the unit of layer and base. It tends to E_r1 for q d -> infinity and to E_r0
-    for q d -> 0. For E_r0 -> infinity it is the stiffness of a bonded Slab.
+    array of the shape of q, in the unit of layer and base. The stiffness tends to E_r1 for q d -> infinity
+    and to E_r0 for q d -> 0. For E_r0 -> infinity the result is the stiffness of a bonded Slab.
     """
     alpha, beta, ratio = _numbers(bonded)
     free, R1, R2, D0, D1, D2 = _rational(bonded, alpha, beta, q)
@@ -184,12 +194,13 @@ def coated_spring(bonded: Bonded, layer: jax.Array, base: jax.Array, q: jax.Arra
 
 
 def coated_series(bonded: Bonded, layer: Series, base: Series, q: jax.Array) -> Series:
-    """Return E_r1 Sbar of a coated body as a Prony series at every q.
+    """Return the stiffness E_r1 Sbar of a coated body as a Prony series at every q.
 
     Parameters
     ----------
     bonded : Bonded
-    layer, base : (rest, weight, tau) of E_r of both materials, shapes (), (n,), (n,), n >= 0
+    layer, base : Prony series of E_r1 of the layer's material and of E_r0 of the base
+        rest, weight and tau have the shapes (), (n,) and (n,), n >= 0.
     q : wavevectors [1/m], shape (nodes,)
 
     Returns
@@ -198,7 +209,7 @@ def coated_series(bonded: Bonded, layer: Series, base: Series, q: jax.Array) -> 
     """
     free, size, of_layer, of_base = _in_series(bonded, q)
     rest, weight, tau = _times(layer, free)
-    # Both pairs together, which halves the compile time.
+    # The two pairs are evaluated together, which halves the compile time.
     pairs = two_in_series(_times(layer, of_layer.reshape(-1)), _times(base, jnp.tile(of_base, 2)))
     pairs = _times(pairs, size.reshape(-1))
     rests, weights, times = (x.reshape(2, q.size, *x.shape[1:]) for x in pairs)
@@ -215,17 +226,18 @@ def _times(series, factor):
 
 
 def _in_series(bonded, q):
-    """Return `free` of `_Rational`, and for both pairs their size and the factors of E_r1 and E_r0.
+    """Return `free`, `size`, `of_layer` and `of_base`, which express E_r1 Sbar by solids in series.
 
-    w_k E_r1 and (1 - nu_0)/(1 - nu_1) w_k r_k E_r0 have a common factor, the size, which may round to 0.
-    The size is returned separately, so that the quotient of both terms stays finite.
+    E_r1 Sbar = free E_r1 + sum_k size_k f_k g / (f_k + g) with f_k = of_layer_k E_r1 and g = of_base E_r0.
+    The index k numbers the two pairs of layer and base, so `size` and `of_layer` have the shape (2, nodes).
+    `size` is a separate factor because it may round to 0, where f_k g / (f_k + g) must stay finite.
     """
     alpha, beta, ratio = _numbers(bonded)
     free, R1, _, D0, D1, D2 = _rational(bonded, alpha, beta, q)
     root = jnp.sqrt(_discriminant(bonded, alpha, beta, q))
     parts, _ = _parts(bonded, q)
     skew = parts.one / parts.sum * _skew(bonded, alpha, beta, q) / root
-    # Rounding may make one negative if the other is much larger.
+    # If one of the two sums is much larger, rounding may make the smaller sum negative.
     size = jnp.maximum(jnp.stack([R1 + skew, R1 - skew]), 0.0)
     # D2 only in the layer's factor: for a thin incompressible layer it is x^3, and its derivative is x.
     of_layer = jnp.stack([1 / (D1 + root), (D1 + root) / (4 * D0 * D2)])

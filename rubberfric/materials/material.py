@@ -31,13 +31,14 @@ class Material(Kind):
     """Modulus of a solid: base class of Rigid, Elastic, Prony, PronyShear and TabulatedModulus.
 
     A subclass implements `reduced_series`, or `storage_and_loss` and `frequency_range`. The base class
-    derives the other methods from them, unless Poisson's ratio depends on the frequency.
+    derives the other methods from these methods, unless Poisson's ratio depends on the frequency.
     """
 
     deforms: ClassVar[bool] = True
     # True if E depends on omega.
     relaxes: ClassVar[bool] = True
-    # True if the series is one of two solids, so that single precision limits the relaxation times.
+    # True if E_r always consists of two solids in series, so that single precision limits the relaxation
+    # times.
     always_in_series: ClassVar[bool] = False
     # Poisson's ratio [-]; None if it depends on the frequency. Such a body has no layer.
     poisson: jax.Array | None = None
@@ -58,22 +59,26 @@ class Material(Kind):
     def loss_beyond(self) -> str:
         """Return the form of E'' beyond `frequency_range`, where E' is constant.
 
-        "fall" is proportional to omega below the range and to 1/omega above it. "hold" is constant, and
-        "none" is zero.
+        With "fall", E'' is proportional to omega below the range and to 1/omega above the range. With "hold",
+        E'' is constant. With "none", E'' is zero.
         """
         return "fall"
 
     @property
     def detail(self) -> float:
-        """Return the finest detail of E' and E'' over ln omega for a material without a series [-].
+        """Return the width in ln omega of the finest detail of E' and E'' [-].
 
-        E' and E'' are as smooth as functions convolved with a Gaussian of this width.
+        E' and E'' are as smooth as functions that are convolved with a Gaussian of this width. The width is
+        needed only if E_r is not a Prony series.
         """
         return 0.1
 
     @property
     def loss_at_rest(self) -> bool:
-        """Return True if E'' stays finite for omega -> 0; friction then jumps with the sign of v."""
+        """Return True if E'' stays above 0 for omega -> 0.
+
+        The friction then jumps at v = 0, where the velocity changes sign.
+        """
         return self.loss_beyond == "hold"
 
     def reduced_series(self, scale: ArrayLike) -> Series | None:
@@ -84,20 +89,21 @@ class Material(Kind):
         del scale
 
     def storage_and_loss(self, log_omega: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """Return E' and E'' [Pa] at ln omega, any shape, of a material without a series.
+        """Return E' and E'' [Pa] at `log_omega`, the logarithm of omega, of any shape.
 
-        Beyond `frequency_range` E' is constant and E'' follows `loss_beyond`.
+        A material implements this method if E_r is not a Prony series. Beyond `frequency_range`, E' is
+        constant and E'' follows `loss_beyond`.
         """
         raise NotImplementedError(f"{type(self).__name__}.storage_and_loss")
 
     def storage_and_loss_on_grid(
         self, first: jax.Array, step: float, count: int
     ) -> tuple[jax.Array, jax.Array]:
-        """Return E' and E'' [Pa] at ln omega = step (first + k), k = 0 ... count - 1."""
+        """Return E' and E'' [Pa] at ln omega = step (first + k) for k = 0 ... count - 1."""
         return self.storage_and_loss(step * (first + jnp.arange(count, dtype=jnp.result_type(first))))
 
     def frequency_range(self) -> tuple[jax.Array, jax.Array] | None:
-        """Return the range of omega in which E changes [rad/s]; None if E is constant."""
+        """Return the lowest and highest omega [rad/s] between which E changes, or None if E is constant."""
         times = self.relaxation_times()
         if times is None or times.size == 0:
             return None
@@ -106,12 +112,15 @@ class Material(Kind):
         return 1 / times.max(), 1 / times.min()
 
     def relaxation_times(self) -> jax.Array | None:
-        """Return the given relaxation times [s], shape (n,); None if E_r is not a Prony series."""
+        """Return the relaxation times [s] of shape (n,), or None if E_r is not a Prony series."""
         series = self.reduced_series(1.0)
         return None if series is None else series.tau
 
     def modulus(self, omega: jax.Array) -> jax.Array:
-        """Return E(omega) [Pa], complex, at the reference temperature; omega >= 0, any shape [rad/s]."""
+        """Return the complex modulus E(omega) [Pa] at the reference temperature.
+
+        omega [rad/s] must be >= 0 and may have any shape.
+        """
         if self.has_series:
             return series_modulus(series_of(self, plane_strain_factor(self)), omega)
         # ln 0 has no finite derivative; below the smallest number E' is constant and E'' is 0.
@@ -127,38 +136,46 @@ class Material(Kind):
         return self.static_modulus() * plane_strain_factor(self)
 
     def glassy_reduced(self) -> jax.Array:
-        """Return E_r at infinite frequency [Pa], real, which is its largest absolute value."""
+        """Return E_r at infinite frequency [Pa], which is real and the largest absolute value of E_r."""
         if not self.has_series:
             return self._end(1) * plane_strain_factor(self)
         series = series_of(self, plane_strain_factor(self))
         return (series.rest + jnp.sum(series.weight)) * plane_strain_factor(self)
 
     def is_liquid(self) -> bool:
-        """Return True if the stiffness at rest is a concrete 0."""
+        """Return True if the static modulus is 0.
+
+        Return False if the static modulus is traced, because the value is then unknown.
+        """
         static = self.static_modulus()
         return is_concrete(static) and not np.any(static)
 
     def _end(self, which):
-        """Return E' at an end of the frequency range."""
+        """Return E' [Pa] at the lower end (`which` = 0) or upper end (1) of `frequency_range`."""
         ends = self.frequency_range()
         if ends is None:
-            raise ValueError(f"material is {type(self).__name__}: it has no modulus")
+            raise ValueError(
+                f"material is {type(self).__name__}, which has no modulus; use a deformable material"
+            )
         return self.storage_and_loss(jnp.log(jnp.asarray(ends[which])))[0]
 
 
 class Coatable(Material):
-    """A material for a coating or its base: a Prony series with a constant Poisson's ratio."""
+    """Base class of materials that a Coating accepts: Prony series with a constant Poisson's ratio."""
 
 
 def poisson_of(material: Material) -> jax.Array:
-    """Return the constant Poisson's ratio of a material [-]; ValueError if it is not constant."""
+    """Return the constant Poisson's ratio of a material [-].
+
+    Raise ValueError if Poisson's ratio depends on the frequency.
+    """
     if material.poisson is None:
         raise ValueError(f"material must have a constant Poisson's ratio, got a {type(material).__name__}")
     return material.poisson
 
 
 def series_of(material: Material, scale: ArrayLike) -> Series:
-    """Return `reduced_series` of a material; raise ValueError if E_r is not a Prony series."""
+    """Return `material.reduced_series(scale)`, or raise ValueError if E_r is not a Prony series."""
     series = material.reduced_series(scale)
     if series is None:
         raise ValueError(f"material must be a Prony series, got a {type(material).__name__}")
@@ -172,10 +189,10 @@ def plane_strain_factor(material: Material) -> jax.Array:
 
 
 def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike | None = None) -> jax.Array:
-    r"""Return the complex modulus E(omega, T) [Pa], with which all angular integrals are defined.
+    r"""Return the complex Young's modulus E(omega, T) [Pa].
 
-    Plots, fits of master curves and tests use this function. The contact integrals use closed forms, or
-    quadrature over E' and E''.
+    Plots, fits of master curves and tests use this function. The contact integrals are defined with this
+    modulus but computed by closed forms, or by quadrature over E' and E''.
 
     Parameters
     ----------
@@ -185,11 +202,13 @@ def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike
 
     Raises
     ------
-    ValueError : Rigid, an object that is not a material, or frequencies that are not numbers.
+    ValueError : if the material is Rigid or not a material, or if frequencies are not numbers.
     """
     rigid = [cls for cls in kinds(Material).values() if not cls.deforms]
     if isinstance(material, tuple(rigid)):
-        raise ValueError(f"material is {type(material).__name__}: it has no modulus")
+        raise ValueError(
+            f"material is {type(material).__name__}, which has no modulus; use a deformable material"
+        )
     check_kind("material", material, Material, rigid)
     if not isinstance(omega, int | float):
         omega = as_leaf("omega", omega, np.ndim(omega))
@@ -206,24 +225,30 @@ def _modulus(material, omega, temperature):
 
 
 def apply_vertical_shift(modulus: jax.Array, shift: Shift | None, temperature: ArrayLike | None) -> jax.Array:
-    """Return b_T times a modulus, broadcast; the modulus itself without vertical shift or temperature."""
+    """Return b_T times a modulus, where modulus and temperature are broadcast.
+
+    The modulus is returned unchanged if there is no vertical shift, or if `temperature` is None.
+    """
     log_factor = log_vertical(shift, temperature)
     return modulus if log_factor is None else jnp.exp(log_factor) * modulus
 
 
 def series_modulus(series: Series, omega: jax.Array) -> jax.Array:
-    """Evaluate a Prony series at omega of any shape and sign; the result is complex."""
+    """Return the complex value of a Prony series at omega, which may have any shape and sign."""
     storage, loss = relaxation(omega[..., None] * series.tau)
     return series.rest + jnp.sum(series.weight * (storage + 1j * loss), -1)
 
 
 def relaxation(a: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return real and imaginary parts of i a / (1 + i a), a = omega tau of any sign."""
+    """Return the real and imaginary parts of i a / (1 + i a), where a = omega tau may have any sign."""
     a = clip_for_square(a)
     return a * a / (1 + a * a), a / (1 + a * a)
 
 
 def clip_for_square(a: jax.Array) -> jax.Array:
-    """Limit omega tau such that its square is finite; at the limit a term is glassy to the last bit."""
+    """Limit a = omega tau such that a^2 is finite.
+
+    At the limit, a term of a Prony series has its glassy value to the last bit.
+    """
     bound = 1e150 if a.dtype == jnp.float64 else 1e18
     return jnp.clip(a, -bound, bound)

@@ -58,7 +58,7 @@ class Prony(Coatable):
         _check_terms("Prony", "E", self.E_inf, self.E, self.tau)
 
     def doubts(self) -> list[str]:
-        """Return a warning if the relaxed modulus seems to have another unit than the relaxing moduli."""
+        """Return a list with a warning if E_inf and E seem to have different units."""
         return _doubts_of_terms("E", self.E_inf, self.E)
 
     def reduced_series(self, scale: ArrayLike) -> Series:
@@ -67,7 +67,7 @@ class Prony(Coatable):
         return Series(self.E_inf * unit, self.E * unit, self.tau)
 
     def relaxation_times(self) -> jax.Array:
-        """Return the given relaxation times [s], shape (n,)."""
+        """Return `tau`, the relaxation times [s] of shape (n,)."""
         return self.tau
 
     def static_modulus(self) -> jax.Array:
@@ -97,7 +97,7 @@ class PronyShear(Material):
         change of the relaxation times with temperature: G(omega, T) = G(a_T omega). A vertical shift is not
         allowed, because it does not apply to the bulk modulus of rubber.
 
-    Limits: half-spaces only, because the factor of a layer depends on Poisson's ratio.
+    Limits: the body must be a half-space, because the factor of a layer depends on Poisson's ratio.
     """
 
     always_in_series: ClassVar[bool] = True  # with the bulk modulus
@@ -117,7 +117,7 @@ class PronyShear(Material):
             )
 
     def doubts(self) -> list[str]:
-        """Return a warning if the relaxed modulus seems to have another unit than the relaxing moduli."""
+        """Return a list with a warning if G_inf and G seem to have different units."""
         return _doubts_of_terms("G", self.G_inf, self.G)
 
     def reduced_series(self, scale: ArrayLike) -> Series:
@@ -129,7 +129,7 @@ class PronyShear(Material):
         return Series(rest + 0.75 * compressed.rest, relaxing, times)
 
     def relaxation_times(self) -> jax.Array:
-        """Return the relaxation times of the shear modulus [s], shape (n,)."""
+        """Return `tau`, the relaxation times [s] of the shear modulus, of shape (n,)."""
         return self.tau
 
     def modulus(self, omega: jax.Array) -> jax.Array:
@@ -150,7 +150,6 @@ class PronyShear(Material):
 
 
 def _check_terms(kind, name, rest, weight, tau):
-    """Check the lengths of the fields of a Prony series, and that its stiffness is > 0."""
     check_lengths(kind, **{name: weight, "tau": tau})
     if weight.shape[0] < 1:
         raise ValueError(f"{kind}.{name} is empty: give at least 1 term, or use Elastic")
@@ -160,7 +159,6 @@ def _check_terms(kind, name, rest, weight, tau):
 
 
 def _doubts_of_terms(name, rest, weight):
-    """Return a warning if a relaxing modulus is more than 1e6 times the relaxed modulus."""
     largest = float(np.max(np.asarray(weight)))
     if 0 < float(rest) < 1e-6 * largest:
         return [
@@ -171,10 +169,9 @@ def _doubts_of_terms(name, rest, weight):
 
 
 def _young(shear, bulk):
-    """Return E from the shear and bulk moduli without forming their product, which may overflow float32."""
+    # Without the product of the two moduli, which may overflow float32.
     return 3 * shear / (1 + shear / (3 * bulk))
 
 
 def _reduced(shear, bulk):
-    """Return E_r from a real shear modulus and the bulk modulus."""
     return shear + 3 * shear / (1 + 4 * shear / (3 * bulk))

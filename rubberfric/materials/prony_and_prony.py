@@ -5,7 +5,7 @@ For f(s) = f_rest + sum_i f_i s/(s + l_i) and g likewise,
 .. math:: \frac{f g}{f + g} = \frac{f_\infty g_\infty}{f_\infty + g_\infty} + \sum_i h_i \frac{s}{s + l_i'}
 
 with one rate l' in every interval between neighbouring rates of both solids. The first lies between 0 and the
-slowest rate. The l' are the zeros of f + g. There f = -g, and with the weights w_j of both,
+slowest rate. The l' are the zeros of f + g, where f = -g. With the weights w_j of both solids,
 
 .. math:: h_i = \frac{f(-l_i')^2}{l_i' F_i},\qquad F_i = \sum_j w_j l_j / (l_j - l_i')^2
 
@@ -32,17 +32,24 @@ Solid = tuple[jax.Array, jax.Array, jax.Array]  # rest, weight, tau
 
 
 class _Rates(NamedTuple):
-    """All rates l_j (columns) relative to the intervals (rows), as quotients that do not overflow."""
+    """Positions of all rates l_j relative to all intervals, as quotients that do not overflow.
+
+    Two-dimensional arrays have a row for each interval and a column for each rate.
+    """
 
     left: jax.Array  # True if l_j <= left end
     own: jax.Array  # True if l_j is an end of the interval
-    near: jax.Array  # logarithm of the slower over the faster of l_j and the nearer end, <= 0
-    low: jax.Array  # left end over right end, (rows,); 0 for the first
+    near: jax.Array  # ln(slower / faster) of l_j and the nearer end of the interval, <= 0
+    low: jax.Array  # left end divided by right end, shape (rows,); 0 for the first interval
     width: jax.Array  # 1 - low, without cancellation for close ends
 
 
 class _Solids(NamedTuple):
-    """Rests () and weights (rates,) of both solids; the weights are 0 at rates of the other solid."""
+    """Rests and weights of two solids, where the weights belong to a common list of rates.
+
+    A rest has the shape (), and the weights of a solid have the shape (rates,). The weights of a solid are 0
+    at the rates of the other solid.
+    """
 
     rest: tuple
     weight: tuple
@@ -59,8 +66,8 @@ def two_in_series(first: Solid, second: Solid) -> Solid:
 
     Returns
     -------
-    rest, weight, tau of the series solid, with as many terms as both solids together: shapes (nodes,),
-    (nodes, terms), (nodes, terms), without the axis of nodes if no argument has it.
+    rest, weight, tau of the series solid, which has as many terms as both solids together. The shapes are
+    (nodes,), (nodes, terms) and (nodes, terms). They lack the axis of nodes if no argument has this axis.
 
     Limits: as in `rubberfric.materials.prony_and_spring.in_series`.
     """
@@ -94,10 +101,12 @@ def _pair(first, second):
 
 
 def _distinct(weight, tau, log_rate, parked):
-    """Merge terms of equal times at the mean of their logarithms; terms left over have zero weight.
+    """Merge the terms of a Prony series that have equal times.
 
-    Every time moves the mean in proportion to its share of the weight. Derivatives therefore agree with
-    separate terms to all orders of the moduli.
+    A merged term has the sum of the weights of its terms. If the equal times change, the logarithm of the
+    merged time changes by the mean of the changes, weighted with the weights of the terms. Derivatives
+    therefore agree with separate terms to all orders of the moduli. The number of terms stays the same: terms
+    that are no longer needed get zero weight and the logarithmic rates `parked`.
     """
     count = tau.shape[0]
     if count < 2:
@@ -120,10 +129,11 @@ def _distinct(weight, tau, log_rate, parked):
 
 
 def _floored(rests, weights, log_rates):
-    """Return the `_Solids` with moduli in units of the stiffer solid, and this unit.
+    """Return the `_Solids` with positive moduli in units of the stiffer solid, and this unit.
 
-    A term or rest of zero stiffness would put a root on a rate (0/0). See `floors` for terms. A rest has a
-    floor of 1e-60 of its solid (float32: 1e-30). The floors do not change derivatives.
+    A term or rest of zero stiffness would put a root on a rate (0/0). Small constants are therefore added,
+    which do not change derivatives. `floors` determines the constants of the terms. The constant of a rest is
+    1e-60 of the stiffness of the solid (float32: 1e-30).
     """
     tiny = 1e-60 if weights[0].dtype == jnp.float64 else 1e-30
     sizes = [rest + jnp.sum(weight) for rest, weight in zip(rests, weights, strict=True)]
@@ -143,7 +153,7 @@ def _floored(rests, weights, log_rates):
 
 
 def _seen(log_rate):
-    """Return the `_Rates` of ascending rates."""
+    # The rates are in ascending order.
     index = jnp.arange(log_rate.shape[0])
     row, column = index[:, None], index[None, :]
     left = column < row
@@ -159,9 +169,11 @@ def _seen(log_rate):
 
 
 def _shares(rates, theta, phi):
-    """Return A_j, A of the rate 0 (rows,), A_j l_j / l_right (on the left side A_j), and exp(`rates.near`).
+    """Return the factors A_j of the balance H as `share`, and the arrays `zero`, `over` and `nearer`.
 
-    All arrays except A of the rate 0 have the shape (rows, columns).
+    `zero` is the factor A of the rate 0 and has the shape (rows,). The other arrays have the shape
+    (rows, columns). `over` is A_j for rates on the left side of an interval. For rates on the right side,
+    `over` is A_j times l_j divided by the right end. `nearer` is exp(`rates.near`).
     """
     gap = -jnp.expm1(rates.near)
     nearer = jnp.exp(rates.near)
@@ -179,26 +191,26 @@ def _shares(rates, theta, phi):
 
 
 def _sides(rest, weight, shares, left):
-    """Return the two sums in H, both >= 0: the factors of phi and of -theta."""
+    """Return the two sums >= 0 in the balance H: the factor of phi, and the factor of -theta."""
     share, zero = shares[:2]
     below = jnp.sum(jnp.where(left, weight * share, 0.0), -1) + rest * zero
     return below, jnp.sum(jnp.where(left, 0.0, weight * share), -1)
 
 
 def _both(small, right):
-    """Return theta and phi from the smaller of the two."""
+    """Return theta and phi, where `small` is phi if `right` is True and theta otherwise."""
     return jnp.where(right, 1 - small, small), jnp.where(right, small, 1 - small)
 
 
 def _residual(rest, weight, rates, small, right):
-    """Return H, which decreases with theta."""
+    """Return the balance H of every interval, which decreases with theta."""
     theta, phi = _both(small, right)
     below, above = _sides(rest, weight, _shares(rates, theta, phi), rates.left)
     return phi * below - theta * above
 
 
 def _solve(solids, log_rate):
-    """Return the weights of the series solid, and its rates divided by the right ends of their intervals."""
+    """Return the weights of the series solid, and every rate divided by the right end of the interval."""
     rest, weight = sum(solids.rest), sum(solids.weight)
     small, right = _roots(rest, weight, log_rate)
     theta, phi = _both(small, right)
@@ -206,8 +218,8 @@ def _solve(solids, log_rate):
     shares = _shares(rates, theta, phi)
     share, _, over, nearer = shares
     # f = -g at a root. The solid with the smaller terms gives the value with more digits. Near its own rate a
-    # solid's value is its weight. The other's is k times the distance, whose derivative is a difference of
-    # numbers k/f times larger.
+    # solid's value is its weight. The value of the other solid is k times the distance, whose derivative is a
+    # difference of numbers k/f times larger.
     (below1, above1), (below2, above2) = (
         _sides(r, w, shares, rates.left) for r, w in zip(solids.rest, solids.weight, strict=True)
     )
@@ -228,7 +240,7 @@ def _solve(solids, log_rate):
 
 @jax.custom_jvp
 def _roots(rest, weight, log_rate):
-    """Return the smaller of theta and phi for every interval, and a mask of intervals where it is phi."""
+    """Return the smaller of theta and phi for every interval, and a mask that is True if phi is smaller."""
     rates = _seen(log_rate)
     half = jnp.full_like(log_rate, 0.5)
     right = _residual(rest, weight, rates, half, jnp.zeros(half.shape, bool)) > 0

@@ -6,12 +6,12 @@ For f(s) = f_rest + sum_i f_i s/(s + l_i), rates l_i = 1/tau_i, and a spring k,
 
 with one new rate l' in every interval between neighbouring old rates (the first between 0 and l_1). The l'
 are the roots of k + f(-l') = 0. The weights are f_i' = k^2 / (l_i' F_i) with
-F_i = sum_j f_j l_j / (l_j - l_i')^2. Each root is l' = own (anchor + distance). own is the rate at the
-nearer end of the interval with anchor 1, as in LAPACK's laed4 [R.-C. Li, LAPACK Working Note 89 (1993)]. A
-first root near 0 has anchor 0. l' alone would lose all digits of the distance for k >> f, and of the first
-rate for k << f.
+F_i = sum_j f_j l_j / (l_j - l_i')^2. Each root is l' = own (anchor + distance), where own is the rate at the
+nearer end of the interval and anchor is 1, as in LAPACK's laed4 [R.-C. Li, LAPACK Working Note 89 (1993)]. If
+the first root is near 0, anchor is 0. l' alone would lose all digits of the distance for k >> f, and of the
+first rate for k << f.
 
-Rates enter only as logarithms and quotients. Terms at zero distance from the anchor are summed separately.
+Rates enter only as logarithms and quotients. Terms whose rate is own are summed separately if anchor is 1.
 Squares of rates or distances would overflow float32 with 40 decades of times or a spring 1e12 times stiffer
 than the solid.
 """
@@ -27,15 +27,18 @@ HALVINGS, NEWTON_STEPS = 32, 2
 
 
 class _Roots(NamedTuple):
-    """Roots l' = own (anchor + distance) with own = rate[pole]; all arrays have the shape (n,)."""
+    """Roots l' = rate[pole] (anchor + distance), where all arrays have the shape (n,)."""
 
     pole: jax.Array
-    anchor: jax.Array  # 1: measured from a rate; 0: from 0 (only the first root)
-    distance: jax.Array  # negative to the left of the anchor
+    anchor: jax.Array  # 1: measured from rate[pole]; 0: measured from 0 (only the first root)
+    distance: jax.Array  # negative if l' < rate[pole] * anchor
 
 
 class _Rates(NamedTuple):
-    """All rates l_j (columns) relative to the roots (rows), in units of m = max(l_j, own)."""
+    """Positions of all rates l_j relative to all roots, divided by m = max(l_j, own).
+
+    own is rate[pole] of a root. The arrays have a row for each root and a column for each rate.
+    """
 
     at_anchor: jax.Array  # True if the root is measured from l_j
     below: jax.Array  # own / m
@@ -57,7 +60,7 @@ def in_series(
 
     Returns
     -------
-    rest, weight, tau of the series solid. rest has the shape of the spring; weight and tau have a further
+    rest, weight, tau of the series solid. rest has the shape of the spring. weight and tau have a further
     axis of length n.
 
     Limits: in float32 neighbouring times at most 30 decades apart, spring / solid 1e-30 ... 1e16.
@@ -102,9 +105,9 @@ def floors(weight: jax.Array, log_rate: jax.Array) -> jax.Array:
     """Return small weights that are added to the terms of a series, so that no weight is 0.
 
     At every frequency the loss of an added weight is below 1e-30 (float32: 1e-16) of the loss of the series.
-    For this, the weight added at tau_i is 1e-30 times the sum over j of w_j min(tau_i/tau_j, tau_j/tau_i):
-    the loss of a term at tau_j is at least this fraction of the loss of an equal term at tau_i. A constant
-    added weight would exceed the series far from its times.
+    For this, the weight added at tau_i is 1e-30 (float32: 1e-16) times the sum over j of w_j r_ij with
+    r_ij = min(tau_i/tau_j, tau_j/tau_i). The loss of a term at tau_j is at least r_ij times the loss of an
+    equal term at tau_i. A constant added weight would exceed the series far from the times of the series.
 
     Parameters
     ----------
@@ -119,12 +122,12 @@ def floors(weight: jax.Array, log_rate: jax.Array) -> jax.Array:
 
 
 def _as_one(weight, log_rate, tau):
-    """Return logarithms of the rates, and the times; equal times stay equal under differentiation.
+    """Return `log_rate` and `tau` with derivatives that keep equal times equal.
 
-    Equal rates move with their weighted mean, so each time has its share of the derivative of the merged
-    term. This is exact in the moduli to all orders and in the times to first order. Second derivatives omit
-    the splitting of equal times. The splitting would be a difference of numbers that are larger by k/f, 1e19
-    for a film on rubber.
+    The derivative of a rate is replaced by the weighted mean of the derivatives of all equal rates. The
+    result is exact in the moduli to all orders and in the times to first order. Second derivatives omit the
+    splitting of equal times. The splitting would be a difference of numbers that are larger by k/f, 1e19 for
+    a film on rubber.
     """
     same = log_rate == log_rate[:, None]
     # Squares of weights of 1e-30 underflow float32.
@@ -136,7 +139,7 @@ def _as_one(weight, log_rate, tau):
 
 @jax.custom_jvp
 def quotient(x: jax.Array, y: jax.Array) -> jax.Array:
-    """Return x / y [-] with a derivative that does not square y; the square would overflow float32."""
+    """Return x / y [-] with a derivative that does not square y, because y^2 may overflow float32."""
     return x / y
 
 
@@ -147,12 +150,11 @@ def _quotient_jvp(primals, tangents):
 
 
 def _empty(log_rate):
-    """Return True for intervals between two equal rates, whose mode has zero weight."""
+    """Return a mask of the intervals between two equal rates, where the new term has zero weight."""
     return jnp.concatenate([jnp.zeros(1, bool), log_rate[1:] == log_rate[:-1]])
 
 
 def _seen_from(roots, log_rate):
-    """Return the `_Rates` for every root."""
     anchored = roots.anchor[:, None] > 0
     ahead = log_rate - log_rate[roots.pole][:, None]
     at_anchor = anchored & (ahead == 0)
@@ -166,14 +168,18 @@ def _seen_from(roots, log_rate):
 
 
 def _gap(rates, roots):
-    """Return (l_j - l') / m without cancellation; 1 at the anchor, whose terms are summed separately."""
+    """Return (l_j - l') / m without cancellation, where m is defined in `_Rates`.
+
+    The entry is 1 if a root is measured from l_j, because terms with this rate are summed separately.
+    """
     return jnp.where(rates.at_anchor, 1.0, rates.apart - roots.distance[:, None] * rates.below)
 
 
 def _balance(rest, weight, spring, rates, roots):
-    """Return k + f(-l') times the distance of the root from its anchor, shape (roots,).
+    """Return `roots.distance` times (k + f(-l')) for every root, of shape (roots,).
 
-    The product is finite where a root meets its anchor. A root with anchor 0 has the factor 1 instead.
+    The product is finite if the distance is 0. For a root with `roots.anchor` = 0, the factor is 1 instead of
+    the distance.
     """
     relative = roots.anchor + roots.distance
     own = jnp.sum(jnp.where(rates.at_anchor, weight, 0.0), -1)
@@ -183,7 +189,7 @@ def _balance(rest, weight, spring, rates, roots):
 
 
 def _weights_at(roots, rest, weight, spring, rates):
-    """Return the weights k^2 / (l' F) of the roots."""
+    """Return the weight k^2 / (l' F) for every root, with F = sum_j f_j l_j / (l_j - l')^2."""
     size, relative = jnp.abs(roots.distance), roots.anchor + roots.distance
     own = jnp.sum(jnp.where(rates.at_anchor, weight, 0.0), -1)
     nearness = 1 / _gap(rates, roots)
@@ -203,9 +209,9 @@ def _weights_at(roots, rest, weight, spring, rates):
 
 @jax.custom_jvp
 def _roots(rest, weight, spring, log_rate):
-    """Return the roots of k + f(-l'), one in each interval; rates are in ascending order.
+    """Return the root of k + f(-l') in each interval between rates, which are in ascending order.
 
-    The function decreases from +inf to -inf between two neighbouring rates.
+    Between two neighbouring rates, k + f(-l') decreases from +inf to -inf.
     """
     index = jnp.arange(log_rate.shape[0])
     left, first = jnp.maximum(index - 1, 0), index == 0

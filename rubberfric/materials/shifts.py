@@ -1,8 +1,8 @@
 """Time-temperature superposition: E(omega, T) = b_T E(a_T omega) with a_T(T_ref) = b_T(T_ref) = 1.
 
-A `Shift` is a law for ln a_T and may have a `VerticalShift`, a law for ln b_T. Their method `log_factor` is
-finite for every finite T.
-[Ferry, Viscoelastic Properties of Polymers, 3rd edition, Wiley 1980, chapter 11]
+A `Shift` is a law for ln a_T and may have a `VerticalShift`, a law for ln b_T. The method `log_factor` of a
+law is finite for every finite T. [Ferry, Viscoelastic Properties of Polymers, 3rd edition, Wiley 1980,
+chapter 11]
 """
 
 import dataclasses
@@ -37,11 +37,14 @@ class VerticalShift(Kind):
     """Law for ln b_T(T), where b_T multiplies the moduli: base class of Entropic and TabulatedVertical."""
 
     def check_temperature(self, temperature: ArrayLike) -> None:
-        """Raise ValueError for concrete temperatures [K], any shape, outside the law's range."""
+        """Raise ValueError if a concrete temperature [K] is outside the range of the law."""
         check_values("temperature", temperature, POSITIVE)
 
     def log_factor(self, temperature: ArrayLike, T_ref: ArrayLike) -> jax.Array:
-        """Return ln b_T at temperature [K], any shape; it is 0 at T_ref [K] and has a finite derivative."""
+        """Return ln b_T at `temperature` [K] of any shape.
+
+        ln b_T is 0 at `T_ref` [K] and has a finite derivative.
+        """
         raise NotImplementedError(f"{type(self).__name__}.log_factor")
 
 
@@ -52,32 +55,38 @@ class Shift(Kind):
     Parameters
     ----------
     vertical : Entropic, TabulatedVertical or None; a keyword argument of every law
-        factor of the moduli, E(omega, T) = b_T E(a_T omega); b_T = 1 if None.
+        law for the factor b_T of the moduli in E(omega, T) = b_T E(a_T omega). If None, b_T = 1.
     """
 
     vertical: VerticalShift | None = child(default=None)  # noqa: RUF009 (`child` gives a field)
 
     @property
     def reference_temperature(self) -> jax.Array:
-        """Return T_ref [K], where a_T = b_T = 1; a law without the field T_ref overrides this property."""
+        """Return T_ref [K], the temperature at which a_T = b_T = 1.
+
+        A law without the field `T_ref` must override this property.
+        """
         return self.T_ref  # pyright: ignore[reportAttributeAccessIssue] (every law has one)
 
     def check_temperature(self, temperature: ArrayLike) -> None:
-        """Raise ValueError for concrete temperatures [K], any shape, outside the law's range."""
+        """Raise ValueError if a concrete temperature [K] is outside the range of the law."""
         check_values("temperature", temperature, POSITIVE)
         if self.vertical is not None:
             self.vertical.check_temperature(temperature)
 
     def log_factor(self, temperature: ArrayLike) -> jax.Array:
-        """Return ln a_T at temperature [K], any shape; its derivative is finite.
+        """Return ln a_T at `temperature` [K] of any shape.
 
-        The absolute value of ln a_T is at most `largest_log_factor`.
+        The absolute value of ln a_T is at most `largest_log_factor`, and the derivative of ln a_T is finite.
         """
         raise NotImplementedError(f"{type(self).__name__}.log_factor")
 
 
 def log_vertical(shift: Shift | None, temperature: ArrayLike | None) -> jax.Array | None:
-    """Return ln b_T at temperature [K], any shape; None if b_T = 1."""
+    """Return ln b_T at `temperature` [K] of any shape, or None if no vertical shift applies.
+
+    No vertical shift applies if `shift`, `shift.vertical` or `temperature` is None.
+    """
     if shift is None or shift.vertical is None or temperature is None:
         return None
     return shift.vertical.log_factor(temperature, shift.reference_temperature)
@@ -95,8 +104,8 @@ class WLF(Shift):
     C2 : [K]
     T_ref : [K]
 
-    Limits: the law has a pole at T_ref - C2. Concrete temperatures at or below it
-    raise ValueError; under jit the factor saturates at the largest finite value.
+    Limits: the law has a pole at T_ref - C2. Concrete temperatures at or below the pole raise ValueError.
+    Under jit, ln a_T is `largest_log_factor` at and below the pole.
     """
 
     C1: Number = leaf(POSITIVE, unit="-")
@@ -104,7 +113,7 @@ class WLF(Shift):
     T_ref: Number = leaf(POSITIVE, unit="K", plausible=PLAUSIBLE_TEMPERATURE)
 
     def check_temperature(self, temperature: ArrayLike) -> None:
-        """Raise ValueError for concrete temperatures at or below the pole."""
+        """Raise ValueError for concrete temperatures [K] at or below the pole T_ref - C2."""
         if is_concrete(temperature) and is_concrete(self.T_ref) and is_concrete(self.C2):
             pole = float(self.T_ref) - float(self.C2)
             rule = (f"must be > {pole:g} K, the pole of the WLF law", lambda T: pole < T)
@@ -144,7 +153,7 @@ class Arrhenius(Shift):
 
 @physical
 class Entropic(VerticalShift):
-    r"""Stiffness of a rubber network with entropy elasticity.
+    r"""Vertical shift of a rubber network with entropy elasticity.
 
     .. math:: b_T = \frac{\rho T}{\rho_\mathrm{ref} T_\mathrm{ref}},\qquad
               \rho = \rho_\mathrm{ref} e^{-\alpha (T - T_\mathrm{ref})}
@@ -153,9 +162,10 @@ class Entropic(VerticalShift):
 
     Parameters
     ----------
-    expansion : thermal expansion of the volume, alpha [1/K]; 6e-4 for a rubber, 0: constant density
+    expansion : alpha, thermal expansion of the volume [1/K]
+        alpha is about 6e-4 for a rubber, and 0 for a constant density.
 
-    Limits: constant below 1 K.
+    Limits: b_T is constant below 1 K.
     """
 
     expansion: Number = leaf(NONNEGATIVE, unit="1/K", default=0.0)
@@ -167,24 +177,28 @@ class Entropic(VerticalShift):
 
 
 def largest_log_factor(dtype: DTypeLike) -> float:
-    """Return the limit of |ln a_T|, 177 (float32: 22), that keeps a_T and its products finite."""
+    """Return the largest absolute value of ln a_T, which is 177 in float64 and 22 in float32.
+
+    This limit keeps a_T and products of a_T finite.
+    """
     return 0.25 * float(np.log(float(jnp.finfo(dtype).max)))
 
 
 def saturated(log_factor: jax.Array) -> jax.Array:
-    """Return ln a_T within the limits that keep a_T and its products finite."""
+    """Limit the logarithm of a shift factor to the range from -L to L with L = `largest_log_factor`."""
     limit = largest_log_factor(jnp.result_type(log_factor))
     return jnp.clip(log_factor, -limit, limit)
 
 
 @physical
 class TabulatedShift(Shift):
-    r"""Shift factors from a table; ln a_T is a monotone cubic in T between the entries.
+    r"""Shift factors from a table, where ln a_T is a monotone cubic in T between the entries.
 
-    Its slope is continuous and depends continuously on the entries. Extrema of ln a_T occur only at entries.
-    [Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300, doi:10.1137/0905021] Outside the table ln
-    a_T continues along the lines through the first two and the last two entries, with these slopes at the
-    ends. The table is divided by its value at T_ref, so that a_T(T_ref) = 1 also between entries.
+    The slope of ln a_T is continuous and depends continuously on the entries. Extrema of ln a_T occur only at
+    entries. [Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300, doi:10.1137/0905021] Outside the
+    table ln a_T continues along the lines through the first two and the last two entries. At the first and
+    the last entry the slope of ln a_T is the slope of these lines. The table is divided by its value at
+    T_ref, so that a_T(T_ref) = 1 also between entries.
 
     Parameters
     ----------
@@ -192,7 +206,7 @@ class TabulatedShift(Shift):
     aT : shift factors [-], shape (n,)
     T_ref : [K], inside the table
 
-    Limits: concrete temperatures outside the table raise ValueError. Flash temperatures may leave it.
+    Limits: concrete temperatures outside the table raise ValueError. Flash temperatures may leave the table.
     """
 
     file_kind: ClassVar[str] = "table"
@@ -215,22 +229,26 @@ class TabulatedShift(Shift):
         return _log_interpolated(temperature, self.T, self.aT, self.T_ref)
 
     def padded(self) -> "TabulatedShift":
-        """Return the table padded to a standard length; the added entries continue its last line."""
+        """Return the law with a table that is extended to a standard length.
+
+        The added entries lie on the line of ln a_T through the last two entries.
+        """
         return _padded(self, "aT")
 
 
 @physical
 class TabulatedVertical(VerticalShift):
-    r"""Vertical shift factors from a table; ln b_T is a monotone cubic in T, like ln a_T of `TabulatedShift`.
+    r"""Vertical shift factors from a table, where ln b_T is a monotone cubic in T between the entries.
 
-    The table is divided by its value at T_ref of the shift whose `vertical` it is.
+    ln b_T is interpolated like ln a_T in `TabulatedShift`. The table is divided by its value at the T_ref of
+    the `Shift` that has this law as `vertical`.
 
     Parameters
     ----------
     T : temperatures, strictly increasing [K], shape (n,), n >= 2
     bT : vertical shift factors [-], shape (n,)
 
-    Limits: concrete temperatures outside the table raise ValueError. Flash temperatures may leave it.
+    Limits: concrete temperatures outside the table raise ValueError. Flash temperatures may leave the table.
     """
 
     file_kind: ClassVar[str] = "table"
@@ -252,12 +270,14 @@ class TabulatedVertical(VerticalShift):
         return _log_interpolated(temperature, self.T, self.bT, T_ref)
 
     def padded(self) -> "TabulatedVertical":
-        """Return the table padded to a standard length; the added entries continue its last line."""
+        """Return the law with a table that is extended to a standard length.
+
+        The added entries lie on the line of ln b_T through the last two entries.
+        """
         return _padded(self, "bT")
 
 
 def _check_table(law, name, T_ref=None):
-    """Check a table of factors over T."""
     kind = type(law).__name__
     check_lengths(kind, T=law.T, **{name: getattr(law, name)})
     if law.T.shape[0] < 2:
@@ -268,7 +288,6 @@ def _check_table(law, name, T_ref=None):
 
 
 def _check_inside(name, temperature, T):
-    """Raise ValueError for concrete temperatures outside a table."""
     if is_concrete(temperature) and is_concrete(T):
         # Within a trace, entries of a concrete JAX array are not concrete; those of a NumPy array are.
         low, high = np.asarray(T)[[0, -1]].tolist()
@@ -277,19 +296,20 @@ def _check_inside(name, temperature, T):
 
 
 def _log_interpolated(temperature, T, factor, T_ref):
-    """Return ln of a tabulated factor divided by its value at T_ref."""
     T, log = jnp.asarray(T), jnp.log(factor)
     pieces = _pieces(T, log)
     return saturated(_at(jnp.asarray(temperature), T, pieces) - _at(jnp.asarray(T_ref), T, pieces))
 
 
 def _pieces(nodes, values):
-    """Return coefficients of cubic polynomials in the distance from the left node, lowest power first.
+    """Return the coefficients of a piecewise cubic interpolant as an array of shape (4, n + 1).
 
-    The shape is (4, n + 1). The first and the last polynomial are the lines outside the table.
-    The slope at an inner node is the weighted harmonic mean of the slopes of the adjacent lines, 0 if their
-    signs differ. At an end it is the slope of the line. This is the monotone interpolation by Fritsch &
-    Butland of a table that continues along its first and last lines.
+    A column holds the coefficients of the powers 0 to 3 of the distance from the left node. In the first
+    column, the distance is measured from the first node. The first and the last polynomial are the lines
+    outside the table. The slope at an inner node is the weighted harmonic mean of the slopes of the two
+    adjacent lines, or 0 if the signs of these slopes differ. The slope at an end is the slope of the line
+    there. The result is the monotone interpolation by Fritsch & Butland of a table that continues along its
+    first and last lines.
     """
     width = jnp.diff(nodes)
     line = jnp.diff(values) / width
@@ -312,7 +332,6 @@ def _pieces(nodes, values):
 
 
 def _at(x, nodes, pieces):
-    """Evaluate the polynomials of `_pieces` at x, any shape."""
     if nodes.shape[0] < _FEW:
         i = jnp.sum(x[..., None] >= nodes, -1, dtype=jnp.int32)
     else:
@@ -327,7 +346,6 @@ def _at(x, nodes, pieces):
 
 
 def _padded(law, name):
-    """Return a tabulated law padded to a standard length; the added entries continue its last line."""
     T, factor = np.asarray(law.T), np.asarray(getattr(law, name))
     added = recurring_length(T.size) - T.size
     slope = np.diff(np.log(factor[-2:]))[0] / np.diff(T[-2:])[0]

@@ -20,7 +20,7 @@ _SINH_SERIES = 1.0 / np.cumprod([6.0] + [(2 * k) * (2 * k + 1) for k in range(2,
 class Layer(Kind):
     """Finite thickness of a body: base class of Slab and Coating.
 
-    If `multiplies`, a subclass implements `stiffening`. Otherwise it implements `static_reduced`,
+    If `multiplies` is True, a subclass implements `stiffening`. Otherwise it implements `static_reduced`,
     `glassy_stiffening` and `reduced_series`.
     """
 
@@ -29,7 +29,7 @@ class Layer(Kind):
 
     @property
     def below(self) -> Material | None:
-        """Return the material of a deformable base; None for a rigid base."""
+        """Return the material of a deformable base, or None if the base is rigid."""
         return None
 
     @property
@@ -39,7 +39,7 @@ class Layer(Kind):
 
     @property
     def shift(self) -> Shift | None:
-        """Return the shift of the base; None if the base has no shift."""
+        """Return the shift of the base, or None if the base has no shift."""
         return None if self.below is None else self.below.shift
 
     def varies(self, material: Material) -> bool:
@@ -48,30 +48,37 @@ class Layer(Kind):
         return False
 
     def check_material(self, material: Material) -> None:
-        """Raise ValueError if the layer cannot consist of this material."""
+        """Raise ValueError if the layer cannot consist of `material`."""
 
     def stiffening(self, poisson: jax.Array, q: jax.Array) -> jax.Array:
-        """Return Sbar [-] at q [1/m], any shape: stiffness of the layer relative to a half-space."""
+        """Return Sbar [-], the stiffness of the layer divided by the stiffness of a half-space.
+
+        `q` is the wavevector [1/m] and may have any shape. `poisson` is Poisson's ratio of the layer.
+        """
         raise NotImplementedError(f"{type(self).__name__}.stiffening")
 
     def static_reduced(
         self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
     ) -> jax.Array:
-        """Return E_r(0) Sbar / scale [-] of a body of this material at q and temperature [K]; scale [Pa]."""
+        """Return E_r Sbar of the layered body at zero frequency, divided by `scale` [-].
+
+        `scale` is in Pa, `q` is the wavevector [1/m], and `temperature` is in K. E_r is the reduced modulus
+        of `material`, and Sbar is the stiffness of the body relative to a half-space of this material.
+        """
         own = apply_vertical_shift(material.static_reduced() / scale, material.shift, temperature)
         return own * self.stiffening(poisson_of(material), q)
 
     def glassy_stiffening(self, material: Material, q: jax.Array) -> jax.Array:
-        """Return Sbar [-] at q with the whole body glassy."""
+        """Return Sbar [-] at wavevectors q [1/m] if all solids of the body have their glassy moduli."""
         return self.stiffening(poisson_of(material), q)
 
     def reduced_series(
         self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
     ) -> Series:
-        """Return E_r Sbar / scale at q, shape (nodes,), for a material with a Prony series; scale [Pa].
+        """Return E_r Sbar divided by `scale` [Pa] as a Prony series at every q [1/m] of shape (nodes,).
 
-        rest, weight and tau have the shapes (nodes,), (nodes, terms) and (nodes, terms), at one temperature
-        [K]. tau does not include a_T of the material.
+        rest, weight and tau have the shapes (nodes,), (nodes, terms) and (nodes, terms). All values belong to
+        one temperature [K]. tau does not include a_T of the material.
         """
         rest, weight, tau = series_of(material, scale)
         rest, weight = (apply_vertical_shift(x, material.shift, temperature) for x in (rest, weight))
@@ -88,14 +95,14 @@ class Slab(Layer):
     ----------
     thickness : d [m], > 0
     base : "bonded" or "frictionless" (static)
-        "bonded": the far side sticks to the base; "frictionless": it slides.
+        With "bonded", the far side of the solid sticks to the base. With "frictionless", the far side slides.
     """
 
     thickness: Number = leaf(POSITIVE, unit="m")
     base: Literal["bonded", "frictionless"] = static(default="bonded")
 
     def stiffening(self, poisson: jax.Array, q: jax.Array) -> jax.Array:
-        r"""Return Sbar(q d) [-]: stiffness of the layered solid relative to a half-space.
+        r"""Return Sbar(q d) [-], the stiffness of the slab divided by the stiffness of a half-space.
 
         Bonded [Scaraggi & Persson, arXiv:1506.06955, below (A10), scaled by exp(-2x)], x = q d, a = 3 - 4 nu:
 
@@ -108,8 +115,8 @@ class Slab(Layer):
         poisson : Poisson's ratio of the layer's material [-]
         q : wavevector [1/m], any shape
 
-        Limits: 1 for x -> infinity; 3/(2 x^3) for x -> 0 if bonded and incompressible, so that Sbar^2
-        overflows float32 for x below 1e-6.
+        Limits: Sbar tends to 1 for x -> infinity. For x -> 0, Sbar tends to 3/(2 x^3) if the slab is bonded
+        and incompressible, so that Sbar^2 overflows float32 for x below 1e-6.
         """
         x = q * self.thickness
         # Above x = 60 every correction is below e^-120; the limit avoids inf * 0 in x^2 e^-2x.
@@ -124,7 +131,7 @@ class Slab(Layer):
 
 
 def sinh_minus_linear(x: jax.Array, decay: jax.Array) -> jax.Array:
-    """Return (sinh 2x - 2x) e^(-2x) without cancellation at small x."""
+    """Return (sinh 2x - 2x) e^(-2x) without cancellation at small x, where `decay` is e^(-2x)."""
     small = jnp.minimum(x, 1.0)
     y = (2 * small) ** 2
     series = jnp.zeros_like(x)

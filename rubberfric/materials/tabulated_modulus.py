@@ -87,12 +87,12 @@ class TabulatedModulus(Material):
 
     @property
     def loss_beyond(self) -> str:
-        """Return `outside`."""
+        """Return `outside`, the form of E'' beyond the table."""
         return self.outside
 
     @property
     def detail(self) -> float:
-        """Return `smoothing`."""
+        """Return `smoothing`, the width of the finest detail in ln omega [-]."""
         return self.smoothing
 
     def frequency_range(self) -> tuple[jax.Array, jax.Array]:
@@ -104,11 +104,11 @@ class TabulatedModulus(Material):
         return self.storage[0]
 
     def glassy_reduced(self) -> jax.Array:
-        """Return the highest E_r' of the table [Pa]."""
+        """Return the largest real part of E_r in the table [Pa]."""
         return jnp.max(self.storage) * plane_strain_factor(self)
 
     def storage_and_loss(self, log_omega: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """Return E' and E'' [Pa] at ln omega, any shape."""
+        """Return E' and E'' [Pa] at `log_omega`, the logarithm of omega, of any shape."""
         knots, lines = self._lines()
         log_omega = jnp.asarray(log_omega)
         # Every knot at every point, for the few points of a plot.
@@ -120,7 +120,7 @@ class TabulatedModulus(Material):
     def storage_and_loss_on_grid(
         self, first: jax.Array, step: float, count: int
     ) -> tuple[jax.Array, jax.Array]:
-        """Return E' and E'' [Pa] at ln omega = step (first + k), k = 0 ... count - 1."""
+        """Return E' and E'' [Pa] at ln omega = step (first + k) for k = 0 ... count - 1."""
         knots, lines = self._lines()
         log_omega = step * (first + jnp.arange(count, dtype=knots.dtype))
         # Last entry of the grid at or before every knot.
@@ -144,7 +144,7 @@ class TabulatedModulus(Material):
         return self._moduli(log_omega, curves)
 
     def _moduli(self, log_omega, curves):
-        """Return E' and E'' from their logarithms, the last axis of `curves`."""
+        """Return E' and E'' [Pa], where the last axis of `curves` holds ln E' and ln E''."""
         loss = jnp.exp(curves[..., 1])
         if self.outside == "none":
             first, last = jnp.log(self.omega[0]), jnp.log(self.omega[-1])
@@ -153,9 +153,10 @@ class TabulatedModulus(Material):
         return jnp.exp(curves[..., 0]), loss
 
     def _lines(self):
-        """Return ln omega of the entries, and a row for each line before, between and after the entries.
+        """Return ln omega of the entries, and the straight lines as an array of shape (n + 1, 5).
 
-        A row has a point (ln omega, ln E', ln E'') and the slopes of ln E' and ln E''.
+        The lines lie before, between and after the entries. A row holds a point (ln omega, ln E', ln E'') on
+        a line, and the slopes of ln E' and ln E''.
         """
         knots = jnp.log(self.omega)
         values = jnp.log(jnp.stack([self.storage, self.loss], -1))
@@ -168,19 +169,19 @@ class TabulatedModulus(Material):
 
 
 def _straight(lines, log_omega, which):
-    """Return ln E' and ln E'' on the lines with the indices `which`, shape (..., 2)."""
+    """Return ln E' and ln E'' on the lines with the indices `which`, as an array of shape (..., 2)."""
     # One row per line, so that its derivative is a single scatter.
     row = lines.at[which].get(mode="promise_in_bounds")
     return row[..., 1:3] + row[..., 3:] * (log_omega - row[..., 0])[..., None]
 
 
 def _bends(lines):
-    """Return the changes of the slopes of ln E' and ln E'' at the entries, shape (n, 2)."""
+    """Return the changes of slope of ln E' and ln E'' at the entries, as an array of shape (n, 2)."""
     return jnp.diff(lines[:, 3:], axis=0)
 
 
 def _running_sum(values):
-    """Return the cumulative sum, computed by matrix products."""
+    """Return the cumulative sum of `values`, computed by matrix products."""
     size = math.ceil(math.sqrt(values.shape[0]))
     rows = jnp.pad(values, (0, size * size - values.shape[0])).reshape(size, size)
     upper = np.triu(np.ones((size, size)))
@@ -190,7 +191,10 @@ def _running_sum(values):
 
 
 def _rounding(u):
-    """Return psi(u) - max(u, 0), because `_straight` uses the line after the entry for u > 0."""
+    """Return psi(u) - max(u, 0), where `TabulatedModulus` defines psi.
+
+    max(u, 0) is subtracted because `_straight` already uses the line after the entry for u > 0.
+    """
     sign = jnp.where(u > 0, -1.0, 1.0).astype(u.dtype)
     tail = sign * 0.5 * jax.scipy.special.erfc(-sign * u * math.sqrt(0.5))
     return jnp.exp(-0.5 * u * u) * (1 / math.sqrt(2 * math.pi)) + u * tail
@@ -198,9 +202,9 @@ def _rounding(u):
 
 @functools.lru_cache(maxsize=64)
 def _rounded(step, half):
-    """Return coefficients of polynomials in t that interpolate `_rounding` at (k - 1/2 - t) step.
+    """Return the coefficients of polynomials in t that interpolate `_rounding` at (k - 1/2 - t) step.
 
-    The shape is (_DEGREE + 1, 2 half), for k = 1 - half ... half.
+    The result has the shape (_DEGREE + 1, 2 half), with a column for each k = 1 - half ... half.
     """
     t = 0.5 * np.cos(np.pi * (np.arange(_DEGREE + 1) + 0.5) / (_DEGREE + 1))
     k = np.arange(1 - half, half + 1)

@@ -39,10 +39,12 @@ def auto(
     Parameters
     ----------
     found : object to draw
-        Result, Solution, or array of friction coefficients: curves over the velocity, or a map instead of
-        more than ten curves. FrictionTable: its friction. Scene: curves at `pressure`, by default over 1e-6
-        ... 10 m/s. Material: modulus. Spectrum, measured spectrum, or dict of them: C(q). Profile and
-        Accuracy: their plots. Any other object with a method `plot`, such as a fit: this method.
+        A Result, a Solution or an array of friction coefficients is drawn as curves over the velocity, or as
+        a map instead of more than ten curves. The friction of a FrictionTable is drawn in the same way. A
+        Scene is drawn as curves at `pressure`, by default over 1e-6 ... 10 m/s. A Material is drawn as its
+        modulus. A spectrum, a measured spectrum or a dict of spectra is drawn as C(q). A Profile is drawn by
+        `plot_profile`, and an Accuracy by `plot_accuracy`. Any other object, such as a fit, is drawn by its
+        method `plot`.
     velocity, pressure, temperature : conditions of a Solution or an array, or for a scene
     ax, options : as for the function `plot_...`
 
@@ -52,7 +54,7 @@ def auto(
 
     Raises
     ------
-    ValueError : the object cannot be drawn, or the function `plot_...` raises it.
+    ValueError : if the object cannot be drawn, or if the function `plot_...` raises ValueError.
     """
     at = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
     if isinstance(found, Scene):
@@ -69,12 +71,13 @@ def auto(
         options["temperature"] = at.pop("temperature")
     given = next((name for name, values in at.items() if values is not None), None)
     if given is not None:
-        raise ValueError(f"{given} is given, but {type(found).__name__} has its own or needs none; omit it")
+        raise ValueError(
+            f"{given} is given, but {type(found).__name__} has its own or needs none; omit {given}"
+        )
     return _drawing(found)(ax=ax, **options)
 
 
 def _drawing(found):
-    """Return the function that draws an object."""
     draws = {Material: plot_modulus, Profile: plot_profile, Accuracy: plot_accuracy}
     for kind, draw in draws.items():
         if isinstance(found, kind):
@@ -90,7 +93,6 @@ def _drawing(found):
 
 
 def _solved(scene, at):
-    """Solve a scene at the given conditions, and return the solution and the velocities."""
     if at["pressure"] is None:
         raise ValueError("pressure is missing; curves of a scene need it [Pa]")
     velocity = np.logspace(-6, 1, 60) if at["velocity"] is None else at["velocity"]
@@ -99,7 +101,7 @@ def _solved(scene, at):
 
 
 def save_figure(path: StrPath, figure: FigureBase | Axes | Panels) -> None:
-    """Write a figure, or the figure of the given axes or sequence of axes, to a file.
+    """Write a figure to a file, where `figure` may also be axes or a sequence of axes in the figure.
 
     The file is written completely or not at all.
     """

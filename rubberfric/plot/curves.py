@@ -52,7 +52,7 @@ def plot_result(
     result : Result of `rubberfric.friction_map` or a file, or the Solution of `rubberfric.solve`
         Velocities <= 0 are omitted.
     ax : sequence of matplotlib axes, one for each quantity, or None for a new figure
-    velocity, pressure, temperature : of a Solution, as given to `solve`
+    velocity, pressure, temperature : conditions of a Solution, as given to `solve`
 
     Returns
     -------
@@ -60,7 +60,7 @@ def plot_result(
 
     Raises
     ------
-    ValueError : `result` is not a result; `ax` has another number of axes.
+    ValueError : if `result` is not a result, or if `ax` has another number of axes.
     """
     found = curves_of(result, velocity, pressure, temperature)
     names = [name for name in PANELS if getattr(found.solution, name) is not None]
@@ -79,14 +79,16 @@ def plot_friction(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> Axes:
-    """Draw mu over log10 v, one line per pressure and temperature, with thin lines for its parts.
+    """Draw the friction coefficient mu over log10 v, with one line per pressure and temperature.
+
+    Thin lines show the parts of mu.
 
     Parameters
     ----------
     result : Result of `rubberfric.friction_map` or a file, the Solution of `rubberfric.solve`, or mu itself
         Velocities <= 0 are omitted.
     ax : matplotlib axes, or None for a new figure
-    velocity, pressure, temperature : of a Solution or of mu
+    velocity, pressure, temperature : conditions of a Solution or of mu
 
     Returns
     -------
@@ -94,8 +96,8 @@ def plot_friction(
 
     Raises
     ------
-    ValueError : as `rubberfric.io.curves_of`; the quantity was not computed; no velocity is > 0; `ax` is not
-        axes.
+    ValueError : as in `rubberfric.io.curves_of`, if the quantity was not computed, if no velocity is > 0, or
+        if `ax` is not axes.
     """
     return _quantity(curves_of(result, velocity, pressure, temperature, "friction"), "friction", ax)
 
@@ -108,7 +110,10 @@ def plot_area(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> Axes:
-    """Draw A/A0 over log10 v; arguments as for `plot_friction`."""
+    """Draw A/A0 over log10 v.
+
+    The arguments are the same as for `plot_friction`.
+    """
     return _quantity(curves_of(result, velocity, pressure, temperature, "area"), "area", ax)
 
 
@@ -120,7 +125,10 @@ def plot_separation(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> Axes:
-    """Draw the mean separation over log10 v in µm; arguments as for `plot_friction`."""
+    """Draw the mean separation in µm over log10 v.
+
+    The arguments are the same as for `plot_friction`.
+    """
     return _quantity(curves_of(result, velocity, pressure, temperature, "separation"), "separation", ax)
 
 
@@ -135,7 +143,7 @@ def plot_curve(
     Parameters
     ----------
     velocity : [m/s], shape (n,); values <= 0 are omitted
-    values : of the quantity, in SI units, shape (n,); or a dict of label -> array
+    values : values of the quantity in SI units, shape (n,), or a dict of label -> array
     quantity : "friction", "area", "separation", "transverse_friction" or "flash_temperature"
     ax : matplotlib axes, or None for a new figure
 
@@ -145,7 +153,8 @@ def plot_curve(
 
     Raises
     ------
-    ValueError : different shapes, an unknown quantity, no velocity > 0, or `ax` is not axes.
+    ValueError : if the shapes differ, if the quantity is unknown, if no velocity is > 0, or if `ax` is not
+        axes.
     """
     if quantity not in PANELS:
         raise ValueError(f"quantity = {quantity!r}: {closest(quantity, tuple(PANELS))}")
@@ -167,7 +176,7 @@ def plot_curve(
 
 
 def curve_labels(conditions: Conditions) -> dict[tuple[int, int], str]:
-    """Return a dict (index of temperature, index of pressure) -> label of the curve."""
+    """Return a dict that maps (index of temperature, index of pressure) to the label of the curve."""
     temperatures = [None] if conditions.temperature is None else conditions.temperature
     return {
         (i, j): f"{p / 1e6:.6g} MPa" + ("" if T is None else f", {signed(to_celsius(T))} °C")
@@ -188,7 +197,10 @@ def _quantity(result: Curves, name: str, ax: Axes | None) -> Axes:
 
 
 def _draw(axes: Axes, result: Curves, name: str, named: bool = True) -> None:
-    """Draw one quantity with a legend of its parts, and of its conditions if `named`."""
+    """Draw one quantity and a legend.
+
+    The legend names the parts of the friction. If `named` is True, the legend also names the conditions.
+    """
     labels, velocity = curve_labels(result.conditions), np.asarray(result.conditions.velocity)
     shown = shown_velocities(velocity)
     curves = [np.asarray(getattr(result.solution, name))[i, j] for i, j in labels]
@@ -201,7 +213,6 @@ def _draw(axes: Axes, result: Curves, name: str, named: bool = True) -> None:
 
 
 def _lines(axes, velocity, curves, labels, shown, quantity):
-    """Draw curves into the panel of a quantity, and return the legend handles."""
     label, scale, offset = PANELS[quantity]
     drawn = looks(len(labels), shown.size)
     handles = [
@@ -214,13 +225,11 @@ def _lines(axes, velocity, curves, labels, shown, quantity):
 
 
 def _from_zero(axes: Axes, quantity: str) -> None:
-    """Begin the y axis of nonnegative quantities at zero."""
     if quantity in ("area", "friction", "separation") and axes.dataLim.y0 >= 0:
         axes.set_ylim(bottom=0, auto=None)  # later curves may raise the top
 
 
 def _parts(axes: Axes, result: Curves, shown: np.ndarray, lines: list[Line2D]) -> list[Line2D]:
-    """Draw parts of the friction in the colours of the friction lines, and return the legend handles."""
     from matplotlib.lines import Line2D
 
     labels = curve_labels(result.conditions)
@@ -275,7 +284,7 @@ def plot_profile(
 
     Raises
     ------
-    ValueError : `labels` or `ax` has the wrong length.
+    ValueError : if `labels` or `ax` has the wrong length.
     """
     check_instance("profile", profile, Profile)
     count = int(np.prod(np.shape(profile.area)[:-1]))
@@ -316,14 +325,14 @@ _SWEEPS = {
 def plot_accuracy(accuracy: Accuracy, ax: Axes | None = None, *, unit: Row | None = None) -> Axes:
     """Draw the largest error of area, friction and separation over run time, for values and gradients.
 
-    Gradients are drawn over the time for values and gradients. Errors below the resolution of the reference
-    are drawn at that resolution; errors that are not finite are omitted.
+    Errors of gradients are drawn over the run time of values and gradients together. Errors below the
+    resolution of the reference are drawn at that resolution. Errors that are not finite are omitted.
 
     Parameters
     ----------
     accuracy : Accuracy
     ax : matplotlib axes, or None for a new figure
-    unit : row of `accuracy` whose forward run time is the unit of time; None: milliseconds
+    unit : row of `accuracy` whose forward run time is the unit of time, or None for milliseconds
 
     Returns
     -------
@@ -331,7 +340,7 @@ def plot_accuracy(accuracy: Accuracy, ax: Axes | None = None, *, unit: Row | Non
 
     Raises
     ------
-    ValueError : `accuracy` or `ax` has the wrong type.
+    ValueError : if `accuracy` or `ax` has the wrong type.
     """
     check_instance("accuracy", accuracy, Accuracy)
     ax = one_axes(ax, (8.0, 4.2))
@@ -354,7 +363,7 @@ def plot_accuracy(accuracy: Accuracy, ax: Axes | None = None, *, unit: Row | Non
 
 
 def _label_times(axes: Axes) -> None:
-    """Label run times with plain numbers, because a sweep spans from less than one to four decades."""
+    """Label run times with plain numbers, because a sweep spans at most four decades."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axis = axes.xaxis

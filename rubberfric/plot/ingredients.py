@@ -49,8 +49,8 @@ def plot_modulus(
     ax : matplotlib axes, or None for a new figure
         The axis of tan delta is the last of `ax.figure.axes`.
     omega : angular frequencies [rad/s], > 0, shape (n,)
-        None: the range of the material and the data, and two decades beyond it (one decade for a table or an
-        elastic solid).
+        If None, the range of the material and the data is extended by two decades at either end (one decade
+        for a table or an elastic solid).
     temperature : [K], or None for the reference temperature
     data : measured points with arrays omega, storage and loss, such as `fitting.ModulusData`, or None
         Points at other temperatures are shifted with the material's shift.
@@ -61,7 +61,8 @@ def plot_modulus(
 
     Raises
     ------
-    ValueError : not a deformable material; a temperature without a shift; a wrong omega, data or ax.
+    ValueError : if the material is not deformable, if a temperature is given for a material without a shift,
+        or if omega, data or ax is invalid.
     """
     if not isinstance(material, Material) or not material.deforms:
         raise ValueError(f"material must be deformable, got {type(material).__name__}")
@@ -105,21 +106,21 @@ def _check_temperature(material: Material, temperature: float | None) -> None:
 
 
 def _log_shift(material: Material, temperature: ArrayLike | None) -> np.ndarray | float:
-    """Return ln a_T, 0 at the reference temperature."""
+    """Return ln a_T, which is 0 if `temperature` is None or the material has no shift."""
     if temperature is None or material.shift is None:
         return 0.0
     return np.asarray(material.shift.log_factor(jnp.asarray(temperature, float)), float)
 
 
 def _vertical(material: Material, temperature: ArrayLike | None) -> np.ndarray | float:
-    """Return b_T, 1 at the reference temperature."""
+    """Return b_T, which is 1 if `temperature` is None or the material has no vertical shift."""
     at = None if temperature is None else jnp.asarray(temperature, float)
     log_factor = log_vertical(material.shift, at)
     return 1.0 if log_factor is None else np.exp(np.asarray(log_factor, float))
 
 
 def _range(material: Material, temperature: float | None, known: list[np.ndarray]) -> np.ndarray:
-    """Return frequencies that cover the material and the points at `known` frequencies."""
+    """Return frequencies [rad/s] that cover the material's frequency range and all `known` frequencies."""
     ends = [np.array([one.min(), one.max()]) for one in known]
     beyond = _BEYOND_TABLE
     if not isinstance(material, TabulatedModulus) and (own := material.frequency_range()) is not None:
@@ -130,7 +131,7 @@ def _range(material: Material, temperature: float | None, known: list[np.ndarray
 
 
 def _table(material: Material, temperature: float | None) -> Points | None:
-    """Return (omega, E', E'') of the entries of a tabulated modulus, or None for other materials."""
+    """Return (omega, E', E'') of the entries of a table at a temperature, or None for other materials."""
     if not isinstance(material, TabulatedModulus):
         return None
     omega, storage, loss = (np.asarray(x, float) for x in (material.omega, material.storage, material.loss))
@@ -159,7 +160,6 @@ def _shifted(material: Material, temperature: float | None, data: Any) -> Points
 
 
 def _points(axes, right, points, name, face):
-    """Draw points of E', E'' and tan delta, and return legend handles."""
     from matplotlib.lines import Line2D
 
     if points is None:
@@ -197,8 +197,6 @@ _NAMED = {"q0": ("o", "$q_0$, first"), "qr": ("s", "$q_r$, roll-off"), "q1": ("D
 
 
 class _Curve(NamedTuple):
-    """Data of one spectrum to draw."""
-
     q: np.ndarray
     C: np.ndarray
     points: bool  # measured: points with error bars, no line
@@ -223,7 +221,7 @@ def plot_spectrum(spectra: Any, ax: Axes | None = None, q: ArrayLike | None = No
         `sigma`.
     ax : matplotlib axes, or None for a new figure
         The axis of the slope is the last of `ax.figure.axes`.
-    q : wavevectors of the lines [1/m], > 0, shape (n,); None: 200 from end to end, and all kinks
+    q : wavevectors of the lines [1/m], > 0, shape (n,), or None for 200 from end to end and all kinks
 
     Returns
     -------
@@ -231,7 +229,8 @@ def plot_spectrum(spectra: Any, ax: Axes | None = None, q: ArrayLike | None = No
 
     Raises
     ------
-    ValueError : not a spectrum; a smooth spectrum; a wrong q; `ax` is not axes.
+    ValueError : if an object is not a spectrum, if a spectrum is smooth, if q is invalid, or if `ax` is not
+        axes.
     """
     several = isinstance(spectra, Mapping)
     spectra = spectra if isinstance(spectra, Mapping) else {"spectrum": spectra}
@@ -312,7 +311,6 @@ def _log_C_and_slope(spectrum: Spectrum, q: jax.Array) -> tuple[jax.Array, jax.A
 
 
 def _draw_spectrum(axes, right, curve, label, colour, style):
-    """Draw one spectrum, and return its legend handle."""
     look: dict[str, Any] = {"color": colour, "linestyle": style}
     if curve.slope is not None:
         rises = curve.slope > 0  # 0 at the first wavevector
@@ -337,7 +335,6 @@ def _keep_slopes_in_view(right: Axes, curves: Collection[_Curve]) -> None:
 
 
 def _explained(curves: Collection[_Curve]) -> list[Line2D]:
-    """Return legend handles that explain lines and markers."""
     from matplotlib.lines import Line2D
 
     look: dict[str, Any] = {"color": "0.3", "markerfacecolor": "white"}

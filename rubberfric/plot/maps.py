@@ -52,12 +52,14 @@ def plot_map(
     Parameters
     ----------
     result : FrictionMap, or any Result
-        with at least two velocities > 0 (velocities <= 0 are omitted) and two pressures or temperatures.
+        The result must have at least two velocities > 0, and at least two pressures or temperatures.
+        Velocities <= 0 are omitted.
     quantity : name of a field of the solution
     ax : sequence of matplotlib axes, one per panel, or None for a new figure
     temperature : index of the temperature to draw over the pressure, or None
     pressure : index of the pressure to draw over the temperature, or None
-        None: up to four pressures from the first to the last, or one panel if all panels look alike.
+        If None, up to four pressures from the first to the last are drawn, or one panel if all panels look
+        alike.
 
     Returns
     -------
@@ -65,7 +67,8 @@ def plot_map(
 
     Raises
     ------
-    ValueError : too few conditions, a quantity that was not computed, or a wrong number of axes in `ax`.
+    ValueError : if there are too few conditions, if the quantity was not computed, or if `ax` has the wrong
+        number of axes.
     """
     result = curves_of(result)
     check_map(result.conditions, temperature, pressure)
@@ -95,7 +98,10 @@ def plot_map(
 
 
 def figure_of_map(result: Result) -> Figure:
-    """Draw a row of panels for every quantity of a map; panels that look alike are merged."""
+    """Draw a row of panels for every quantity of a map.
+
+    Panels that look alike are merged into one panel.
+    """
     conditions = result.conditions
     fields = {name: values for name, values in result.solution._asdict().items() if values is not None}
     panels = _panels(conditions, None, None)
@@ -138,7 +144,11 @@ def _over_pressure(conditions: Conditions, temperature: int | None) -> bool:
 
 
 def _panels(conditions: Conditions, temperature: int | None, pressure: int | None) -> list[tuple]:
-    """Return (indices of rows, y of these rows, title, index in the result) for every panel."""
+    """Return a tuple (rows, y, title, place) for every panel.
+
+    `rows` holds the indices of the rows that are drawn, and `y` their coordinates on the y axis. `place` is
+    the index of the panel in an array of the solution.
+    """
     T, p = conditions.temperature, conditions.pressure
     if _over_pressure(conditions, temperature):
         i = 0 if temperature is None else temperature
@@ -153,7 +163,7 @@ def _panels(conditions: Conditions, temperature: int | None, pressure: int | Non
 
 
 def _as_one(panels: list[tuple], conditions: Conditions, fields: dict[str, Any]) -> list[tuple]:
-    """Return the panels, or a single one if they look alike."""
+    """Return the panels, or a list with one panel if all panels look alike."""
     for name, field in fields.items():
         drawn = [np.asarray(field[place]) for *_, place in panels]
         shown = np.concatenate([values.ravel() for values in drawn])
@@ -169,7 +179,10 @@ def _as_one(panels: list[tuple], conditions: Conditions, fields: dict[str, Any])
 
 
 def _axis(scale: Callable[[np.ndarray], np.ndarray], values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the sorted indices of values > 0, thinned for drawing, and the scaled values."""
+    """Return the indices of the distinct values > 0 in increasing order, and `scale` of these values.
+
+    At most `_DRAWN` values are returned, evenly selected.
+    """
     unique, index = np.unique(values, return_index=True)
     index = index[unique > 0]
     if index.size > _DRAWN:
@@ -178,7 +191,10 @@ def _axis(scale: Callable[[np.ndarray], np.ndarray], values: np.ndarray) -> tupl
 
 
 def _draw(drawn, x, label, logarithmic):
-    """Draw heat maps (axes, y, values) with a common colour scale and contours in contrasting colour."""
+    """Draw heat maps with a common colour scale, and contours in a contrasting colour.
+
+    `drawn` is a list of (axes, y, values).
+    """
     from matplotlib.colors import LogNorm, Normalize
     from matplotlib.ticker import LogLocator, MaxNLocator
 
@@ -206,7 +222,7 @@ def _draw(drawn, x, label, logarithmic):
 
 
 def _size(columns: int, rows: int) -> tuple[float, float]:
-    """Return width and height of a figure of panels [inch]."""
+    # Width and height [inch].
     return 1.6 + max(3.0 * columns, 4.2), 0.7 + (3.2 if rows == 1 else 2.7 * rows)
 
 
@@ -229,10 +245,11 @@ def plot_sensitivity(
     ----------
     velocity : [m/s], shape (n,), at least two different values > 0; values <= 0 are omitted
     tau : relaxation times [s], > 0, all different, shape (m,), m >= 2
-    values : [-], shape (m, n), from `fitting.sensitivity(scene, velocity, pressure, "upper.material.E")`
+    values : d ln mu / d ln E_i [-], shape (m, n)
+        Such values are returned by `fitting.sensitivity(scene, velocity, pressure, "upper.material.E")`.
     ax : matplotlib axes, or None for a new figure
         The colour bar is the last of `ax.figure.axes`.
-    label : of the colour bar
+    label : label of the colour bar
 
     Returns
     -------
@@ -240,7 +257,8 @@ def plot_sensitivity(
 
     Raises
     ------
-    ValueError : wrong shapes, too few velocities or times, values that are not finite, or `ax` is not axes.
+    ValueError : if shapes are wrong, if there are too few velocities or times, if values are not finite, or
+        if `ax` is not axes.
     """
     columns, x = _log_axis("velocity", vector("velocity", velocity))
     rows, y = _log_axis("tau", vector("tau", tau, positive=True))
@@ -260,7 +278,7 @@ def plot_sensitivity(
 
 
 def _log_axis(name: str, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the sorted indices of the different values > 0, and their logarithms."""
+    """Return the indices of the distinct values > 0 in increasing order, and log10 of these values."""
     unique, index = np.unique(values, return_index=True)
     index = index[(unique > 0) & np.isfinite(unique)]
     if index.size < 2:

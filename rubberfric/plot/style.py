@@ -1,7 +1,7 @@
 """Common elements of plots: labels with units, colours and markers, axes and legends.
 
-Conditions differ in colour (of increasing lightness, distinct in grey) and marker, parts of a quantity in
-line style.
+Conditions differ in colour (of increasing lightness, distinct in grey) and marker. Parts of a quantity differ
+in line style.
 """
 
 import sys
@@ -45,7 +45,10 @@ _LIGHTEST, _DARKENED = 0.85, 0.3
 
 
 def colours(count: int) -> np.ndarray:
-    """Return colours from dark to light, RGBA: viridis without yellow, with a darkened light half."""
+    """Return `count` RGBA colours from dark to light, of shape (count, 4).
+
+    The colours are taken from viridis without its yellow end. Light colours are darkened.
+    """
     from matplotlib import colormaps
 
     lightest = min(0.55 + 0.05 * count, _LIGHTEST)
@@ -56,7 +59,7 @@ def colours(count: int) -> np.ndarray:
 
 
 def diverging() -> Colormap:
-    """Return a colour map, red above 0 and blue below 0, that is light enough for black contours."""
+    """Return a colour map that is red above 0, blue below 0, and light enough for black contours."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
@@ -64,7 +67,10 @@ def diverging() -> Colormap:
 
 
 def looks(count: int, points: int) -> list[dict[str, Any]]:
-    """Return colour and markers of `count` lines; markers of neighbouring lines are staggered."""
+    """Return the plot options for the colours and markers of `count` lines with `points` points.
+
+    Markers of neighbouring lines are staggered.
+    """
     several = count > 1
     step = max(1, -(-points // _MARKERS_OF_A_LINE))
     return [
@@ -116,7 +122,7 @@ def new_figure(size: tuple[float, float], title: str = "") -> Figure:
 
 
 def _show_in_notebooks(kind):
-    """Let a notebook show figures before pyplot has created one."""
+    """Let a notebook show figures, also if pyplot has not created a figure yet."""
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     if shell is None or kind in shell.display_formatter.formatters["image/png"]:
         return
@@ -145,8 +151,8 @@ def several_axes(
 ) -> Panels:
     """Return `ax`, or one axes per name in a new figure if `ax` is None.
 
-    In a new figure the axes share x and are stacked; with `across` they are side by side and share x and y.
-    Raises ValueError if `ax` is not a sequence with one axes per name.
+    In a new figure, the axes are stacked and share x. If `across` is True, the axes stand side by side and
+    share x and y. ValueError is raised if `ax` is not a sequence with one axes per name.
     """
     if ax is None:
         rows, columns = (1, len(names)) if across else (len(names), 1)
@@ -178,7 +184,8 @@ def legend(
 ) -> None:
     """Add a legend outside the axes if the layout makes room for it, otherwise inside.
 
-    `scale_right` : the axes have a second y axis on the right, whose lines "best" would ignore.
+    `scale_right` is True if the axes have a second y axis on the right. The location "best" would ignore the
+    lines of this second axis.
     """
     handles = list(axes.get_legend_handles_labels()[0] if handles is None else handles)
     if not handles:
@@ -193,14 +200,18 @@ def legend(
 
 
 def shown_velocities(velocity: ArrayLike) -> np.ndarray:
-    """Return indices of the velocities > 0 in increasing order."""
+    """Return the indices of the velocities > 0, sorted by velocity."""
     velocity = np.asarray(velocity)
     shown = np.flatnonzero(velocity > 0)
     return shown[np.argsort(velocity[shown], kind="stable")]
 
 
 def vector(name: str, values: ArrayLike, size: int | None = None, positive: bool = False) -> np.ndarray:
-    """Convert numbers to a one-dimensional array; raise ValueError for anything else."""
+    """Convert `values` to a one-dimensional array of floats.
+
+    ValueError is raised if `values` are not numbers, if their shape is not (size,), or if `positive` is True
+    and a number is not > 0 and finite.
+    """
     try:
         array = np.asarray(values, float)
     except (TypeError, ValueError):

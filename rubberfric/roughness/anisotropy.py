@@ -43,7 +43,8 @@ class Anisotropic(Spectrum):
     ----------
     base : SelfAffine
         the mean over all directions.
-    ratio : r, correlation length along alpha over the transverse one [-], > 0; r > 1: grooves along alpha
+    ratio : r, correlation length along alpha divided by the transverse correlation length [-], > 0
+        If r > 1, grooves run along alpha.
     angle : alpha, from the direction of sliding [rad]
     harmonics : 4, 8, 16, 32 or 64 (static)
         number of harmonics. `harmonics_left_out` returns the share of the higher harmonics: 2e-7 for 16 at a
@@ -66,7 +67,7 @@ class Anisotropic(Spectrum):
         return self.base.height_scale()
 
     def cut(self, q1: jax.Array) -> "Anisotropic":
-        """Return the spectrum with `base` cut at q1."""
+        """Return the spectrum with `base` cut at q1 [1/m]."""
         return dataclasses.replace(self, base=self.base.cut(q1))
 
     def harmonic_count(self) -> int:
@@ -74,12 +75,15 @@ class Anisotropic(Spectrum):
         return self.harmonics
 
     def harmonics_at(self, q: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """Return c_m and s_m for m = 1 ... harmonics, shape (harmonics,); they do not depend on q."""
+        """Return c_m and s_m for m = 1 ... harmonics, which do not depend on q.
+
+        The two arrays have the shape (harmonics,).
+        """
         del q
         return _turned(self._all_harmonics()[: self.harmonics], self.angle)
 
     def harmonics_left_out(self) -> jax.Array:
-        """Return the sum of the absolute values of all harmonics d_m that are left out [-]."""
+        """Return the sum of the absolute values of all harmonics d_m with m > `harmonics` [-]."""
         return jnp.sum(jnp.abs(self._all_harmonics()[self.harmonics :]))
 
     def _all_harmonics(self):
@@ -96,8 +100,8 @@ class Anisotropic(Spectrum):
 class TabulatedAnisotropic(Spectrum):
     r"""Anisotropic spectrum from a table over wavevector and direction.
 
-    Between the entries, the logarithm of the mean over the directions, and the quotient of every harmonic and
-    the mean, are linear in ln q.
+    Between the entries, two quantities are linear in ln q: the logarithm of the mean over the directions, and
+    every harmonic divided by this mean.
 
     Parameters
     ----------
@@ -107,7 +111,7 @@ class TabulatedAnisotropic(Spectrum):
     angle : angle of the x-axis from the direction of sliding [rad]
     q0, q1 : first and last wavevector of the roughness [1/m], as in `TabulatedSpectrum`
 
-    Limits: harmonics up to (directions - 1) // 2, which are all that the table determines.
+    Limits: there are (directions - 1) // 2 harmonics, which are all that the table determines.
     """
 
     harmonics_vary: ClassVar[bool] = True
@@ -137,7 +141,7 @@ class TabulatedAnisotropic(Spectrum):
         return cut_law(tabulated_law(self.q, jnp.mean(self.C, 1)), self.q0, None)
 
     def cut(self, q1: jax.Array) -> "TabulatedAnisotropic":
-        """Return the table with this q1, or with the last wavevector of the table if q1 exceeds it."""
+        """Return the spectrum with a new q1 [1/m], which is limited to the last wavevector of the table."""
         return self.replace(q1=within_table(self.q, q1))
 
     def harmonic_count(self) -> int:
@@ -145,7 +149,10 @@ class TabulatedAnisotropic(Spectrum):
         return (self.C.shape[1] - 1) // 2
 
     def harmonics_at(self, q: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """Return c_m and s_m at q of any shape; both have the shape (harmonics, ``*q.shape``)."""
+        """Return c_m and s_m at wavevectors q [1/m] of any shape.
+
+        The two arrays have the shape (harmonics, ``*q.shape``).
+        """
         count = self.harmonic_count()
         even = jnp.fft.rfft(self.C, axis=1)[:, 1 : count + 1] * (2 / self.C.shape[1])
         mean = jnp.mean(self.C, 1, keepdims=True)
@@ -158,7 +165,7 @@ class TabulatedAnisotropic(Spectrum):
         return at(cosine), at(sine)
 
     def harmonics_left_out(self) -> jax.Array:
-        """Return the largest share of the highest harmonic at any q of the table [-]."""
+        """Return the largest amplitude of the highest harmonic, relative to the mean, over all q [-]."""
         cosine, sine = self.harmonics_at(self.q)
         return jnp.max(jnp.hypot(cosine[-1], sine[-1]))
 
@@ -167,28 +174,29 @@ class TabulatedAnisotropic(Spectrum):
         return self.C
 
     def padded(self) -> "TabulatedAnisotropic":
-        """Return the table padded to a standard length with entries beyond q1."""
+        """Return the spectrum with a table that is extended to a standard length beyond q1."""
         return self.replace(padded_table(self.q, self.C, self.q0, self.q1))
 
 
 def harmonics_left_out(spectrum: Spectrum) -> jax.Array:
-    r"""Return the share of the roughness in harmonics that are left out, sum \|d_m\| over them [-].
+    r"""Return the sum of \|d_m\| over the harmonics d_m that are left out, a share of the roughness [-].
 
-    It bounds the relative errors of G, of the mean separation, and of friction in full contact. The true
-    errors are smaller, because slow modes depend only on low harmonics.
+    This share bounds the relative errors of G, of the mean separation, and of friction in full contact. The
+    true errors are smaller, because slow modes depend only on low harmonics.
 
     Parameters
     ----------
-    spectrum : Anisotropic, SelfAffine or TabulatedSpectrum (0), or TabulatedAnisotropic
-        For a table, the largest share of the highest harmonic at any q, which shows if the table has
-        enough directions.
+    spectrum : Anisotropic, SelfAffine, TabulatedSpectrum or TabulatedAnisotropic
+        The share is 0 for SelfAffine and TabulatedSpectrum. For TabulatedAnisotropic, the result is the
+        largest relative amplitude of the highest harmonic over all q, which shows if the table has enough
+        directions.
     """
     check_kind("spectrum", spectrum, Spectrum)
     return spectrum.harmonics_left_out()
 
 
 def _turned(size, angle):
-    """Return c_m and s_m of a shape with the harmonics `size`, symmetric about an axis at `angle`."""
+    """Return c_m and s_m of the function sum_m size_m cos(2 m (phi - angle))."""
     m = np.arange(1, size.shape[0] + 1, dtype=size.dtype)
     return size * jnp.cos(2 * m * angle), size * jnp.sin(2 * m * angle)
 
@@ -202,8 +210,8 @@ def from_grid(
 
     Parameters
     ----------
-    qx, qy : increasing [1/m], shapes (n,), (m,). Both must cover -q ... q; one of them may begin at
-        0, because C(-q) = C(q)
+    qx, qy : increasing [1/m], shapes (n,) and (m,)
+        qx and qy must cover -q ... q. Either qx or qy may begin at 0, because C(-q) = C(q).
     C : power spectrum [m^4], > 0, shape (n, m)
     q : wavevectors of the table [1/m]
     directions : number of directions of the table
@@ -214,7 +222,7 @@ def from_grid(
 
     Raises
     ------
-    ValueError : a q that the grid does not reach, C <= 0, or qx, qy that do not increase.
+    ValueError : if the grid does not reach a q, if C <= 0, or if qx or qy does not increase.
     """
     qx, qy, C, q = (np.asarray(x, float) for x in (qx, qy, C, q))
     if C.shape != (qx.size, qy.size) or not (C > 0).all():

@@ -37,9 +37,10 @@ class Joint(NamedTuple):
     ----------
     low, high : ends of the overlap, or of the gap [1/m]
     overlap : bool
-    jump : ln(C of the upper spectrum / C of the lower), averaged over ln q in the overlap. Over a gap, both
-        spectra are continued to its middle with their slopes over half a decade
-    scatter : root-mean-square deviation of this logarithm from its average; 0 over a gap
+    jump : ln(C of the upper spectrum / C of the lower spectrum), averaged over ln q in the overlap
+        Over a gap, the spectra are continued to the middle of the gap with the slopes of the nearest half
+        decade.
+    scatter : root-mean-square deviation of the logarithm in `jump` from its average; 0 over a gap
     """
 
     low: float
@@ -74,29 +75,31 @@ def join_spectra(
     .. math:: \ln C = (1 - s) \ln C_a + s \ln C_b, \qquad s = t^2 (3 - 2t),\quad
               t = \frac{\ln q/q_\mathrm{low}}{\ln q_\mathrm{high}/q_\mathrm{low}}
 
-    in the overlap of a and b. This is s for the method "crossover"; for "mean", s is the share of b in
+    in the overlap of a and b. This s belongs to the method "crossover". For "mean", s is the share of b in
     `weights`. Outside the overlap the table is a or b alone. Over a gap it is a straight line in log-log.
 
     Parameters
     ----------
-    spectra : two or more, SelfAffine or TabulatedSpectrum, in order of their range: each begins and ends
-        at larger q than the previous one
+    spectra : two or more, SelfAffine or TabulatedSpectrum, in order of range
+        Each spectrum begins and ends at larger q than the previous spectrum.
     method : "crossover" or "mean"
     weights : weights of the lower and the upper spectrum for "mean", >= 0, such as their inverse variances
 
     Returns
     -------
-    JoinedSpectra : spectrum with the entries of all spectra, and the joints. A jump is reported but not
-        removed: "crossover" spreads it over the overlap, "mean" leaves a part of it at either end.
+    JoinedSpectra : spectrum with the entries of all spectra, and the joints
+        A jump is reported but not removed. "crossover" spreads a jump over the overlap. "mean" leaves a part
+        of the jump at either end.
 
     Raises
     ------
-    ValueError : fewer than two spectra, another order, one range within another, or a zero spectrum.
+    ValueError : if there are fewer than two spectra, if the spectra are not in order, if a range lies within
+        another range, or if a spectrum is zero.
 
     Notes
     -----
-    Differentiable with respect to C and heights. Wavevectors must be concrete, because they determine the
-    entries. Scale one spectrum first if the jump is an error of calibration.
+    The result is differentiable with respect to C and heights. Wavevectors must be concrete, because they
+    determine the entries. Scale one spectrum first if the jump is an error of calibration.
     """
     if len(spectra) < 2:
         raise ValueError(f"join_spectra got {len(spectra)} spectra: must be at least two")
@@ -115,7 +118,11 @@ def join_spectra(
 
 
 def _join(lower, upper, share, number):
-    """Return (TabulatedSpectrum, Joint); `share` is the weight of `upper`, None for the crossover."""
+    """Join two spectra, and return the TabulatedSpectrum and the `Joint`.
+
+    `share` is the weight of `upper` in the overlap, or None for the method "crossover". `number` is the index
+    of `lower` in messages.
+    """
     laws = [_without_empty(power_law_of(one)) for one in (lower, upper)]
     (a, b), (qa, qb) = laws, (np.asarray(law.q, float) for law in laws)
     for i, (law, q) in enumerate(zip(laws, (qa, qb), strict=True)):
@@ -160,7 +167,7 @@ def _join(lower, upper, share, number):
 
 
 def _without_empty(law):
-    """Remove the pieces of zero width that a cut leaves."""
+    """Remove pieces of zero width, which remain after a power law was cut."""
     kept = np.flatnonzero(np.diff(np.asarray(law.q, float)) > 0)
     ends = np.append(kept, kept[-1:] + 1) if kept.size else np.arange(law.q.shape[0])
     return law._replace(q=law.q[ends], log_value=law.log_value[ends], exponent=law.exponent[ends[:-1]])
@@ -177,7 +184,10 @@ def _merged(q):
 
 
 def _continued(q, log_C, at, near):
-    """Return ln C at the wavevector `at` beyond a table, by a line through >= 2 entries near its end."""
+    """Extrapolate ln C to the wavevector `at` along a line that is fitted to the entries in `near`.
+
+    If `near` selects fewer than two entries, the line passes through the two entries closest to `at`.
+    """
     if near.sum() < 2:
         near = np.argsort(np.abs(np.log(q / at)))[:2]
     _, level = np.polyfit(np.log(q[near] / at), log_C[near], 1)
@@ -192,12 +202,13 @@ def resample(
     Parameters
     ----------
     spectrum : SelfAffine or TabulatedSpectrum
-    q : wavevectors, strictly increasing, within the spectrum's range [1/m], shape (n,), n >= 2; or
-    per_decade : minimum number of entries per decade, evenly in ln q over the spectrum's range
+    q : wavevectors, strictly increasing, within the spectrum's range [1/m], shape (n,), n >= 2, or None
+    per_decade : minimum number of entries per decade, evenly in ln q over the spectrum's range, or None
     preserve : bool
-        False: C at q, from the log-log line. True: averages int q C dq / int q dq over bins whose borders are
-        the geometric means of neighbouring q. The averages are multiplied by A q^B, so that rms height and
-        rms slope from q[0] to q[-1] agree with the spectrum to 1e-12. This smooths scatter of the spectrum.
+        If False, C is taken from the log-log line at q. If True, C is the average int q C dq / int q dq over
+        a bin, whose borders are the geometric means of neighbouring q. The averages are multiplied by A q^B,
+        so that rms height and rms slope from q[0] to q[-1] agree with the spectrum to 1e-12. The averages
+        smooth scatter of the spectrum.
 
     Returns
     -------
@@ -205,14 +216,15 @@ def resample(
 
     Raises
     ------
-    ValueError : q outside the range or not increasing; both or neither of q and per_decade.
+    ValueError : if q is outside the range or does not increase, or if not exactly one of q and per_decade is
+        given.
 
     Notes
     -----
     If `preserve` is False, straight pieces are unchanged. Details between the new entries are lost, which
     changes rms height and slope: by 0.9 % and 0.03 % for a self-affine road with the roll-off between entries
-    and 10 entries per decade, and by some per cent for a table with scatter. Differentiable with respect to C
-    and heights.
+    and 10 entries per decade, and by some per cent for a table with scatter. The result is differentiable
+    with respect to C and heights.
     """
     law = power_law_of(spectrum)
     if (q is None) == (per_decade is None):
@@ -246,7 +258,7 @@ def resample(
 
 
 def _partial(law, order, borders):
-    """Return 2 pi int q^(1 + order) C dq between neighbouring borders, exact."""
+    """Return the exact integral 2 pi int q^(1 + order) C dq between every two neighbouring borders."""
     left = jnp.clip(law.q[:-1], borders[:-1, None], borders[1:, None])
     right = jnp.clip(law.q[1:], borders[:-1, None], borders[1:, None])
     # First and last piece extend to a border that rounding placed outside.
@@ -258,7 +270,10 @@ def _partial(law, order, borders):
 
 
 def _with_moments(q, C, logarithms):
-    """Return the table C exp(a + b ln q) whose moments 0 and 2 have the given logarithms."""
+    """Return the TabulatedSpectrum with the entries C exp(a + b ln q).
+
+    a and b are determined such that ln of the moments of order 0 and 2 equals `logarithms`.
+    """
     place = jnp.log(q / q[-1])
 
     def table(x):

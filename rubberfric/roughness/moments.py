@@ -36,8 +36,8 @@ def cumulative_moment(law: BrokenPowerLaw, order: float, distance: ArrayLike) ->
 
     Returns
     -------
-    array, shape of distance [m^(2 - n)]: 0 below the first wavevector, the whole moment above the last. All
-    digits are right for any small distance (1e-18 at light loads).
+    array of the shape of distance [m^(2 - n)]. The moment is 0 below the first wavevector, and constant above
+    the last wavevector. All digits are right for any small distance (1e-18 at light loads).
 
     Limits: derivatives at a kink are taken in the piece above the kink, and at the last wavevector in the
     last piece.
@@ -53,7 +53,7 @@ def cumulative_moment(law: BrokenPowerLaw, order: float, distance: ArrayLike) ->
 
 
 def _piece(law, order, reach):
-    """Integrate q^(2 + order) C / height2 over ln q from the left end of every piece over `reach`."""
+    """Integrate q^(2 + order) C / height2 over ln q, from the left end of every piece up to `reach`."""
     growth = (law.exponent + order) * reach
     # From the end with the larger integrand, because e^growth may overflow from the other.
     rising = growth > 0
@@ -93,11 +93,11 @@ def rms_height(spectrum: Spectrum, q: ArrayLike | None = None) -> jax.Array:
 
     Returns
     -------
-    array, shape of q [m]; 0 with derivative 0 up to the first wavevector.
+    array of the shape of q [m]. Height and derivative are 0 up to the first wavevector.
 
     Raises
     ------
-    ValueError : concrete q <= 0.
+    ValueError : if a concrete q is <= 0.
     """
     return _root_moment(spectrum, 0, q)
 
@@ -107,7 +107,7 @@ def rms_slope(spectrum: Spectrum, q: ArrayLike | None = None) -> jax.Array:
 
     .. math:: \mathrm{slope}(q) = \sqrt{2\pi\int_{q_0}^{q} q'^3\, C\, dq'}
 
-    Parameters, errors and limits as for `rms_height`.
+    The parameters and errors are the same as for `rms_height`.
     """
     return _root_moment(spectrum, 2, q)
 
@@ -133,12 +133,14 @@ def _root(spectrum, order, q):
 
 
 def unscaled(law: BrokenPowerLaw) -> BrokenPowerLaw:
-    """Return a law with `height2` = 1 m^2."""
+    """Return the law with `height2` replaced by 1 m^2."""
     return law._replace(height2=jnp.ones_like(law.height2))
 
 
 def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C", "h_rms"] = "C") -> jax.Array:
-    r"""Return the wavevector up to which a spectrum has a given rms slope, the usual q1 for rubber on roads.
+    r"""Return the wavevector up to which a spectrum has a given rms slope.
+
+    This wavevector is the usual q1 for rubber on roads.
 
     .. math:: 2\pi\int_{q_0}^{q_1} q^3\, C\, dq = \mathrm{slope}^2
 
@@ -146,21 +148,23 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
     ----------
     spectrum : SelfAffine, TabulatedSpectrum, Anisotropic or TabulatedAnisotropic
         The result may exceed the spectrum's q1, but not the end of a table. For a SelfAffine, q0, qr and the
-        Hurst exponent stay constant. Replacing q1 with the same h_rms changes C0 and the slope; use
-        `with_cutoff` for a spectrum with this slope and the same C0. The slope of anisotropic roughness
-        includes all directions.
+        Hurst exponent stay constant. If q1 is replaced and h_rms is kept, C0 and the slope change.
+        `with_cutoff` returns a spectrum with the given slope and the same C0. The slope of anisotropic
+        roughness includes all directions.
     rms_slope : [-], > 0, any shape
-    keep : "C" keeps C(q); "h_rms" keeps the height of a SelfAffine and changes C0, so that
-        `spectrum.replace(q1=...)` has this slope. Both choices agree for a table.
+    keep : "C" or "h_rms"
+        "C" keeps C(q). "h_rms" keeps the height of a SelfAffine and changes C0, so that
+        `spectrum.replace(q1=...)` has the given slope. For a table, "C" and "h_rms" give the same result.
 
     Returns
     -------
-    array, shape of rms_slope [1/m]; under jit inf with derivative 0 if no wavevector has the slope.
+    array of the shape of rms_slope [1/m]. Under jit, the result is inf with derivative 0 if no wavevector has
+    the slope.
 
     Raises
     ------
-    ValueError : concrete rms_slope <= 0, or a slope that the spectrum never reaches; with "h_rms", a slope
-        below the slope of the plateau.
+    ValueError : if a concrete rms_slope is <= 0, or if the spectrum never reaches the slope. With "h_rms",
+        also if the slope is below the slope of the plateau.
 
     Limits: the result is differentiable (a closed form for "C"), and `rms_slope` at the result has an error
     of 1e-13. If the squared slope grows like ln q (H = 1), the result may exceed the floating-point range and
@@ -187,7 +191,10 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
 
 @jax.jit
 def _cutoff_below(spectrum, slope):
-    """Return the cutoff for a slope (infinite if none exists), and a mask that is True if it exists."""
+    """Return the cutoff q1 for an rms slope, and a mask that is True if q1 exists.
+
+    q1 is infinite if no cutoff exists.
+    """
     law = spectrum.uncut_law()
     piece, beyond, reachable = _where_reached(law, slope, spectrum.endless)
     return jnp.where(reachable, law.q[piece] * jnp.exp(beyond), jnp.inf), reachable
@@ -195,9 +202,10 @@ def _cutoff_below(spectrum, slope):
 
 @jax.jit
 def _cutoff_at_height(spectrum, slope):
-    r"""Return the end of the last piece for which m_2 / m_0 is slope^2 / height^2; infinite if none exists.
+    """Return the q1 for which m_2 / m_0 = slope^2 / height^2, and a mask that is True if q1 exists.
 
-    Also return a mask that is True if this end exists.
+    q1 is the end of the last piece of the power law, whose other pieces are kept. height is the rms height of
+    the spectrum. q1 is infinite if it does not exist.
     """
     law = unscaled(spectrum.uncut_law())
     width = log_ratio(law.q[1:], law.q[:-1])
@@ -237,9 +245,10 @@ def _cutoff_at_height(spectrum, slope):
 
 
 def _where_reached(law, slope, endless):
-    """Return the piece in which a slope is reached, ln(q / left end of the piece), and a mask.
+    """Find the wavevector q up to which the rms slope is `slope`.
 
-    The mask is True if the slope is reached. If `endless`, the last piece has no end.
+    Return the index of the piece that contains q, ln(q / left end of this piece), and a mask that is True if
+    q exists. If `endless` is True, the last piece continues without an end.
     """
     unit = 2 * jnp.pi * jnp.exp(_log_left(law, 2))
     width = log_ratio(law.q[1:], law.q[:-1])
@@ -257,7 +266,7 @@ def _where_reached(law, slope, endless):
 
 
 def _inverse_growth(exponent, integral):
-    """Solve (e^(exponent u) - 1) / exponent = integral for u; u = integral for exponent 0."""
+    """Solve (e^(exponent u) - 1) / exponent = integral for u, with u = integral if exponent is 0."""
     y = exponent * integral
     near = jnp.abs(y) < 1e-2
     series = integral * sum((-y) ** n / (n + 1) for n in range(8))
@@ -267,7 +276,9 @@ def _inverse_growth(exponent, integral):
 
 
 def with_cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3) -> Spectrum:
-    """Return the spectrum cut at `cutoff`, with the given rms slope and unchanged C(q) below.
+    """Return the spectrum cut at the wavevector up to which the rms slope has the given value.
+
+    C(q) below this wavevector is unchanged.
 
     Parameters
     ----------
@@ -277,12 +288,12 @@ def with_cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3) -> Spectrum:
     Returns
     -------
     SelfAffine with the new q1, h_rms for the same plateau C0, and qr = q1 if q1 lies on the plateau;
-    Anisotropic with such a base; or the same table with the new q1. Under jit a table that never
-    reaches the slope keeps its end.
+    Anisotropic with such a base; or the same table with the new q1. Under jit, a table that never reaches the
+    slope is not cut.
 
     Raises
     ------
-    ValueError : as in `cutoff`, or another kind of spectrum.
+    ValueError : as in `cutoff`, or if the spectrum is of another kind.
     """
     q1 = cutoff(spectrum, rms_slope)
     return spectrum.cut(q1)

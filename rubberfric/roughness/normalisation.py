@@ -76,7 +76,8 @@ def spectrum_from(
 
     Raises
     ------
-    ValueError : an unknown normalisation, masked entries, or H missing, outside 0 ... 1 or not needed.
+    ValueError : if the normalisation is unknown, if entries are masked, or if H is missing, outside 0 ... 1
+        or not needed.
 
     Notes
     -----
@@ -89,14 +90,20 @@ def spectrum_from(
 
 
 def spectrum_as(normalisation: str, q: ArrayLike, C: ArrayLike, hurst: ArrayLike | None = None) -> jax.Array:
-    """Convert a spectrum C(q) [m^4] to another normalisation; the inverse of `spectrum_from`."""
+    """Convert a spectrum C(q) [m^4] to another normalisation.
+
+    This function is the inverse of `spectrum_from`.
+    """
     return jnp.asarray(C) * _factor(normalisation, q, hurst)
 
 
 def check_normalisation(
     normalisation: str, hurst: ArrayLike | None, what: str = "normalisation", where: str = "hurst"
 ) -> None:
-    """Raise ValueError for an unknown normalisation, or if H is missing, invalid or not needed."""
+    """Raise ValueError if a normalisation is unknown, or if `hurst` is missing, invalid or not needed.
+
+    `what` and `where` are the names of the two arguments in the message.
+    """
     if not isinstance(normalisation, str) or normalisation not in NORMALISATIONS:
         raise ValueError(f"{what} = {shown(normalisation)}: {NORMALISATION_RULE}")
     if normalisation not in LINES:
@@ -115,7 +122,6 @@ def check_normalisation(
 
 
 def _factor(normalisation, q, hurst):
-    """Return the factor that converts C(q) to a normalisation."""
     check_normalisation(normalisation, hurst)
     scale = NORMALISATIONS[normalisation]
     if normalisation not in LINES:
@@ -134,8 +140,8 @@ def line_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
     Parameters
     ----------
     spectrum : SelfAffine or TabulatedSpectrum
-    q : wavevectors along the line, > 0 [1/m], any shape. Below the spectrum's range C_1D tends to a constant;
-        above it C_1D is 0
+    q : wavevectors along the line, > 0 [1/m], any shape
+        Below the spectrum's range C_1D tends to a constant. Above the range C_1D is 0.
 
     Returns
     -------
@@ -143,8 +149,8 @@ def line_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
 
     Notes
     -----
-    Differentiable with respect to the spectrum and q, except at the ends of C, where C_1D is like a square
-    root.
+    C_1D is differentiable with respect to the spectrum and q, except at the ends of C, where C_1D is like a
+    square root.
     """
     check_kind("spectrum", spectrum, Spectrum)
     return _line_spectrum(spectrum, _positive("q", q))
@@ -162,8 +168,8 @@ def areal_spectrum(q: ArrayLike, C_1D: ArrayLike, at: ArrayLike | None = None) -
 
     .. math:: C(q) = -\frac{1}{\pi} \int_q^\infty \frac{C_\mathrm{1D}'(x)}{\sqrt{x^2 - q^2}}\, dx
 
-    Exact for a table that is log-log linear between its entries and continues beyond the last entry with the
-    slope of its last piece.
+    The result is exact for a table that is log-log linear between its entries and continues beyond the last
+    entry with the slope of its last piece.
 
     Parameters
     ----------
@@ -177,12 +183,12 @@ def areal_spectrum(q: ArrayLike, C_1D: ArrayLike, at: ArrayLike | None = None) -
 
     Raises
     ------
-    ValueError : an invalid table, or one that does not decrease at its end.
+    ValueError : if the table is invalid or does not decrease at its end.
 
     Notes
     -----
-    The result is as sensitive to noise as a derivative. It is negative where C_1D increases steeply, which no
-    isotropic surface does. Smooth the table first (`resample`), or use `spectrum_from`.
+    The result is as sensitive to noise as a derivative. C is negative where C_1D increases steeply, which
+    does not occur for an isotropic surface. Smooth the table first (`resample`), or use `spectrum_from`.
     """
     q, C_1D = (as_leaf(name, value, 1) for name, value in (("q", q), ("C_1D", C_1D)))
     check_lengths("areal_spectrum", q=q, C_1D=C_1D)
@@ -198,7 +204,7 @@ def areal_spectrum(q: ArrayLike, C_1D: ArrayLike, at: ArrayLike | None = None) -
 
 @jax.jit
 def _areal(q, C_1D, at):
-    """Return C, and the slope at the end of C_1D, which must be negative."""
+    """Return C [m^4], and d ln C_1D / d ln q of the last piece, which must be negative."""
     log = jnp.log(C_1D)
     slope = jnp.diff(log) / log_ratio(q[1:], q[:-1])
     # The last piece again from the last entry, without an end.
@@ -217,10 +223,11 @@ def _positive(name, value):
 
 @jax.jit
 def _abel(x, start, end, log_value, exponent, weight):
-    r"""Sum weight int f(q) / (q sqrt(q^2 - x^2)) dq over pieces, for q > x.
+    """Sum weight int f(q) / (q sqrt(q^2 - x^2)) dq over all pieces, where every integral covers q > x.
 
-    f is exp(log_value) at a piece's start, and a power of q. Up to q = 2 x Gauss nodes in arcosh(q/x) remove
-    the root. Beyond, the root is a series in (x/q)^2, in which each term is a power of q.
+    In a piece, f is a power of q that equals exp(log_value) at the start of the piece. For q < 2 x, Gauss
+    nodes in arcosh(q/x) remove the root. For q > 2 x, the root is a series in (x/q)^2, in which each term is
+    a power of q.
     """
     x = x[..., None]
     shape = (*x.shape[:-1], start.shape[0])
@@ -251,7 +258,10 @@ def _abel(x, start, end, log_value, exponent, weight):
 
 
 def _arcosh(q, x):
-    """Return arcosh(q / x) for x <= q <= 2 x; its derivative, infinite at q = x, is set to 0 there."""
+    """Return arcosh(q / x) for x <= q <= 2 x.
+
+    The derivative at q = x, which is infinite, is set to 0.
+    """
     excess = (q - x) / x
     beyond = excess > 0
     excess = jnp.where(beyond, excess, 1.0)

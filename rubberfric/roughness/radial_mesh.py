@@ -34,10 +34,13 @@ _STEEPNESS = 0.5
 
 
 class Between(NamedTuple):
-    """Nodes between the contact nodes, for integrals up to each contact node; (contact panels, nodes)."""
+    """Additional nodes between the contact nodes, for integrals up to each contact node.
+
+    Arrays have the shape (contact panels, nodes), unless a comment gives another shape.
+    """
 
     q: jax.Array  # [1/m]
-    roughness: tuple[jax.Array, ...]  # q^4 C_j there, times dt / d(node coordinate)
+    roughness: tuple[jax.Array, ...]  # q^4 C_j at the nodes, times dt / d(node coordinate)
     interpolate: jax.Array | None  # from angular nodes, (contact panels, nodes, angular_order), if requested
 
 
@@ -46,7 +49,7 @@ class Mesh(NamedTuple):
 
     angular_q: jax.Array  # wavevectors of the angular nodes [1/m], (angular panels, angular_order)
     q: jax.Array  # of the contact nodes [1/m], (contact panels, order)
-    roughness: tuple[jax.Array, ...]  # q^4 C_j there, times the weight in an integral over ln q
+    roughness: tuple[jax.Array, ...]  # q^4 C_j at these nodes, times the weight in an integral over ln q
     between: Between | None  # if graded
     panel: jax.Array  # angular panel of each contact panel, (contact panels,)
     interpolate: jax.Array  # from angular to contact nodes, (contact panels, order, angular_order)
@@ -58,11 +61,14 @@ class Mesh(NamedTuple):
     panels_below: jax.Array | None  # number of contact panels below each requested border
 
     def serving(self, values: jax.Array) -> jax.Array:
-        """Return for each contact panel the values, shape (angular panels, ...), of its angular panel."""
+        """Return, for each contact panel, the entry of `values` for the angular panel around it.
+
+        `values` has the shape (angular panels, ...), and the result has the shape (contact panels, ...).
+        """
         return values.at[self.panel].get(mode="promise_in_bounds")
 
     def joined(self, join: Callable[[jax.Array, jax.Array], jax.Array]) -> "Mesh":
-        """Return the mesh with its two spectra joined into one.
+        """Return the mesh with its two spectra replaced by the spectrum `join(first, second)`.
 
         `join` must be homogeneous of degree 1, because the spectra are multiplied by quadrature weights.
         """
@@ -72,7 +78,11 @@ class Mesh(NamedTuple):
         return self._replace(roughness=(join(*self.roughness),), between=between)
 
     def to_contact(self, values: jax.Array) -> jax.Array:
-        """Interpolate values (angular panels, points, angular_order) to the contact nodes."""
+        """Interpolate `values` from the angular nodes to the contact nodes.
+
+        `values` has the shape (angular panels, points, angular_order), and the result has the shape
+        (contact panels, points, order).
+        """
         return jnp.einsum("kvi,kci->kvc", self.serving(values), self.interpolate)
 
 
@@ -90,9 +100,9 @@ def build_mesh(
     ----------
     laws : spectra of one or two rough surfaces
     quadrature : Quadrature
-    graded : use panels graded towards the first wavevectors, and nodes between the contact nodes. False: the
-        mesh suffices only for G(q1), which gives the contact area.
-    logarithmic : also interpolate to the nodes between the contact nodes.
+    graded : use panels graded towards the first wavevectors, and nodes between the contact nodes
+        If False, the mesh suffices only for G(q1), which gives the contact area.
+    logarithmic : also interpolate to the nodes between the contact nodes
     borders : wavevectors that must be borders of contact panels [1/m], shape (n,), or None
         Integrals up to such a wavevector are sums over whole panels. The nearer end replaces a wavevector
         outside the roughness.
@@ -106,7 +116,7 @@ def build_mesh(
     origin = _origin(jax.lax.stop_gradient(panels.kinks), panels.pieces)
 
     def at(coordinate):
-        """Return t, dt / d coordinate and q^4 C_j at the given coordinates in [0, 1] of every panel."""
+        """Return t, dt / d(coordinate) and q^4 C_j at the coordinates 0 ... 1 in every panel."""
         relative, stretch = _node_map(left, right, origin, coordinate)
         nodes = left[:, None] + (right - left)[:, None] * relative
         spectra = zip(laws, panels.kinks, panels.pieces, strict=True)
@@ -142,9 +152,9 @@ def build_mesh(
 
 
 def _origin(kinks, pieces):
-    """Return t at the first wavevector of the roughness in each panel.
+    """Return t = ln(q / first) at the wavevector q where the roughness in each panel begins.
 
-    Where both spectra have roughness, this is the larger of their first wavevectors.
+    If two spectra contribute to a panel, q is the larger of the two first wavevectors.
     """
     if len(kinks) == 1:
         return kinks[0][0]
@@ -154,10 +164,11 @@ def _origin(kinks, pieces):
 
 
 def _node_map(left, right, origin, node):
-    """Return nodes in a panel as fractions of its width, and d fraction / d node coordinate.
+    """Return the positions of nodes as fractions of the panel width, and d(fraction) / d(node).
 
-    Nodes are uniform in s = sqrt(t - origin), in which the integrands are smooth. In the panel at the
-    origin, where u_bar is like s ln s, the nodes are uniform in sqrt(s).
+    `node` holds coordinates 0 ... 1, which are linear in s = sqrt(t - origin), because the integrands are
+    smooth functions of s. In the panel at the origin, where u_bar is like s ln s, the coordinates are linear
+    in sqrt(s).
     """
     left, right = jax.lax.stop_gradient((left, right))
     span = right - origin
@@ -170,7 +181,7 @@ def _node_map(left, right, origin, node):
 
 
 def _roughness(law, kink, piece, nodes, start):
-    """Return q^4 C at the contact nodes; zero in panels outside the spectrum."""
+    """Return q^4 C at the nodes, with zeros in panels outside the range of the spectrum."""
     count = law.exponent.shape[0]
     inside = (piece >= 0) & (piece < count)
     piece = jnp.clip(piece, 0, count - 1)
@@ -183,7 +194,10 @@ def _roughness(law, kink, piece, nodes, start):
 
 
 def _interpolation(nodes, left, right, order):
-    """Return the Lagrange basis of the angular nodes at the contact nodes, from Legendre polynomials."""
+    """Evaluate the Lagrange polynomials of the angular nodes at `nodes`, through Legendre polynomials.
+
+    `left` and `right` are the ends of the angular panels. The result has the shape (panels, nodes, order).
+    """
     width = (right - left)[:, None]
     x = 2 * (nodes - left[:, None]) / jnp.where(width > 0, width, 1.0) - 1
     basis = [jnp.ones_like(x), x]
@@ -212,7 +226,10 @@ def place_borders(
     asked: jax.Array | None,
     moving: bool,
 ) -> Borders:
-    """Return the `Borders` of panels; arguments as in `build_mesh`, where `asked` is named `borders`."""
+    """Return the `Borders` of the panels.
+
+    `build_mesh` describes the arguments. There, `asked` has the name `borders`.
+    """
     begins = jnp.stack([law.q[0] for law in laws])
     leader = jnp.argmin(jax.lax.stop_gradient(begins))
     first = begins[leader]
@@ -263,19 +280,20 @@ def place_borders(
 
 
 def _passed(ranks, panels):
-    """Return the number of borders of one kind before each panel.
+    """Return, for each panel, how many borders with the given `ranks` lie before the panel.
 
-    The number is computed from ranks in the sorted list instead of comparisons of values, so that coinciding
-    borders (two spectra with equal q1) keep their one-sided derivatives.
+    `ranks` are positions in the sorted list of all borders. A comparison of values would lose the one-sided
+    derivatives of borders that coincide, such as the ends of two spectra with equal q1.
     """
     return jnp.sum(ranks <= np.arange(panels)[:, None], -1)
 
 
 def _among_graded(border, kinks, grades):
-    """Let fixed borders among the graded borders of a spectrum move with its first wavevector.
+    """Let fixed borders within the graded panels of a spectrum move with its first wavevector.
 
-    A fixed border may be one ulp from the first wavevector of a second spectrum. If it did not move, the
-    panel between them would grow from zero width, and contact would change between its nodes.
+    A fixed border may be one ulp from the first wavevector of a second spectrum. If this border did not move,
+    the panel between the border and the wavevector would grow from zero width, and contact would change
+    between the nodes of the panel.
     """
     for kink, grade in zip(kinks, grades, strict=True):
         distance = jax.lax.stop_gradient(border - kink[0])
@@ -284,29 +302,29 @@ def _among_graded(border, kinks, grades):
 
 
 def _rolloff(law, kink):
-    """Return the kink where the exponent of a law decreases most."""
+    """Return t of the kink where the exponent of a law decreases most."""
     return kink[1:-1][jnp.argmin(jnp.diff(jax.lax.stop_gradient(law.exponent)))]
 
 
 def _from_first(q, first, leads):
-    """Return ln(q / first) of the wavevectors of a law; `leads`: True if its first wavevector is `first`.
+    """Return ln(q / first), whose first entry is a constant 0 if `leads` is True.
 
-    In this case the first entry is a constant 0. In reverse mode, a difference of two equal numbers would
-    leave their rounding error, divided by the width 1e-14 of the innermost panel.
+    `leads` is True if q[0] is `first`. In reverse mode, the difference of these two equal numbers would leave
+    a rounding error, divided by the width 1e-14 of the innermost panel.
     """
     t = log_ratio(q, first)
     return jnp.concatenate([jnp.where(leads, 0.0, t[:1]), t[1:]])
 
 
 def _ranks(values):
-    """Return the position of every value in the sorted list, with a stable order of equal values."""
+    """Return the position of every value in the sorted list, in which equal values keep their order."""
     index = np.arange(values.shape[0])
     before = (values < values[:, None]) | ((values == values[:, None]) & (index < index[:, None]))
     return jnp.sum(before, -1)
 
 
 def _uniform_borders(kinks, exponents, panels):
-    """Divide the range of t = ln(q / q_start) into panels, which are narrower where the roughness rises.
+    """Divide the range of t = ln(q / q_start) into panels that are narrower where the roughness rises.
 
     On the plateau G ~ q^4, so that P may change within a quarter of an e-fold. Where q^2 C rises with an
     exponent e (2 on the plateau), panels are narrower by the factor 1 + e/2.
@@ -335,8 +353,8 @@ def _uniform_borders(kinks, exponents, panels):
 
 
 def _ramps(t, knots, slopes):
-    """Evaluate a continuous piecewise linear function, 0 at the first knot, with given slopes.
+    """Evaluate the continuous piecewise linear function with given slopes that is 0 at the first knot.
 
-    A sum over pieces is faster than a search for the few knots of a spectrum.
+    For the few knots of a spectrum, a sum over all pieces is faster than a search.
     """
     return jnp.sum(slopes * jnp.clip(t[..., None] - knots[:-1], 0.0, jnp.diff(knots)), -1)

@@ -52,40 +52,46 @@ class Spectrum(Kind):
     harmonics_vary: ClassVar[bool] = False
 
     def power_law(self) -> BrokenPowerLaw:
-        """Return the spectrum, averaged over all directions, as kinks and exponents."""
+        """Return the spectrum, averaged over all directions, as a `BrokenPowerLaw`."""
         raise NotImplementedError(f"{type(self).__name__}.power_law")
 
     def height_scale(self) -> jax.Array:
-        """Return the root of `power_law().height2` [m], with a derivative at 0."""
+        """Return the square root of `power_law().height2` [m].
+
+        A subclass overrides this method if the height may be 0, where the square root has no derivative.
+        """
         return jnp.sqrt(self.power_law().height2)
 
     def uncut_law(self) -> BrokenPowerLaw:
-        """Return the power law for `cutoff`, as far as the spectrum is given; a table is not cut at q1."""
+        """Return the power law in which `cutoff` searches for a slope.
+
+        The power law of a table continues beyond q1 to the last entry.
+        """
         return self.power_law()
 
     def cut(self, q1: jax.Array) -> "Spectrum":
-        """Return the spectrum that ends at q1 [1/m], with the same C(q) below."""
+        """Return the spectrum that ends at q1 [1/m], with an unchanged C(q) below q1."""
         del q1
         can = [name for name, kind in kinds(Spectrum).items() if kind.cut is not Spectrum.cut]
         raise ValueError(f"spectrum is a {type(self).__name__}: must be {either(can)}")
 
     def harmonic_count(self) -> int:
-        """Return the highest m of the harmonics cos(2 m phi), sin(2 m phi); 0 if isotropic."""
+        """Return the highest m of the harmonics cos(2 m phi) and sin(2 m phi), or 0 if C is isotropic."""
         return 0
 
     def harmonics_at(self, q: jax.Array) -> tuple[jax.Array, jax.Array]:
         """Return c_m and s_m for m = 1 ... harmonic_count at q [1/m].
 
-        Both arrays have the shape (harmonics,), or (harmonics, ``*q.shape``) if they depend on q.
+        c_m and s_m have the shape (harmonics,), or (harmonics, ``*q.shape``) if the harmonics depend on q.
         """
         raise NotImplementedError(f"{type(self).__name__}.harmonics_at")
 
     def harmonics_left_out(self) -> jax.Array:
-        """Return the share of the roughness in harmonics that are left out [-], a scalar."""
+        """Return the share of the roughness in the harmonics that are left out [-]."""
         return jnp.zeros(())
 
     def entries(self) -> jax.Array | None:
-        """Return C of the entries of a table [m^4]; None for a formula."""
+        """Return C [m^4] at the entries of a table, or None if the spectrum is given by a formula."""
         return None
 
 
@@ -150,14 +156,17 @@ class SelfAffine(Spectrum):
         return self.h_rms
 
     def cut(self, q1: jax.Array) -> "SelfAffine":
-        """Return the spectrum up to q1 with the same C0, q0 and H; qr = q1 if q1 lies on the plateau."""
+        """Return the spectrum up to q1 [1/m] with unchanged C0, q0 and H.
+
+        If q1 lies on the plateau, qr equals q1.
+        """
         qr, h_rms = _when_cut(self, q1)
         return SelfAffine(self.q0, qr, q1, self.hurst, h_rms)
 
 
 @jax.jit
 def _when_cut(spectrum, q1):
-    """Return qr and h_rms of a self-affine spectrum with another q1 and the same plateau C0."""
+    """Return qr and h_rms of a self-affine spectrum with another q1 and an unchanged plateau C0."""
     qr = jnp.minimum(spectrum.qr, q1)
     unit = SelfAffine(spectrum.q0, qr, q1, spectrum.hurst, 1.0)
     # h^2 = qr^2 C0 / e^(log plateau) without C0, which may underflow.
@@ -166,7 +175,7 @@ def _when_cut(spectrum, q1):
 
 
 def power_law_of(spectrum: Spectrum) -> BrokenPowerLaw:
-    """Return the power law of a spectrum; raise ValueError for an object that is not a spectrum."""
+    """Return the power law of a spectrum, or raise ValueError if the object is not a spectrum."""
     check_kind("spectrum", spectrum, Spectrum)
     return _power_law(spectrum)
 
@@ -183,7 +192,10 @@ def log_ratio(q: jax.Array | np.ndarray, start: jax.Array | np.ndarray) -> jax.A
 
 
 def power_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
-    """Return C(q) [m^4] at q [1/m]; it is zero outside the spectrum's range. For plots and moments."""
+    """Return C [m^4] at wavevectors q [1/m] of any shape.
+
+    C is zero outside the spectrum's range.
+    """
     check_kind("spectrum", spectrum, Spectrum)
     return _power_spectrum(spectrum, no_list(q))
 
@@ -197,7 +209,10 @@ def _power_spectrum(spectrum, q):
 
 @jax.jit
 def log_power_spectrum(law: BrokenPowerLaw, q: jax.Array | np.ndarray) -> jax.Array:
-    """Return ln C at q, with first and last piece continued beyond the ends. For fits of C."""
+    """Return ln C at wavevectors q, where the first and last piece continue beyond the ends of the law.
+
+    Fits of C use this function.
+    """
     return jnp.log(law.height2) + log_shape(law, q)
 
 
@@ -219,7 +234,10 @@ def log_plateau(spectrum: SelfAffine) -> jax.Array:
 
 
 def mean_growth(y: jax.Array) -> jax.Array:
-    """Return (e^y - 1) / y, the mean of a power law over a piece; 1 at y = 0."""
+    """Return (e^y - 1) / y, which is the mean of e^(x y) over x = 0 ... 1.
+
+    The value at y = 0 is 1.
+    """
     near = jnp.abs(y) < 1e-2
     safe = jnp.where(near, 1.0, y)
     series = 1 + y / 2 * (1 + y / 3 * (1 + y / 4 * (1 + y / 5 * (1 + y / 6))))
@@ -233,7 +251,8 @@ def doubts_of_roughness(log_q: np.ndarray, log_C: np.ndarray, h_rms: float | Non
 
     Parameters
     ----------
-    log_q, log_C : ln of wavevectors, increasing [1/m], and of the spectrum [m^4], linear between; shape (n,)
+    log_q, log_C : ln of wavevectors [1/m], increasing, and ln of C [m^4], shape (n,)
+        ln C is linear in ln q between the entries.
     h_rms : rms height to which C is scaled [m], or None
     """
     x = np.linspace(log_q[0], log_q[-1], 513)

@@ -27,13 +27,15 @@ _NEEDED = ("heights", "physical_sizes", "nb_grid_pts")
 
 
 def spectrum_of_surface(topography: Any, *, unit: str | None = None, **options: Any) -> MeasuredSpectrum:
-    r"""Return the spectrum of a topography object on the host: C(q) of a map, or C_1D(q) of a line scan.
+    r"""Return the spectrum of a topography object, which is C(q) of a map or C_1D(q) of a line scan.
+
+    The function runs on the host.
 
     Parameters
     ----------
     topography : a uniform line scan or map of SurfaceTopography, or an object with `heights()`,
         `physical_sizes`, `nb_grid_pts`, and optionally `unit` and `is_periodic`
-    unit : "m", "mm", "um", "nm", ..., unit of lengths and heights; only if the topography has none
+    unit : "m", "mm", "um", "nm", ..., unit of lengths and heights, if the topography has no unit
     window, detrend, per_decade : as in `spectrum_of_topography`; the defaults for a periodic surface are
         "none" and 0
 
@@ -43,8 +45,8 @@ def spectrum_of_surface(topography: Any, *, unit: str | None = None, **options: 
 
     Raises
     ------
-    ValueError : not a topography object, a missing or unknown unit, undefined or unevenly spaced points,
-        and as in `spectrum_of_topography`.
+    ValueError : if the object is not a topography, if the unit is missing or unknown, or if points are
+        undefined or unevenly spaced. Other errors as in `spectrum_of_topography`.
 
     Notes
     -----
@@ -79,7 +81,6 @@ def spectrum_of_surface(topography: Any, *, unit: str | None = None, **options: 
 
 
 def _scale(own, given):
-    """Return the length in metres of the topography's own unit or of the given unit."""
     if own is None and given is None:
         names = ", ".join(LENGTH_UNITS)
         raise ValueError(f"unit is missing and the topography has none; pass one of {names}")

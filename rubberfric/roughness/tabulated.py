@@ -23,22 +23,23 @@ from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, doubts_of_rou
 
 @physical
 class TabulatedSpectrum(Spectrum):
-    """Power spectrum from a table; ln C is linear in ln q between the entries, and C is 0 outside q0 ... q1.
+    """Power spectrum from a table, where ln C is linear in ln q between the entries.
 
-    A power law is reproduced exactly. Every entry is a border of the radial quadrature, so values and
-    gradients are exact integrals of this broken power law.
+    C is 0 outside q0 ... q1. A power law is reproduced exactly. Every entry is a border of the radial
+    quadrature, so values and gradients are exact integrals of this broken power law.
 
     Parameters
     ----------
     q : wavevectors, strictly increasing [1/m], shape (n,), n >= 2
     C : power spectrum [m^4], > 0, shape (n,)
-    q0, q1 : first and last wavevector of the roughness [1/m], q[0] <= q0 < q1 <= q[-1]; None: the ends
-        of the table. Both can be fitted, and changing them does not compile again.
+    q0, q1 : first and last wavevector of the roughness [1/m], q[0] <= q0 < q1 <= q[-1]
+        None selects the end of the table. q0 and q1 can be fitted. A change of q0 or q1 does not compile
+        again.
 
-    Limits: traced q0 and q1 are not checked; beyond the table they continue its first or last piece. If q^4 C
-    increases by a factor of more than 1e6 between two entries, the separation has a relative error of 1e-4,
-    or of 2 % if their q differ by less than 2 %. In full contact, separations below 1e-20 / q0 then have no
-    correct digit. More panels reduce these errors.
+    Limits: traced q0 and q1 are not checked. If q0 or q1 lies beyond the table, the first or last piece
+    continues. If q^4 C increases by a factor of more than 1e6 between two entries, the separation has a
+    relative error of 1e-4, or of 2 % if the q of these entries differ by less than 2 %. In full contact,
+    separations below 1e-20 / q0 then have no correct digit. More panels reduce these errors.
     """
 
     file_kind: ClassVar[str] = "tabulated"
@@ -76,7 +77,7 @@ class TabulatedSpectrum(Spectrum):
         return cut_law(tabulated_law(self.q, self.C), self.q0, None)
 
     def cut(self, q1: jax.Array) -> "TabulatedSpectrum":
-        """Return the table with this q1, or with the last wavevector of the table if q1 exceeds it."""
+        """Return the spectrum with a new q1 [1/m], which is limited to the last wavevector of the table."""
         return self.replace(q1=within_table(self.q, q1))
 
     def entries(self) -> jax.Array:
@@ -84,7 +85,7 @@ class TabulatedSpectrum(Spectrum):
         return self.C
 
     def padded(self) -> "TabulatedSpectrum":
-        """Return the table padded to a standard length with entries beyond q1."""
+        """Return the spectrum with a table that is extended to a standard length beyond q1."""
         return self.replace(padded_table(self.q, self.C, self.q0, self.q1))
 
 
@@ -96,10 +97,11 @@ def tabulated_law(q: jax.Array, C: jax.Array) -> BrokenPowerLaw:
 
 
 def cut_law(law: BrokenPowerLaw, q0: ArrayLike | None, q1: ArrayLike | None) -> BrokenPowerLaw:
-    """Return a law cut to q0 ... q1 [1/m], with the same number of pieces; None keeps the end of the law.
+    """Return a law cut to q0 ... q1 [1/m], with an unchanged number of pieces.
 
-    The pieces between q0 and q1 come first, with their exponents. Pieces that were cut off follow with zero
-    width at q1 and the exponent of the last piece.
+    If q0 or q1 is None, the law keeps its first or last wavevector. The pieces between q0 and q1 come first,
+    with their exponents. Pieces that were cut off follow with zero width at q1 and the exponent of the last
+    piece.
     """
     if q0 is None and q1 is None:
         return law
@@ -124,7 +126,10 @@ def cut_law(law: BrokenPowerLaw, q0: ArrayLike | None, q1: ArrayLike | None) -> 
 def padded_table(
     q: jax.Array, C: jax.Array, q0: jax.Array | None, q1: jax.Array | None
 ) -> dict[str, np.ndarray | jax.Array]:
-    """Return the fields of a table padded to a standard length, with q0 and q1 of the original table."""
+    """Return the fields q, C, q0 and q1 of a table that is extended to a standard length.
+
+    The added entries lie beyond the last wavevector. q0 and q1 keep the range of the original table.
+    """
     at, values = np.asarray(q), np.asarray(C)
     added = recurring_length(at.size) - at.size
     beyond = at[-1] * 2.0 ** np.arange(1, added + 1, dtype=at.dtype)

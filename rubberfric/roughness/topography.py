@@ -1,7 +1,7 @@
 r"""Power spectra of measured heights: profiles along a line, and height maps.
 
-The functions use NumPy on the host; they are not differentiable and not for jit. Heights are detrended,
-multiplied by a window w and transformed,
+The functions use NumPy on the host. They are not differentiable and cannot be compiled with jit. Heights are
+detrended, multiplied by a window w and transformed,
 
 .. math:: C(\mathbf q) = \frac{\Delta x\, \Delta y}{(2\pi)^2\, N\, \langle w^2\rangle}
                          \Big|\sum_{kl} w_{kl} h_{kl} e^{-i \mathbf q \mathbf x_{kl}}\Big|^2,\qquad
@@ -35,7 +35,9 @@ _EVEN = 0.05
 
 
 class MeasuredSpectrum(NamedTuple):
-    """A binned power spectrum of measured heights; arrays of equal length, without empty bins.
+    """A binned power spectrum of measured heights.
+
+    The arrays have one entry for each bin that contains modes.
 
     Attributes
     ----------
@@ -43,8 +45,8 @@ class MeasuredSpectrum(NamedTuple):
     C : mean over the modes of a bin: C of a map [m^4], C_1D of a profile [m^3] (h_rms^2 = 2 int C_1D dq)
     modes : number of modes, counting q and -q
     relative : standard error of ln C for a Gaussian surface, from the number of independent modes [-]
-        Meant for `fitting.SpectrumData`. This standard error is too small for bins of a few modes.
-    cell : area dq_x dq_y [1/m^2] of a mode, or its length dq [1/m]
+        `fitting.SpectrumData` accepts this standard error, which is too small for bins of a few modes.
+    cell : area dq_x dq_y of a mode [1/m^2], or length dq of a mode in a profile [1/m]
     left_out : mean square height [m^2] of the modes outside all bins, in the corners of a map
     h_rms : rms of the detrended heights in the window [m]; h_rms^2 = cell sum(modes C) + left_out
     dimensions : 2 for a map, 1 for a profile
@@ -102,7 +104,9 @@ class MeasuredSpectrum(NamedTuple):
         return np.exp(log_q), np.exp(log_C + change * share)
 
     def table(self, hurst: float | None = None) -> TabulatedSpectrum:
-        """Return the TabulatedSpectrum through `knots`, with the rms height (h_rms^2 - left_out)^(1/2).
+        """Return the TabulatedSpectrum with the entries of `knots`.
+
+        For a map, the rms height of the table is (h_rms^2 - left_out)^(1/2).
 
         Parameters
         ----------
@@ -122,7 +126,7 @@ def spectrum_of_profile(
     detrend: int | None = 1,
     per_decade: float | None = 20,
 ) -> MeasuredSpectrum:
-    r"""Return the spectrum C_1D(q) of a height profile; on the host, not differentiable.
+    r"""Return the spectrum C_1D(q) of a height profile.
 
     .. math:: h_\mathrm{rms}^2 = 2\int_0^\infty C_\mathrm{1D}\, dq
 
@@ -136,15 +140,17 @@ def spectrum_of_profile(
 
     Returns
     -------
-    MeasuredSpectrum, q from 2 pi / length to pi / spacing. `table(hurst)` returns a spectrum for a scene.
+    MeasuredSpectrum with q from 2 pi / length to pi / spacing. `table(hurst)` returns a spectrum for a scene.
     `knots()` returns entries for `spectrum_from("C_1D", q, C, hurst)` and `areal_spectrum(q, C)`.
 
     Raises
     ------
-    ValueError : an invalid argument.
+    ValueError : if an argument is invalid.
 
     Notes
     -----
+    The function runs on the host and is not differentiable.
+
     For a power law C ~ q^-s, the mean over a bin is 1 + (s ln r)^2/24 times C at the bin's q, where r is the
     ratio of the bin's borders: 1 % too large for s = 4 and 20 bins per decade.
     """
@@ -163,7 +169,7 @@ def spectrum_of_topography(
     detrend: int | None = 1,
     per_decade: float | None = 20,
 ) -> MeasuredSpectrum:
-    r"""Return the radially averaged spectrum C(q) of a height map; on the host, not differentiable.
+    r"""Return the radially averaged spectrum C(q) of a height map.
 
     .. math:: h_\mathrm{rms}^2 = 2\pi \int q\, C\, dq
 
@@ -177,8 +183,9 @@ def spectrum_of_topography(
 
     Returns
     -------
-    MeasuredSpectrum, q from 2 pi / longer side to pi / larger spacing, where circles are complete. The
-    corners beyond are `left_out`. `table()` returns a spectrum for a scene.
+    MeasuredSpectrum with q from 2 pi / longer side to pi / larger spacing, where circles are complete.
+    `left_out` is the mean square height of the modes in the corners beyond. `table()` returns a spectrum for
+    a scene.
 
     Raises, Notes : as in `spectrum_of_profile`. Directions are averaged also for anisotropic maps.
     """
@@ -190,7 +197,10 @@ def spectrum_of_topography(
 
 
 def _spectrum(height, spacings, q, window, detrend, per_decade):
-    """Return the binned spectrum of heights on a grid; q is the absolute wavevector of every mode."""
+    """Return the `MeasuredSpectrum` of heights on a grid.
+
+    `q` holds the absolute wavevector of every mode.
+    """
     if not isinstance(window, str) or window not in WINDOWS:
         raise ValueError(f"window = {shown(window)}: must be one of {', '.join(WINDOWS)}")
     if isinstance(detrend, bool) or detrend not in _DEGREES:
@@ -230,7 +240,7 @@ def _spectrum(height, spacings, q, window, detrend, per_decade):
 
 
 def _log_mean_square(log_q, log_C, dimensions):
-    """Return ln of 2 pi int q C dq (for a profile 2 int C dq) of a log-log linear C."""
+    """Return ln(2 pi int q C dq) of a log-log linear C, or ln(2 int C dq) if `dimensions` is 1."""
     width, log_term = np.diff(log_q), log_C + dimensions * log_q
     growth = np.diff(log_term)
     near = np.abs(growth) < 1e-8  # (e^x - 1)/x is 0/0 at x = 0
@@ -241,7 +251,7 @@ def _log_mean_square(log_q, log_C, dimensions):
 
 
 def _bins(q, highest, per_decade):
-    """Return the bin of every mode that is in a bin, and a mask of these modes."""
+    """Return the bin numbers of all modes with 0 < q <= `highest`, and a mask of these modes."""
     lowest = q[q > 0].min()
     inside = (q > 0) & (q <= highest * (1 + 1e-9))
     if per_decade is None:
@@ -253,7 +263,7 @@ def _bins(q, highest, per_decade):
 
 
 def _detrended(height, degree):
-    """Subtract the best-fitting polynomial of the given total degree from heights."""
+    """Subtract the least-squares polynomial of the given total degree from heights."""
     if degree is None:
         return height
     axes = np.meshgrid(*(np.linspace(-1, 1, n) for n in height.shape), indexing="ij")
@@ -263,7 +273,6 @@ def _detrended(height, degree):
 
 
 def _heights(height, ndim, least):
-    """Return heights as a float64 array; ValueError for an invalid grid."""
     array = np.asarray(height)
     if (
         array.dtype.kind not in "fiu"
@@ -283,7 +292,7 @@ def _heights(height, ndim, least):
 
 
 def _spacing(x, n, name="x"):
-    """Return the spacing of heights, given as a number or as evenly spaced positions."""
+    """Return the spacing of `n` heights, where `x` is the spacing or an array of even positions."""
     x = np.asarray(x)
     if x.dtype.kind not in "fiu" or x.shape not in ((), (n,)) or not np.isfinite(x).all():
         raise ValueError(

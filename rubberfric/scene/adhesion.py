@@ -31,8 +31,8 @@ class Adhesion(PhysicalObject):
     ----------
     work : work of adhesion per contact area [J/m^2], > 0; 0.05 for rubber on most clean solids
     limit : "short" or "long" (static)
-    range : r of the attraction [m], > 0; for long range only. Van der Waals forces have a range of 0.3 nm,
-        electrostatic forces micrometres.
+    range : range r of the attraction [m], > 0, only for limit = "long"
+        Van der Waals forces have a range of 0.3 nm, and electrostatic forces have a range of micrometres.
 
     `rubberfric.analysis.adhesion_matters` estimates if adhesion changes the result. Contact shear acts on the
     area with adhesion. The viscoelastic friction uses S and P at the load p_1 (short range) or p_rep (long
@@ -48,19 +48,19 @@ class Adhesion(PhysicalObject):
 
     Long range: area, separation, and S P of the viscoelastic friction equal those without adhesion under the
     pressure p_rep = sigma_0 + p_ad. The attraction decays exponentially with the separation, and its integral
-    is the work. It also acts on the area of contact. If r far exceeds all gaps, p_rep = sigma_0 + work / r is
-    exact. If several p_rep satisfy the equation, the smallest is returned, at which approaching solids come
-    to rest. Where this solution ends they jump into closer contact, and derivatives grow without bounds. Two
-    solutions that differ by less than an eleventh of ln(1 + work / (r sigma_0)) in ln p_rep may be missed;
-    the next solution is then returned.
-    Areas solve the equation to about 1e-6 where more than 1 % touches, and to 1e-3 at the lightest loads if r
-    is less than a tenth of the rms height. Where more than 1 % touches, derivatives agree with differences to
-    1e-9.
-    Compared with boundary elements, areas have errors up to 4 % at Tabor 0.1 (with S in G). At Tabor 0.3 they
-    are up to 22 % too large at light load, because the attraction deforms the solids.
+    is the work. The attraction also acts on the area of contact. If r far exceeds all gaps, p_rep = sigma_0 +
+    work / r is exact. If several p_rep satisfy the equation, the smallest is returned, at which approaching
+    solids come to rest. Where this solution ends, the solids jump into closer contact, and derivatives grow
+    without bounds. Two solutions that differ by less than an eleventh of ln(1 + work / (r sigma_0)) in
+    ln p_rep may be missed. The next solution is then returned.
+    If more than 1 % of the area touches, areas solve the equation to about 1e-6, and derivatives agree with
+    differences to 1e-9. At the lightest loads, areas solve the equation to 1e-3 if r is less than a tenth of
+    the rms height.
+    Compared with boundary elements, areas have errors up to 4 % at Tabor 0.1 (with S in G). At Tabor 0.3
+    areas are up to 22 % too large at light load, because the attraction deforms the solids.
 
     Limits: E_r is taken at the frequencies of sliding, and from the relaxed moduli at rest. Losses of opening
-    cracks are not included. Not together with heating. The tables of boundary elements are in
+    cracks are not included. Adhesion and heating cannot be combined. The tables of boundary elements are in
     tests/rubberfric/theory/area/test_adhesive_elements.py.
     """
 

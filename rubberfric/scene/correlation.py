@@ -22,25 +22,28 @@ class Correlation(PhysicalObject):
 
     Parameters
     ----------
-    coherence : kappa, the same at every wavevector [-], -1 ... 1
-        1: the surfaces match, if their spectra are equal; 0: no correlation; -1: the peaks of one surface
-        lie on the peaks of the other.
+    coherence : kappa, constant over all wavevectors [-], -1 ... 1
+        If kappa is 1 and the spectra are equal, the surfaces match. If kappa is 0, the surfaces are not
+        correlated. If kappa is -1, the peaks of one surface lie on the peaks of the other surface.
 
-    Limits: at rest only (velocity 0), between two rough isotropic surfaces; not together with heating or
-    softening. Traced velocities other than 0 give NaN.
+    Limits: both surfaces must be rough and isotropic, and the solids must be at rest (velocity 0). Heating
+    and softening are not allowed. Traced velocities other than 0 give NaN.
     """
 
     coherence: Number = leaf(between(-1.0, 1.0), unit="-")
 
 
 def difference(correlation: Correlation, lower: jax.Array, upper: jax.Array) -> jax.Array:
-    """Return the spectrum of the difference of two surfaces from their spectra >= 0, in any unit."""
+    """Return the spectrum of the height difference of two surfaces with the spectra `lower` and `upper`.
+
+    The spectra must be >= 0 and may have any unit.
+    """
     one, other = _root(lower), _root(upper)
     # A square plus a remainder >= 0, so that the result is never negative.
     return (one - other) ** 2 + 2 * (1 - correlation.coherence) * (one * other)
 
 
 def _root(square):
-    """Return the square root, with derivative 0 at 0, where a surface is smooth."""
+    """Return the square root of `square`, with derivative 0 if `square` is 0 (smooth surface)."""
     rough = square > 0
     return jnp.where(rough, jnp.sqrt(jnp.where(rough, square, 1.0)), 0.0)

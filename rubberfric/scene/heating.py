@@ -57,11 +57,11 @@ class Heating(PhysicalObject):
     heat_capacity : [J/(kg K)], about 1.6e3
     conductivity : [W/(m K)], about 0.23
     radius : R, size of the macroasperity contacts [m], > 0
-    area_fraction : P_m, share of the nominal area in macroasperity contacts [-], 0 ... 1;
-        None: P(q_m) at q_m = pi / R.
+    area_fraction : P_m, share of the nominal area in macroasperity contacts [-], 0 ... 1
+        If None, P_m = P(q_m) with q_m = pi / R.
     shear_share : share of the heat of contact shear that enters the deformable solid, or the upper one of two
         deformable solids [-], 0 ... 1. The other solid receives the remaining heat.
-        None: the shares are proportional to the effusivities sqrt(lambda rho c_p), 1/2 each for equal
+        If None, the shares are proportional to the effusivities sqrt(lambda rho c_p), 1/2 each for equal
         solids. The rise of a solid at q is its share times the rise that all of the heat would cause in it,
         averaged over the depth 1/q. At the surface, for q to infinity, both rises are equal [Blok, Proc.
         Inst. Mech. Eng. 2 (1937) 222] and satisfy 1/T = 1/T_1 + 1/T_2, where T_1 and T_2 are the rises if
@@ -69,7 +69,7 @@ class Heating(PhysicalObject):
         not hold for different diffusivities: the better conductor is hotter, because its heat penetrates
         deeper.
     shear_at : "flash" or "background" (static)
-        temperature of contact shear: of the contact, or far from it.
+        temperature of contact shear: the temperature in the contact, or the temperature far from the contact.
     branch : "rising" or "falling" (static)
         If friction decreases with temperature, several steady states may exist at one velocity. "rising"
         selects the state reached by slowly increasing the velocity from rest, "falling" the state reached
@@ -77,8 +77,9 @@ class Heating(PhysicalObject):
         Where a branch ends, the state that the temperatures jump to is returned. The two branches differ
         within hysteresis loops.
 
-    Both solids have these values, unless a Body has a `thermal`. Calls with a heated scene require
-    `temperature`, the temperature far from the contact. A scene without roughness keeps this temperature.
+    Density, heat capacity and conductivity apply to both solids, unless a Body has a `thermal`. Calls with a
+    heated scene require `temperature`, the temperature far from the contact. A scene without roughness keeps
+    this temperature.
 
     Limits: for heat conduction every body is a half-space of one material. This holds if the diffusion length
     sqrt(D R / v) is small compared with the thickness of a layer, or if both parts of a Coating conduct
@@ -96,7 +97,7 @@ class Heating(PhysicalObject):
 
 
 def heating_of(heating: Heating, thermal: ThermalProperties | None) -> Heating:
-    """Return the heating of one solid, with its own thermal properties if given."""
+    """Return `heating`, in which `thermal` replaces the thermal properties if `thermal` is given."""
     if thermal is None:
         return heating
     values = {name: getattr(thermal, name) for name in ("density", "heat_capacity", "conductivity")}
@@ -106,7 +107,8 @@ def heating_of(heating: Heating, thermal: ThermalProperties | None) -> Heating:
 def shear_shares(lower: Heating, upper: Heating, both_deform: bool) -> tuple[jax.Array, jax.Array]:
     """Return the shares of the lower and the upper solid in the heat of contact shear [-].
 
-    both_deform : True if both solids deform; if only one does, a given share applies to it
+    `both_deform` is True if both solids deform. If only one solid deforms and `shear_share` is given, both
+    results equal `shear_share`, which is the share of the deformable solid.
     """
     if upper.shear_share is not None:
         share = jnp.asarray(upper.shear_share)
@@ -120,7 +122,7 @@ def shear_shares(lower: Heating, upper: Heating, both_deform: bool) -> tuple[jax
 
 
 class Diffusion(NamedTuple):
-    """Factors of the terms of the sum over k, for the source and for the target wavevectors."""
+    """Factors in the sum over k of the heat kernel g, for source and target wavevectors q' and q."""
 
     k: jax.Array  # [1/m], (m,)
     step: jax.Array  # of ln k
@@ -138,8 +140,9 @@ def diffusion(
     Parameters
     ----------
     source_q, target_q : shape (n,) [1/m]
-    ends : (smallest, largest) of all wavevectors; approximate, without gradient
-    count : nodes of the sum over ln k
+    ends : (smallest, largest) of all wavevectors [1/m]
+        Approximate values suffice. The result has no gradient with respect to `ends`.
+    count : number of nodes of the sum over ln k
     """
     low, high = (jnp.log(2 * jax.lax.stop_gradient(q)) for q in ends)
     step = (high - low + _BELOW + _ABOVE) / (count - 1)
@@ -154,7 +157,7 @@ def _share(x, k):
 
 
 class HeatKernel(NamedTuple):
-    """Spreading of heat at given velocities, independent of temperature."""
+    """Data for the spreading of heat at given velocities, which do not depend on temperature."""
 
     diffusion: Diffusion
     weight: jax.Array  # of the sum over k [m], (points, m)
@@ -164,7 +167,10 @@ class HeatKernel(NamedTuple):
 
 
 def heat_kernel(heating: Heating, ready: Diffusion, velocity: jax.Array, surface: bool) -> HeatKernel:
-    """Return the `HeatKernel` at velocities (points,) [m/s]; `surface`: also for heat at the surface."""
+    """Return the `HeatKernel` at velocities [m/s] of shape (points,).
+
+    If `surface` is True, the kernel also describes heat that is generated at the surface.
+    """
     weight = _kernel(heating, ready.k, velocity) * (ready.step * ready.k)
     known = weight @ _share(ready.reference, ready.k) ** 2
     closed = _closed(heating, ready.reference, velocity, "double") - known
@@ -178,11 +184,11 @@ def rise_inside(kernel: HeatKernel, power: jax.Array) -> jax.Array:
     Parameters
     ----------
     kernel : HeatKernel
-    power : heat / velocity for each source, per area of macroasperity contact [Pa], (points, sources)
+    power : heat / velocity for each source, per area of macroasperity contact [Pa], shape (points, sources)
 
     Returns
     -------
-    array (points, targets) [K]
+    array of shape (points, targets) [K]
     """
     summed = (kernel.weight * (power @ kernel.diffusion.source)) @ kernel.diffusion.target.T
     closed = kernel.closed * jnp.sum(power, -1)
@@ -190,9 +196,10 @@ def rise_inside(kernel: HeatKernel, power: jax.Array) -> jax.Array:
 
 
 def rise_below_surface(kernel: HeatKernel, power: jax.Array) -> jax.Array:
-    """Return the temperature rise at every q from heat at the surface [K], (points, targets).
+    """Return the temperature rise [K] at every q from heat that is generated at the surface.
 
-    power : heat / velocity, per area of macroasperity contact [Pa], shape (points,)
+    `power` is heat / velocity per area of macroasperity contact [Pa], of shape (points,). The result has the
+    shape (points, targets).
     """
     if kernel.surface is None:
         raise ValueError("kernel.surface is None; create the kernel with surface=True")
@@ -205,7 +212,7 @@ def diffusivity(heating: Heating) -> jax.Array:
 
 
 def _kernel(heating, k, velocity):
-    """Return v (1 - e^(-D k^2 R / v)) / (D k^2) [m], odd in v."""
+    """Return v (1 - e^(-D k^2 R / abs(v))) / (D k^2) [m], an odd function of v."""
     # The square root of D k^2 R, because k^2 overflows float32.
     rate = (k * jnp.sqrt(diffusivity(heating) * heating.radius)) ** 2
     speed = jnp.abs(velocity)[:, None]
@@ -215,7 +222,11 @@ def _kernel(heating, k, velocity):
 
 
 def _closed(heating, x, velocity, kind):
-    """Integrate `_kernel` times x^2/(k^2 + x^2) over k, or times its square ("double"); any shapes."""
+    """Return the integral over k of `_kernel` times s^n with s = x^2 / (k^2 + x^2).
+
+    n is 1 if `kind` is "single", and 2 if `kind` is "double". x and velocity may have any shapes that can be
+    broadcast.
+    """
     root = jnp.sqrt(diffusivity(heating) * heating.radius)
     # s = sqrt(D R / v). Only v / sqrt(v) appears, because the derivative of sqrt(v) is infinite at v = 0.
     speed = jnp.maximum(jnp.abs(velocity), float(jnp.finfo(jnp.result_type(velocity)).tiny) ** 0.5)
@@ -227,7 +238,7 @@ def _closed(heating, x, velocity, kind):
 
 
 def _chebyshev(coefficients, u):
-    """Sum Chebyshev polynomials by Clenshaw's recursion in one loop, which compiles quickly."""
+    """Evaluate a Chebyshev series at u by Clenshaw's recursion, which compiles quickly."""
     twice, one, two = 2 * u, jnp.zeros_like(u), jnp.zeros_like(u)
     for c in coefficients[:0:-1]:
         one, two = twice * one - two + c, one
@@ -236,15 +247,15 @@ def _chebyshev(coefficients, u):
 
 @functools.cache
 def _tables():
-    r"""Return Chebyshev coefficients over u = (z - 1)/(z + 1) of two functions of z.
+    r"""Return the Chebyshev coefficients in u = (z - 1)/(z + 1) of two functions of z.
 
-    The functions are (1 + z)/z times
+    The functions are (1 + z)/z times the integrals
 
     .. math:: z^2 \int_0^\infty dp \frac{1 - e^{-p^2}}{p^2 (p^2 + z^2)} \quad\text{("single")},\qquad
               z^4 \int_0^\infty dp \frac{1 - e^{-p^2}}{p^2 (p^2 + z^2)^2} \quad\text{("double")}
 
-    The trapezoidal rule in ln p is exact to rounding. The first is
-    sqrt(pi) - (pi/2)(1 - erfcx z)/z, which cancels at small z.
+    The trapezoidal rule in ln p is exact to rounding. The first integral has the closed form
+    sqrt(pi) - (pi/2)(1 - erfcx z)/z, which would lose digits at small z.
     """
     p = np.exp(np.arange(-45.0, 45.0, 0.1))
     memory = -np.expm1(-(p**2)) / p * 0.1  # times p, for d ln p

@@ -1,7 +1,8 @@
 """Warnings about implausible numbers, which are probably in a wrong unit.
 
-Creating a scene and computing it give a `UnitWarning`; a TOML file gives an error. Traced numbers are not
-checked. Nothing is changed, so extreme and dimensionless scenes can be computed.
+A scene gives a `UnitWarning` when it is created and when it is computed. A scene in a TOML file gives an
+error. Traced numbers are not checked. Nothing is changed, so extreme and dimensionless scenes can be
+computed.
 """
 
 from collections.abc import Iterator
@@ -27,11 +28,14 @@ _CONDITIONS = {
     "pressure": (1.0, 1e10, "Pa"),
     "temperature": (*PLAUSIBLE_TEMPERATURE, "K"),
 }
-_OFF = 'warnings.simplefilter("ignore", rubberfric.UnitWarning) silences this'
+_OFF = 'warnings.simplefilter("ignore", rubberfric.UnitWarning) silences this warning'
 
 
 def doubts_of_scene(scene: PhysicalObject) -> Iterator[str]:
-    """Yield a line for each implausible number of an object, beginning with its key path."""
+    """Yield a message for each implausible number of an object.
+
+    A message begins with the key path of the number.
+    """
     for key, part in parts_of(scene):
         for name, field in leaves_of(type(part)).items():
             values = getattr(part, name)
@@ -46,20 +50,20 @@ def doubts_of_scene(scene: PhysicalObject) -> Iterator[str]:
 
 
 def doubts_of_conditions(**conditions: Any) -> Iterator[str]:
-    """Yield a line for each implausible velocity, pressure or temperature."""
+    """Yield a message for each condition (velocity, pressure, temperature) with implausible values."""
     for name, values in conditions.items():
         if values is not None and is_concrete(values):
             yield from _doubts(name, values, *_CONDITIONS[name])
 
 
 def warn_of_scene(scene: PhysicalObject) -> None:
-    """Give a UnitWarning for the first implausible number of a concrete scene."""
+    """Give a UnitWarning for the first implausible number of a scene, unless a number is traced."""
     if all(map(is_concrete, jax.tree.leaves(scene))):
         _warn(doubts_of_scene(scene))
 
 
 def warn_of_conditions(**conditions: Any) -> None:
-    """Give a UnitWarning for the first implausible velocity, pressure or temperature."""
+    """Give a UnitWarning for the first implausible condition (velocity, pressure or temperature)."""
     _warn(doubts_of_conditions(**conditions))
 
 

@@ -37,10 +37,10 @@ class Body(PhysicalObject):
         a finite thickness of the material, on a rigid base or on a half-space of another solid
         (Coating, if the material is Elastic or Prony).
     thermal : ThermalProperties or None
-        thermal properties of this solid, instead of those of the scene's Heating. A rigid body takes up its
-        share of the heat of contact shear.
+        thermal properties of this solid, which replace the thermal properties in the scene's Heating. A rigid
+        body takes up its share of the heat of contact shear.
     softening : Softening or None
-        softening of this solid, instead of the scene's.
+        softening of this solid, which replaces the softening of the scene.
     """
 
     material: Material = child()
@@ -72,14 +72,15 @@ class Scene(PhysicalObject):
     ----------
     lower, upper : Body
     gamma : elastic-energy factor in S = gamma + (1 - gamma) P^2 [-], 0 ... 1, about 1/2
-        (at 0 with area_correction and light load the default quadrature has an error of 4e-8;
-        Quadrature(graded=16) removes it)
+        At gamma = 0 with area_correction and light load, the default quadrature has an error of 4e-8.
+        Quadrature(graded=16) removes this error.
     area_correction : bool (static)
-        False: G(q) as in the paper. True: S also inside G, dG = S dG_plain, as in the commercial program.
-        Area at rest, against boundary elements: within 4 to 7 % if True, up to 30 % too small if False. Area
-        in sliding: 8 % too large if True, 20 % too small if False. Friction is closer if True; its error
-        depends on velocity (notebooks/boundary_elements.md). The separation always uses the plain G, because
-        with S in G the ratio of separations at two loads would be 9 % too small instead of 1 %.
+        If False, G(q) is computed as in the paper. If True, S also occurs inside G, dG = S dG_plain, as in
+        the commercial program. Compared with boundary elements, the area at rest is within 4 to 7 % if True,
+        and up to 30 % too small if False. The area in sliding is 8 % too large if True, and 20 % too small if
+        False. The friction is closer if True, with an error that depends on velocity
+        (notebooks/boundary_elements.md). The separation always uses the plain G, because with S in G the
+        ratio of separations at two loads would be 9 % too small instead of 1 %.
     shear : ContactShear or None
         shear stress in the contact area; changes only the friction.
     heating : Heating or None
@@ -91,15 +92,16 @@ class Scene(PhysicalObject):
     correlation : Correlation or None
         correlation of the roughness of both solids, which must be at rest.
     contact_model : "paper" or "boundary_elements" (static)
-        "boundary_elements": area and friction follow a law that was fitted to boundary elements
+        With "boundary_elements", area and friction follow a law that was fitted to boundary elements
         (`rubberfric.theory.area.boundary_elements_law`), for one rough isotropic surface and half-spaces. In
-        301 cases with q1/q0 = 8 ... 64 that were not used for the fit, 90 % of its friction and 96 % of its
-        areas are within 10 % of boundary elements (paper: 19 % and 22 %). It is less accurate for narrow
-        spectra (q1/qr = 4: 67 % of the friction within 10 %) and for moduli that rise by a factor of 100
-        or more (66 %). It is extrapolated beyond q1/q0 = 64. The separation is the paper's.
+        301 cases with q1/q0 = 8 ... 64 that were not used for the fit, 90 % of the friction values and 96 %
+        of the areas are within 10 % of boundary elements (paper: 19 % and 22 %). The law is less accurate for
+        narrow spectra (q1/qr = 4: 67 % of the friction within 10 %) and for moduli that rise by a factor of
+        100 or more (66 %). The law is extrapolated beyond q1/q0 = 64. The separation is the paper's.
     quadrature : Quadrature or None (static)
-        accuracy setting of calls without `quadrature`; `rubberfric.tuned` sets it for `jit` and `vmap` with
-        the scene as an argument. None: chosen in every call. Files do not contain this setting.
+        accuracy setting of calls without a `quadrature`. If None, every call chooses the setting.
+        `rubberfric.tuned` chooses the setting for `jit` and `vmap` with the scene as an argument. Files do
+        not contain this setting.
 
     Two rigid bodies raise ValueError, because nothing would deform.
     """
@@ -178,16 +180,16 @@ class Scene(PhysicalObject):
 
 
 def _check_apart(part, others, parts):
-    """Raise ValueError if `parts` of a scene contain `part` together with one of `others`."""
     for name in others:
         if part in parts and name in parts:
             raise ValueError(f"Scene.{part}: not together with {name}; one of them must be left out")
 
 
 def same(one: Scene, other: Scene) -> bool:
-    """Return True if two scenes have the same parts, options and numbers; `quadrature` may differ.
+    """Return True if two scenes have the same parts, options and numbers.
 
-    `==` compares identity, because a comparison of arrays has no single truth value.
+    `quadrature` may differ. The operator == compares identity instead, because a comparison of arrays has no
+    single truth value.
     """
     (left, tree), (right, other_tree) = (
         jax.tree.flatten([getattr(scene, name) for name in fields_of(Scene)]) for scene in (one, other)
@@ -196,7 +198,7 @@ def same(one: Scene, other: Scene) -> bool:
 
 
 def optional_parts(scene: Scene) -> set[str]:
-    """Return the names of the optional parts of a scene and its bodies."""
+    """Return the names of the optional parts and non-default options that a scene and its bodies have."""
     names = ("shear", "heating", "softening", "adhesion", "correlation")
     found = {name for name in names if getattr(scene, name) is not None}
     if scene.area_correction:
@@ -220,7 +222,7 @@ def shifts(scene: Scene) -> list[Shift]:
 
 
 def body_shifts(body: Body) -> list[Shift]:
-    """Return the shifts of a body's material and of the solid that it coats."""
+    """Return the shifts of a body's material and of the base of its layer, as far as they exist."""
     found = body.material.shift, None if body.layer is None else body.layer.shift
     return [shift for shift in found if shift is not None]
 
@@ -231,7 +233,10 @@ def takes_temperature(scene: Scene) -> bool:
 
 
 def check_background(scene: Scene, where: str = "", missing: str = "temperature is missing") -> None:
-    """Raise ValueError for a scene that requires a temperature; `where` and `missing` begin the message."""
+    """Raise ValueError if the scene has heating, which requires a background temperature.
+
+    The message begins with `where` and `missing`.
+    """
     if scene.heating is not None:
         raise ValueError(f"{where}{missing}: a scene with heating requires it, far from the contact [K]")
 
@@ -252,30 +257,39 @@ def check_without(scene: Scene, parts: Sequence[str], what: str) -> None:
 
 
 def rough_surfaces(scene: Scene) -> list[tuple[Spectrum, Body]]:
-    """Return (spectrum, facing body) of every rough surface, the lower solid first."""
+    """Return (spectrum, facing body) for every rough surface, where the lower surface comes first."""
     facing = [(scene.lower.spectrum, scene.upper), (scene.upper.spectrum, scene.lower)]
     return [(spectrum, other) for spectrum, other in facing if spectrum is not None]
 
 
 def softening_of(scene: Scene, body: Body) -> Softening | None:
-    """Return the softening of a body, its own or the scene's; None if the body does not relax."""
+    """Return the softening of a body, or the softening of the scene if the body has none.
+
+    Return None if the body does not relax.
+    """
     if not relaxes(body):
         return None
     return scene.softening if body.softening is None else body.softening
 
 
 def relaxes(body: Body) -> bool:
-    """Return True if a body's material, or the solid that it coats, is viscoelastic."""
+    """Return True if the material of a body or the base of its layer is viscoelastic."""
     return body.material.relaxes or (body.layer is not None and body.layer.relaxes)
 
 
 def dissipates(scene: Scene) -> bool:
-    """Return True if roughness excites a viscoelastic solid; otherwise viscoelastic friction is 0."""
+    """Return True if roughness excites a viscoelastic solid.
+
+    Otherwise the viscoelastic friction is 0.
+    """
     return any(relaxes(other) for _, other in rough_surfaces(scene))
 
 
 def result_dtype(*values: Any) -> jnp.dtype:
-    """Return the common dtype of all leaves; Python scalars adapt to the other leaves."""
+    """Return the common floating-point dtype of all leaves.
+
+    Python scalars adapt to the dtype of the other leaves.
+    """
     leaves = jax.tree_util.tree_leaves(values)
     dtype = jnp.result_type(*leaves) if leaves else jnp.result_type(float)
     return dtype if jnp.issubdtype(dtype, jnp.floating) else jnp.result_type(float)

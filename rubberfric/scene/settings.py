@@ -106,10 +106,11 @@ def default_quadrature(
 
     Parameters
     ----------
-    scene : Scene; its `quadrature` is returned if it has one
+    scene : Scene
+        If the scene has a `quadrature`, this quadrature is returned.
     pressure : [Pa], any shape
     margin : e-folds by which the range of wavevectors and the moduli may grow
-    separation : False: only area and friction must meet 1e-9
+    separation : if False, only area and friction must meet 1e-9
 
     Returns
     -------
@@ -122,7 +123,7 @@ def default_quadrature(
 
     Raises
     ------
-    ValueError : `scene` is not a Scene; a concrete pressure <= 0.
+    ValueError : if `scene` is not a Scene, or if a concrete pressure is <= 0.
     """
     if not isinstance(scene, Scene):
         raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
@@ -131,7 +132,6 @@ def default_quadrature(
 
 
 def _chosen(scene, pressure, margin, separation):
-    """Return the setting for the numbers of a scene."""
     bodies = scene.lower, scene.upper
     rough = [body.spectrum for body in bodies if body.spectrum is not None]
     if not rough or not all(type(spectrum) in (SelfAffine, TabulatedSpectrum) for spectrum in rough):
@@ -153,7 +153,7 @@ def _chosen(scene, pressure, margin, separation):
 
 
 def tuned(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Scene:
-    """Return the scene with the quadrature that fits it, for functions that take the scene as an argument.
+    """Return a scene with its default quadrature, for functions that take the scene as an argument.
 
     `jit` and `vmap` trace the numbers of such a scene, and calls would otherwise use a setting for ten
     decades of roughness at any load::
@@ -175,7 +175,8 @@ def tuned(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Scene:
 
     Raises
     ------
-    ValueError : `scene` is not a Scene; a number of the scene or the pressure is traced; a pressure <= 0.
+    ValueError : if `scene` is not a Scene, if a number of the scene or the pressure is traced, or if a
+        pressure is <= 0.
     """
     if not isinstance(scene, Scene):
         raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
@@ -186,7 +187,7 @@ def tuned(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Scene:
 
 
 def _rules_of(scene, rough, plain, separation, margin):
-    """Return the settings and limits that apply to a scene, in order of work."""
+    """Return the rows (setting, largest L, smallest and largest Lambda) for a scene, in order of work."""
     parts = optional_parts(scene)
     bare = parts <= {"shear"}
     if plain and bare:
@@ -199,7 +200,10 @@ def _rules_of(scene, rough, plain, separation, margin):
 
 
 def span_of(scene: Scene) -> float:
-    """Return L of a scene with `SelfAffine` or `TabulatedSpectrum` roughness; 0 without roughness."""
+    """Return L, the range of the roughness in e-folds, in which plateaus count twice.
+
+    The spectra must be `SelfAffine` or `TabulatedSpectrum`. L is 0 if all surfaces are smooth.
+    """
     ends, plateaus = [], 0.0
     for body in (scene.lower, scene.upper):
         spectrum = body.spectrum
@@ -216,7 +220,7 @@ def span_of(scene: Scene) -> float:
 
 
 def _tabulated_smoothly(scene, margin):
-    """Return True if `TABULATED` applies to the solids."""
+    """Return True if the rules `TABULATED` apply to the solids of a scene."""
     bodies = [body for body in (scene.lower, scene.upper) if body.material.deforms]
     if len(bodies) > 1 or type(bodies[0].material) is not TabulatedModulus or bodies[0].layer is not None:
         return False
@@ -226,7 +230,7 @@ def _tabulated_smoothly(scene, margin):
 
 
 def _rise_of(material):
-    """Return the largest change of ln E' and ln E'' of a table within three smoothing widths."""
+    """Return the largest change of ln E' or ln E'' of a table within three smoothing widths."""
     x, largest = np.log(_array(material.omega)), 0.0
     for y in (np.log(_array(material.storage)), np.log(_array(material.loss))):
         for widths in (1, 2, 3):
@@ -236,7 +240,11 @@ def _rise_of(material):
 
 
 def loads_of(scene: Scene, pressure: ArrayLike) -> tuple[float, float]:
-    """Return the smallest and largest Lambda of a scene with isotropic roughness over all pressures."""
+    """Return the smallest and the largest Lambda of a scene over all pressures.
+
+    Lambda = ln(E_r q0^2 sqrt(C0) / pressure) describes how steeply contact is lost. The roughness must be
+    isotropic.
+    """
     steepest = 0.0
     for body in (scene.lower, scene.upper):
         spectrum = body.spectrum

@@ -37,11 +37,11 @@ class ContactShear(PhysicalObject):
         temperature. Arrhenius(energy, T_ref), energy about 0.97 eV, gives
         ln a_T' = (energy / k_B) (1/T - 1/T_ref). A vertical shift multiplies the stress by b_T'.
 
-    Limits: the stress is odd in the velocity. For c > 0 it decreases faster than any power of v, so value and
-    slope are 0 at v = 0. It falls to 1/e of its maximum at v = v0 10^(1/sqrt(c)), so a very small c is like c
-    = 0. For c = 0 it is dry friction, tau_f0 sign(v), which is discontinuous at v = 0; value and derivatives
-    are 0 there. ln a_T' saturates at a quarter of the exponent range (see
-    `rubberfric.materials.shifts`).
+    Limits: the stress is odd in the velocity. For c > 0 the stress decreases faster than any power of v for v
+    -> 0, so value and slope are 0 at v = 0. The stress falls to 1/e of its maximum at v = v0 10^(1/sqrt(c)),
+    so a very small c is like c = 0. For c = 0 the stress is dry friction, tau_f0 sign(v), which is
+    discontinuous at v = 0, where value and derivatives are set to 0. ln a_T' saturates at a quarter of the
+    exponent range (see `rubberfric.materials.shifts`).
     """
 
     tau_f0: Number = leaf(NONNEGATIVE, unit="Pa", plausible=PLAUSIBLE_STRESS)
@@ -80,7 +80,7 @@ def shear_friction(
 
 
 def _log(speed):
-    """Return ln of a speed >= 0, finite at 0 with derivative 0.
+    """Return ln(speed) for speed >= 0, which is finite and has the derivative 0 at speed 0.
 
     The result is constant below the smallest normal number. At rest the friction has the exact factor
     sign(v) = 0, which would otherwise multiply ln 0 in the value and 1/0 in derivatives.
@@ -91,7 +91,6 @@ def _log(speed):
 
 @jax.custom_jvp
 def _bell(c, x):
-    """Return exp(-c x^2)."""
     return jnp.exp(-c * x * x)
 
 

@@ -21,7 +21,10 @@ DECADES = 30
 
 
 def check_single(scene: Scene, temperature: ArrayLike | None) -> None:
-    """Raise ValueError if a number of a float32 scene requires float64; the message names the number."""
+    """Raise ValueError if a number of a float32 scene requires float64.
+
+    The message names the number.
+    """
     for name in ("lower", "upper"):
         body = getattr(scene, name)
         if body.spectrum is not None:

@@ -33,7 +33,7 @@ class Softening(PhysicalObject):
     ----------
     strain : strictly increasing [-], > 0, shape (n,), n >= 2
     storage, loss : f and g [-], > 0, shape (n,)
-    factor : strain over rms slope [-], > 0
+    factor : strain divided by rms slope [-], > 0
 
     Limits: elastic solids do not soften. If both solids deform, the angular integrals have no closed form and
     use quadrature, which is slower.
@@ -61,12 +61,15 @@ class Softened(NamedTuple):
 
 
 def strain(softened: Softened, q: jax.Array) -> jax.Array:
-    """Return the strain [-] at the scale q [1/m], any shape; it is 0 below the first wavevector."""
+    """Return the strain [-] at wavevectors q [1/m] of any shape.
+
+    The strain is 0 below the first wavevector.
+    """
     return softened.softening.factor * jnp.sqrt(_square_slope(softened.laws, q))
 
 
 def softening_factors(softened: Softened, q: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return the factors f of E' and g of E'' at q [1/m], any shape."""
+    """Return the factors f of E' and g of E'' at wavevectors q [1/m] of any shape."""
     softening = softened.softening
     # Below the roughness and where the slope underflows, the derivative of ln 0 is not finite.
     square = jnp.maximum(_square_slope(softened.laws, q), float(jnp.finfo(jnp.result_type(q)).tiny))
@@ -76,9 +79,10 @@ def softening_factors(softened: Softened, q: jax.Array) -> tuple[jax.Array, jax.
 
 
 def knots(softened: Softened) -> jax.Array:
-    """Return the wavevectors [1/m] where the strain equals an entry of the table; f and g have kinks there.
+    """Return the wavevectors [1/m] at which the strain equals an entry of the table.
 
-    If the strain does not reach an entry, the nearer end of the roughness is returned.
+    f and g have kinks at these wavevectors. If the strain does not reach an entry, the nearer end of the
+    roughness is returned.
     """
     laws, softening = softened.laws, softened.softening
     first = jax.lax.stop_gradient(functools.reduce(jnp.minimum, [law.q[0] for law in laws]))

@@ -1,4 +1,8 @@
-"""Contact with short-range or long-range adhesion, as the load that gives this contact without adhesion."""
+"""Contact with short-range or long-range adhesion.
+
+Contact with adhesion equals the contact without adhesion under a larger load. The functions of this module
+compute the larger load.
+"""
 
 import functools
 from collections.abc import Sequence
@@ -26,7 +30,10 @@ def adhesive_contact(
     pressure: jax.Array,
     temperatures: Sequence[SurfaceTemperatures],
 ) -> Contact:
-    """Return the `Contact` with adhesion at points. The conditions are as for `Roughness.contact`."""
+    """Return the `Contact` with adhesion at points.
+
+    `velocity`, `pressure` and `temperatures` are as for `Roughness.contact`.
+    """
     contact = roughness.contact(velocity, pressure, temperatures)
     if contact.G is None:
         return contact
@@ -44,7 +51,7 @@ def relative_attraction(
     pressure: jax.Array,
     temperatures: Sequence[SurfaceTemperatures],
 ) -> tuple[Contact, jax.Array]:
-    """Return the contact without adhesion, and the long-range attraction that acts in this contact.
+    """Return the contact without adhesion, and the long-range attraction in this contact.
 
     The attraction is divided by work / range and has the shape (points,). Arguments are as for
     `adhesive_contact`.
@@ -61,7 +68,7 @@ def work_of_separation(
     pressure: jax.Array,
     temperatures: Sequence[SurfaceTemperatures],
 ) -> jax.Array:
-    """Return the work that separates solids with short-range adhesion [J/m^2], at points.
+    """Return the work that separates solids with short-range adhesion [J/m^2], of shape (points,).
 
     Arguments are as for `adhesive_contact`.
     """
@@ -70,7 +77,6 @@ def work_of_separation(
 
 
 def _gaps(adhesion, roughness, contact, pressure):
-    """Return the `Gaps` of the contact without adhesion."""
     modulus = contact.modulus_over_pressure
     storage = total(terms.densities["mean_storage"] for terms in contact.terms)
     heights = (2 * jnp.pi * total(roughness.mesh.roughness) / roughness.mesh.q**2)[:, None]
@@ -96,7 +102,6 @@ def _gaps(adhesion, roughness, contact, pressure):
 
 
 def _unloading(adhesion, contact, pressure):
-    """Return the `Unloading` of the contact without adhesion."""
     storage = total(terms.densities["mean_storage"] for terms in contact.terms)
     x = contact.x
     return Unloading(
@@ -111,16 +116,19 @@ def _unloading(adhesion, contact, pressure):
 
 
 def _in_a_row(values, pressure, shape=None):
-    """Flatten values at the nodes to one row per point. Values are first broadcast to `shape`, if given."""
+    """Flatten values at the nodes to one row for each point.
+
+    If `shape` is given, the values are first broadcast to `shape`.
+    """
     panels, _, order = values.shape if shape is None else shape
     values = jnp.broadcast_to(values, (panels, pressure.shape[0], order))
     return jnp.moveaxis(values, 1, 0).reshape(pressure.shape[0], -1)
 
 
 def _from_nodes_on(values):
-    """Return integrals from every node to the end of the last panel, (panels, points, order).
+    """Return the integrals from every node to the end of the last panel, of shape (panels, points, order).
 
-    values : integrand at the nodes times the weight of its node, (panels, points, order)
+    `values` is the integrand at each node times the weight of the node, of shape (panels, points, order).
     """
     rule = typed(_integrals_to_the_end(values.shape[-1]), values)
     after = jnp.cumsum(jnp.sum(values, -1)[::-1], 0)[::-1]
@@ -130,9 +138,10 @@ def _from_nodes_on(values):
 
 @functools.cache
 def _integrals_to_the_end(order):
-    """Return weights of the integrals from every Gauss node i to the end of its panel, shape (i, j).
+    """Return weights of the integrals from every Gauss node to the end of the panel.
 
-    They multiply the integrand at the nodes j times the Gauss weights of these nodes.
+    The weights have the shape (order, order). Row i has the weights of the integral that begins at node i.
+    Entry (i, j) multiplies the product of the integrand and the Gauss weight at node j.
     """
     node, weight = gauss(order)
     y = node[:, None] + (1 - node[:, None]) * node

@@ -44,9 +44,9 @@ def validate(
     quadrature: Quadrature | None,
     separation: bool = True,
 ) -> tuple[Scene, tuple[jax.Array, jax.Array, jax.Array | None], Quadrature]:
-    """Return the scene and conditions from `checked_arguments`, and the quadrature.
+    """Return the scene and the conditions from `checked_arguments`, and the quadrature.
 
-    If `quadrature` is None, `default_quadrature` chooses it.
+    If `quadrature` is None, `default_quadrature` chooses the quadrature.
     """
     setting = ROBUST if quadrature is None else quadrature
     ready, conditions = checked_arguments(scene, velocity, pressure, temperature, setting)
@@ -62,7 +62,10 @@ def checked_arguments(
     temperature: ArrayLike | None,
     quadrature: Quadrature,
 ) -> tuple[Scene, tuple[jax.Array, jax.Array, jax.Array | None]]:
-    """Return scene and (velocity, pressure, temperature) as arrays of one dtype, or raise ValueError."""
+    """Return the scene and (velocity, pressure, temperature) as arrays of one dtype.
+
+    A ValueError is raised if an argument is invalid.
+    """
     check_kinds(scene, quadrature)
     velocity = _condition("velocity", velocity, FINITE)
     pressure = _condition("pressure", pressure, POSITIVE)
@@ -82,7 +85,7 @@ def checked_arguments(
         jnp.broadcast_shapes(*shapes.values())
     except ValueError:
         shown = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
-        raise ValueError(f"shapes differ ({shown}): they must broadcast against each other") from None
+        raise ValueError(f"shapes differ ({shown}): the shapes must broadcast against each other") from None
 
     dtype = result_dtype(scene, velocity, pressure, temperature)
     # None has no leaves and is unchanged.
@@ -93,14 +96,17 @@ def checked_arguments(
 
 
 def check_kinds(scene: object, quadrature: object) -> None:
-    """Raise ValueError unless the arguments are a Scene and a Quadrature."""
+    """Raise ValueError unless `scene` is a Scene and `quadrature` is a Quadrature."""
     for name, value, cls in (("scene", scene, Scene), ("quadrature", quadrature, Quadrature)):
         if not isinstance(value, cls):
             raise ValueError(f"{name} is a {type(value).__name__}: must be a {cls.__name__}")
 
 
 def check_heated(scene: Scene, quantities: Iterable[str]) -> None:
-    """Raise ValueError for "flash_temperature" without heating, or "converged" without any iteration."""
+    """Raise ValueError if a scene without heating lacks one of the quantities.
+
+    "flash_temperature" requires heating. "converged" requires heating or another iteration (`iterates`).
+    """
     absent = {"flash_temperature"} if iterates(scene) else {"flash_temperature", "converged"}
     if scene.heating is None and absent & set(quantities):
         raise ValueError("quantities has 'flash_temperature' or 'converged': the scene must have heating")
@@ -115,8 +121,8 @@ def warn_of_last_iterates(
 ) -> None:
     """Warn about points where the temperatures, or with adhesion the areas, did not converge.
 
-    converged : True where the iteration converged, broadcast shape of the conditions; None or traced: no
-        warning
+    converged : True where the iteration converged, in the broadcast shape of the conditions. There is no
+        warning if `converged` is None or traced.
     """
     if converged is None or not is_concrete(converged) or np.all(converged):
         return
@@ -135,7 +141,6 @@ def warn_of_last_iterates(
 
 
 def _condition(name, value, rule):
-    """Return a velocity, pressure or temperature as an array, with concrete values checked."""
     if not isinstance(value, int | float):
         value = as_leaf(name, value, np.ndim(value))
     check_values(name, value, rule)

@@ -36,7 +36,7 @@ _MOST_EVALUATIONS = 500
 
 
 class BranchPoint(NamedTuple):
-    """Positions on branches, one in each row."""
+    """Positions on branches. Each row is one position."""
 
     log_v: jax.Array  # (rows,)
     rises: jax.Array  # (rows, n)
@@ -46,7 +46,7 @@ class BranchPoint(NamedTuple):
 
 
 class _Trial(NamedTuple):
-    """Iterate of the solution at the next velocity."""
+    """Iterate for the solution at the next velocity of a branch."""
 
     log_v: jax.Array
     rises: jax.Array
@@ -58,7 +58,7 @@ class _Trial(NamedTuple):
 
 
 def begin_at(log_v: jax.Array, start: jax.Array) -> BranchPoint:
-    """Return the `BranchPoint` of rows that begin at given velocities and rises."""
+    """Return a `BranchPoint` with given ln v and temperature rises in each row."""
     zero = jnp.zeros_like(log_v)
     return BranchPoint(log_v, start, jnp.zeros_like(start), zero + _WIDEST, zero)
 
@@ -69,7 +69,7 @@ def path(
     targets: jax.Array,
     direction: int,
 ) -> BranchPoint:
-    """Return, for each target, the last position before this target on one branch.
+    """Follow one branch, and return the last position before each target.
 
     The steps along the branch do not depend on the targets, so the result for one target does not depend on
     the other targets.
@@ -114,7 +114,7 @@ def arrive(
     targets: jax.Array,
     tolerance: float,
 ) -> tuple[jax.Array, jax.Array]:
-    """Follow the branches from given positions to the targets, and return the temperature rises there.
+    """Follow branches from given positions to the targets, and return the temperature rises at the targets.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def arrive(
 
 
 def _first(place, log_v):
-    """Return the first trial at `log_v`: temperature rises extrapolated linearly from `place`."""
+    """Return the first trial at `log_v`, with temperature rises extrapolated linearly from `place`."""
     rises = place.rises + place.slope * (log_v - place.log_v)[:, None]
     zero = jnp.zeros_like(rises)
     none = jnp.zeros(log_v.shape, int)
@@ -158,7 +158,11 @@ def _first(place, log_v):
 
 
 def _evaluated(residual, place, trial, target, tolerance, begin):
-    """Return the BranchPoint and the trial after one evaluation, and True where a row is at its target."""
+    """Evaluate the residual once, and return (place, trial, there).
+
+    `place` is the new `BranchPoint`, and `trial` is the new `_Trial`. `there` is True where a row has arrived
+    at the target of the row.
+    """
     r = residual(trial.log_v, trial.rises)
     finite = jnp.all(jnp.isfinite(r), -1)
     r = jnp.where(finite[:, None], r, 0.0)
@@ -209,5 +213,4 @@ def _evaluated(residual, place, trial, target, tolerance, begin):
 
 
 def _column(rows, like):
-    """Append axes of length 1 to `rows` until it has as many axes as `like`."""
     return rows.reshape(rows.shape + (1,) * (like.ndim - rows.ndim))

@@ -33,28 +33,28 @@ class Contact(NamedTuple):
     """Contact at points. Arrays with three axes have the shape (panels, points, order)."""
 
     terms: list[Terms]  # of the contributions of all rough surfaces
-    modulus_over_pressure: jax.Array  # scale over the pressure that the contact bears, (points,)
+    modulus_over_pressure: jax.Array  # scale divided by the pressure on the contact, (points,)
     G_panels: jax.Array  # plain, part from each panel, (panels, points), or from all of them, (1, points)
     G: jax.Array | None  # plain, up to every contact node; None if only the area is needed
     gamma: jax.Array
     correction: CorrectionTable | None
-    # With adhesion: pressure that the contact bears over sigma_0, (points,); True where it was found; excess
-    # of the separation over that under this pressure [m].
+    # With adhesion: equivalent pressure without adhesion divided by sigma_0, (points,); True where this
+    # pressure was found; separation minus the separation without adhesion under this pressure [m].
     load: jax.Array | None = None
     converged: jax.Array | None = None
     lift: jax.Array | None = None
 
     @property
     def x(self) -> jax.Array:
-        """Return x = 1 / (2 sqrt(G)) at the contact nodes, for G without S."""
+        """Return x = 1 / (2 sqrt(G)) at the contact nodes, where G does not contain S."""
         if self.G is None:
             raise ValueError("G is known at the largest wavevector only; prepare friction or separation")
         return contact_argument(self.G)
 
     def area(self, panels: jax.Array | None = None) -> jax.Array:
-        """Return the contact fraction P at the end of the first `panels` panels, (points,).
+        """Return the contact fraction P at the end of the first `panels` panels, of shape (points,).
 
-        None stands for all panels, where P is A/A0.
+        If `panels` is None, all panels count and P is A/A0.
         """
         G = self.G_panels
         if panels is not None:
@@ -70,24 +70,28 @@ class Contact(NamedTuple):
 
         Returns
         -------
-        dict from the index of a contribution to an array (panels, points, order), whose sum is mu [-]
+        dict from the index of a contribution to an array of shape (panels, points, order). The sum over
+        contributions, panels and order is mu [-].
         """
         densities = {j: one.densities[kind] for j, one in enumerate(self.terms) if kind in one.densities}
         if not densities:
             return {}
         SP = friction_weight(self.corrected(self.x), self.gamma)
-        modulus_over_load = self.modulus_over_pressure  # friction is over sigma_0
+        modulus_over_load = self.modulus_over_pressure  # friction is divided by sigma_0
         if self.load is not None:
             modulus_over_load = modulus_over_load * self.load
         factor = jnp.pi * modulus_over_load[:, None]
         return {j: factor * SP * density for j, density in densities.items()}  # (A17)
 
     def corrected(self, x: jax.Array) -> jax.Array:
-        """Return x, corrected for S in G if the scene has `area_correction`."""
+        """Return x with S in G if the scene has `area_correction`, otherwise return x unchanged."""
         return x if self.correction is None else correct_argument(self.correction, x)
 
     def under(self, load: jax.Array, converged: jax.Array, lift: jax.Array | None = None) -> "Contact":
-        """Return the contact with adhesion, which is the contact without it under `load` times sigma_0."""
+        """Return the contact with adhesion.
+
+        Contact with adhesion equals the contact without adhesion under the pressure `load` times sigma_0.
+        """
         square = load * load
         return self._replace(
             modulus_over_pressure=self.modulus_over_pressure / load,
@@ -119,8 +123,8 @@ class Roughness(NamedTuple):
         Parameters
         ----------
         velocity, pressure : shape (points,) [m/s], [Pa]
-        temperatures : for each contribution, the temperatures of its two solids [K]: None, (points,), or
-            (angular panels, points, angular order)
+        temperatures : `SurfaceTemperatures` [K] of each contribution. A temperature is None, or has the shape
+            (points,) or (angular panels, points, angular order).
         """
         terms = [
             one.terms(self.mesh, velocity, T) for one, T in zip(self.contributions, temperatures, strict=True)
@@ -143,8 +147,8 @@ class Roughness(NamedTuple):
 
 
 def _sum_before(panels: jax.Array) -> jax.Array:
-    """Sum over the panels before each panel.
+    """Return, for each panel, the sum over all earlier panels.
 
-    Nothing is subtracted, so the sums before much larger panels lose no digits.
+    Sums are computed without subtractions, so the sums before much larger panels lose no digits.
     """
     return jnp.asarray(np.tri(panels.shape[0], k=-1, dtype=panels.dtype)) @ panels

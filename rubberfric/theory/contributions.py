@@ -26,7 +26,10 @@ from rubberfric.theory.structure import MeansInterpolation, RequiredMeans, Rough
 
 
 class Terms(NamedTuple):
-    """Terms of the integrals at points, with axes (panels, points or 1, order)."""
+    """Terms of the integrals at points.
+
+    Arrays have the axes (panels, points or 1, order), except where stated otherwise.
+    """
 
     panels: jax.Array  # integral of the density of g over every panel, (panels, points or 1)
     within: jax.Array | None  # integral from the left border of the panel to every contact node
@@ -38,7 +41,7 @@ class Terms(NamedTuple):
 class Contribution(NamedTuple):
     """Contribution of one rough surface to the integrals.
 
-    Tuples have one entry, or two if <F'^2> and <F''^2> are needed separately.
+    A tuple has two entries if <F'^2> and <F''^2> are needed separately, otherwise one entry.
     """
 
     # At the angular nodes, or at the contact nodes if nothing is interpolated. None if F is a constant at
@@ -58,8 +61,8 @@ class Contribution(NamedTuple):
         ----------
         mesh : Mesh
         velocity : [m/s], shape (points,)
-        temperatures : of the two solids [K]: None, (points,), or (angular panels, points, angular
-            order) if the temperature depends on the wavevector
+        temperatures : SurfaceTemperatures [K]. A temperature is None, or has the shape (points,). If the
+            temperature depends on the wavevector, the shape is (angular panels, points, angular order).
         """
         if self.stiffness is None:
             within = None if self.within is None else self.within[0][:, None]
@@ -80,11 +83,11 @@ class Contribution(NamedTuple):
         return Terms(*self._linear(mesh, means["mean_abs2"]), densities)
 
     def _linear(self, mesh, means):
-        """Return integrals of the density of g over every panel, and within it up to every contact node.
+        """Return the integrals of the density of g over every panel and up to every contact node.
 
-        The weights of the integrals up to the nodes are exact in the roughness and its factors
-        (`cumulative`), which may change by 1e6 within a panel. A rule for the full product would lose the
-        small terms, which determine g where it matters most.
+        The integral up to a node begins at the left border of the panel. The weights of the integrals up to
+        the nodes are exact in the roughness and the factors (`cumulative`), which may change by 1e6 within a
+        panel. A rule for the full product would lose the small terms, which determine g where g matters most.
         """
         if self.interpolation is MeansInterpolation.LINEAR and self.within is not None:
             # If no integrals up to the nodes are needed, use the weights of the angular panels.
@@ -93,9 +96,9 @@ class Contribution(NamedTuple):
         return panels, None if self.within is None else _sum_products("kvi,kci->kvc", means, self.within)
 
     def _with_logarithms(self, mesh, means):
-        """Return the integrals of `_linear`, but interpolate ln <|F|^2> and sum with positive weights.
+        """Return the integrals of `_linear`, with interpolated ln <|F|^2> and positive weights.
 
-        Small terms keep their digits, and G stays positive.
+        Small terms keep all digits, and G stays positive.
         """
         logarithms = [log_floored(mesh.serving(mean)) for mean in means]
 
@@ -120,7 +123,7 @@ def contribution(
     needs: RequiredMeans,
     table: MeansTable | None = None,
 ) -> Contribution:
-    """Return the `Contribution` of the roughness of a surface.
+    """Return the `Contribution` of one rough surface.
 
     Parameters
     ----------

@@ -40,7 +40,10 @@ _OTHER = {"lower": "upper", "upper": "lower"}
 
 
 class Coarse(NamedTuple):
-    """A scene on a coarse mesh with a tenth of the unknowns, without derivatives, to follow branches."""
+    """A scene on a coarse mesh, on which branches are followed.
+
+    The coarse mesh has about a tenth of the unknowns. Derivatives are stopped.
+    """
 
     roughness: Roughness
     diffusion: Diffusion  # from contact nodes to unknowns of the coarse mesh
@@ -49,7 +52,7 @@ class Coarse(NamedTuple):
 
 
 class Thermal(NamedTuple):
-    """Data of a scene for the computation of its temperatures."""
+    """Data for computing the temperatures of a heated scene."""
 
     heating: Heating
     bodies: tuple[Heating, ...]  # of every deformable solid, with its own properties
@@ -91,9 +94,9 @@ def prepare_thermal(
     ----------
     heating, scene : Heating and Scene
     roughness : Roughness
-    count : nodes of the sum over ln k
+    count : number of nodes of the sum over ln k
     coarse : Roughness on the coarse mesh; None if the heat does not depend on the temperature
-    coarse_count : nodes of the sum over ln k on the coarse mesh
+    coarse_count : number of nodes of the sum over ln k on the coarse mesh
     """
     bodies = {"lower": scene.lower, "upper": scene.upper}
     solids = [side for side, body in bodies.items() if body.material.deforms]
@@ -123,24 +126,26 @@ def prepare_thermal(
 
 
 def _index(values, one):
-    """Return the index of `one` among the values, or None."""
     return values.index(one) if one in values else None
 
 
 def unknowns(mesh: Mesh) -> jax.Array:
-    """Return the wavevectors whose temperature is unknown: the angular nodes and the largest [1/m]."""
+    """Return the wavevectors at which temperatures are unknown [1/m].
+
+    These wavevectors are the angular nodes and, at the end, the largest wavevector.
+    """
     return jnp.concatenate([mesh.angular_q.reshape(-1), mesh.last[None]])
 
 
 def without_derivatives(tree: _Tree) -> _Tree:
-    """Stop derivatives of the arrays of a tree; other leaves are unchanged."""
+    """Stop the derivatives of all JAX arrays in a tree, and keep other leaves unchanged."""
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.Array) else x, tree)
 
 
 def inner_temperatures(
     thermal: Thermal, mesh: Mesh, rises: jax.Array, background: jax.Array
 ) -> tuple[list[SurfaceTemperatures], jax.Array]:
-    """Return the temperatures inside the solids and at the largest wavevector, from the temperature rises.
+    """Return temperatures inside the solids and at the largest wavevector, given the temperature rises.
 
     Parameters
     ----------
@@ -150,8 +155,8 @@ def inner_temperatures(
 
     Returns
     -------
-    inside : temperatures of the solids of each rough surface [K]; each has shape (angular panels, points,
-        angular order)
+    inside : SurfaceTemperatures of each rough surface [K]
+        The shape is (angular panels, points, angular order) for a solid that deforms, otherwise (points,).
     flash : mean temperature of the deformable solids at the largest wavevector [K], shape (points,)
     """
     solids = len(thermal.exciting)
@@ -170,18 +175,21 @@ def inner_temperatures(
 def heat_balance(
     thermal: Thermal, roughness: Roughness, ready: Diffusion, points: HeatedPoints
 ) -> Callable[[jax.Array], jax.Array]:
-    """Return the map from temperature rises, at the unknowns of a mesh, to the rises from the resulting heat.
+    """Return the function from assumed temperature rises to the rises that the friction then causes.
+
+    The assumed rises belong to the unknowns of the mesh. The resulting rises belong to the target wavevectors
+    of `ready`.
 
     Parameters
     ----------
     thermal : Thermal
     roughness : on the mesh of the unknowns
-    ready : Diffusion from the contact nodes of this mesh to the wavevectors of the result
+    ready : Diffusion from the contact nodes of this mesh to the target wavevectors
     points : HeatedPoints
 
     Returns
     -------
-    function from (points, solids * unknowns) to (points, solids * targets) [K]
+    function from rises of shape (points, solids * unknowns) to rises of shape (points, solids * targets) [K]
     """
     velocity, pressure, background = points
     spread = _heat_kernels(thermal, ready, velocity)
@@ -199,11 +207,10 @@ def heat_balance(
 def heat_of(
     thermal: Thermal, roughness: Roughness, contact: Contact, points: HeatedPoints, surface: jax.Array
 ) -> jax.Array:
-    """Return the temperature rises [K] that a contact causes, as in `heat_balance`.
+    """Return the temperature rises [K] that the friction of a contact causes.
 
-    The shape is (points, solids * unknowns).
-
-    surface : temperature of the contact shear [K], shape (points,)
+    The result has the shape (points, solids * unknowns). `surface` is the temperature of the contact shear
+    [K], of shape (points,).
     """
     velocity, pressure, _ = points
     spread = _heat_kernels(thermal, thermal.diffusion, velocity)
@@ -218,7 +225,9 @@ def temperature_at(
     points: HeatedPoints,
     q: jax.Array,
 ) -> jax.Array:
-    """Return temperatures of the deformable solids at q, (points, solids, wavevectors) [K].
+    """Return the temperatures of the deformable solids at wavevectors q [K].
+
+    The result has the shape (points, solids, wavevectors).
 
     Parameters
     ----------
@@ -234,18 +243,20 @@ def temperature_at(
 
 
 def shear_temperature(heating: Heating, flash: jax.Array, background: jax.Array) -> jax.Array:
-    """Return the temperature of the contact shear [K]."""
+    """Return the temperature at which contact shear is evaluated [K]."""
     return flash if heating.shear_at == "flash" else background
 
 
 def _diffusion(mesh, targets, count):
-    """Return the `Diffusion` from the contact nodes to wavevectors."""
     ends = mesh.angular_q[0, 0], mesh.angular_q[-1, -1]
     return diffusion(mesh.q.reshape(-1), targets, ends, count)
 
 
 def _linear(nodes, targets):
-    """Return weights of linear interpolation between ascending nodes (constant beyond), (targets, nodes)."""
+    """Return weights of linear interpolation between ascending nodes, of shape (targets, nodes).
+
+    Beyond the first and the last node the interpolant is constant.
+    """
     index = jnp.clip(jnp.searchsorted(nodes, targets) - 1, 0, nodes.shape[0] - 2)
     share = jnp.clip((targets - nodes[index]) / (nodes[index + 1] - nodes[index]), 0.0, 1.0)[:, None]
     chosen = jax.nn.one_hot(index, nodes.shape[0], dtype=nodes.dtype)
@@ -253,7 +264,10 @@ def _linear(nodes, targets):
 
 
 def _heat_kernels(thermal: Thermal, ready: Diffusion, velocity: jax.Array) -> list[HeatKernel]:
-    """Return the `HeatKernel` of every deformable solid; equal solids share one."""
+    """Return the `HeatKernel` of every deformable solid.
+
+    Two solids share one kernel if they share one `Heating` object.
+    """
     found: list[HeatKernel] = []
     for i, heating in enumerate(thermal.bodies):
         same = i > 0 and heating is thermal.bodies[0]
@@ -262,7 +276,10 @@ def _heat_kernels(thermal: Thermal, ready: Diffusion, velocity: jax.Array) -> li
 
 
 def _rises(thermal, roughness, spread, contact, points):
-    """Return the temperature rises [K] from the heat of one contact, (points, solids, wavevectors)."""
+    """Return the temperature rises [K] from the friction of one contact.
+
+    The result has the shape (points, solids, wavevectors).
+    """
     heating, pressure = thermal.heating, points[1]
     # q_m is a panel border, so only whole panels lie before it.
     area = heating.area_fraction

@@ -71,7 +71,10 @@ class Prepared(NamedTuple):
 
     @property
     def roughness(self) -> Roughness:
-        """Return the rough surfaces; raise ValueError if no quantity is an integral over their roughness."""
+        """Return the rough surfaces.
+
+        A ValueError is raised if no prepared quantity is an integral over roughness.
+        """
         if self.integrated is None:
             raise ValueError("no prepared quantity is an integral over roughness")
         return self.integrated
@@ -120,7 +123,10 @@ def prepare(
 
 
 def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=None):
-    """Return the `Roughness` of a scene. `like` is its `Roughness` on another mesh, with tables to reuse."""
+    """Return the `Roughness` of a scene.
+
+    `like` is None, or the `Roughness` of the scene on another mesh, whose tables are reused.
+    """
     details = [surface.detail for surface in surfaces if surface.detail is not None]
     mesh = build_mesh(
         [surface.law for surface in surfaces],
@@ -156,7 +162,10 @@ def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=N
 
 
 def _tables_of(roughness, needs):
-    """Return the table of means of each contribution; None if it has no table with the needed means."""
+    """Return the `MeansTable` of each contribution.
+
+    An entry is None if the contribution has no table with the needed means.
+    """
     found = [one.stiffness for one in roughness.contributions]
     return tuple(
         one.stiffness
@@ -170,7 +179,10 @@ def _tables_of(roughness, needs):
 
 
 def _borders(scene, surfaces, asked):
-    """Return wavevectors that must be panel borders: macroasperities come first, requested borders last."""
+    """Return wavevectors that must be borders of panels, or None.
+
+    The wavevector of the macroasperities comes first, and the requested borders `asked` come last.
+    """
     borders = [] if scene.heating is None else [macroasperity(scene.heating)[None]]
     # Two solids with equal softening have the same knots.
     softened = {id(one.softening): one for one in surfaces[0].softenings}
@@ -182,7 +194,7 @@ def _borders(scene, surfaces, asked):
 def solved(
     prepared: Prepared, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None = None
 ) -> tuple[Contact, Temperatures | None]:
-    """Return the `Contact` at points and the `Temperatures` of a heated scene.
+    """Return the `Contact` at points, and the `Temperatures` if the scene is heated.
 
     Raises
     ------
@@ -207,7 +219,7 @@ def evaluate(
     points: Iterable[jax.Array],
     known: tuple[Contact, Temperatures | None] | None = None,
 ) -> dict[str, jax.Array]:
-    """Return quantities at points.
+    """Evaluate prepared quantities at points.
 
     Parameters
     ----------
@@ -253,7 +265,6 @@ def evaluate(
 
 
 def _integrated(contact, parts):
-    """Return, by name, the `parts` of the solution that are integrals over the wavevectors."""
     found = {"area": contact.area()} if "area" in parts else {}
     for name, kind in (("viscoelastic_friction", "mean_cos_loss"), ("transverse_friction", "mean_sin_loss")):
         if name in parts and (terms := contact.friction_terms(kind)):
@@ -269,7 +280,10 @@ def _integrated(contact, parts):
 
 
 def _constant(name, pressure):
-    """Return a quantity that is constant: full contact of smooth surfaces, or zero friction."""
+    """Return the value of a quantity that is constant in the scene.
+
+    `converged` is True, the area is 1 (full contact of smooth surfaces), and every other quantity is 0.
+    """
     if name == "converged":
         return jnp.ones_like(pressure, bool)
     return jnp.full_like(pressure, 1.0 if name == "area" else 0.0)

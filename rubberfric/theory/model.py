@@ -81,7 +81,7 @@ def friction(
     *,
     quadrature: Quadrature | None = None,
 ) -> jax.Array:
-    r"""Return the friction coefficient of steady sliding [Scaraggi & Persson, eq. (A17) over v sigma_0].
+    r"""Return the friction coefficient of steady sliding [Scaraggi & Persson, eq. (A17) / (v sigma_0)].
 
     .. math:: \mu = \frac{1}{\sigma_0} \int d^2q\, S P \sum_j C_j\, q \cos\varphi\,
               \mathrm{Im} K_j(q v \cos\varphi) \;[\,+\,\mu_\mathrm{con}\,]
@@ -106,10 +106,10 @@ def friction(
     The viscoelastic part is zero and not computed if no rough solid faces a viscoelastic one
     (Cases II, III).
 
-    Friction of the theory over friction of boundary elements is 0.5 in slow sliding to 1.7 in fast sliding,
-    and 0.85 to 1.25 at heavy load, for rubber-like solids with `area_correction`. The values of the paper's
-    theory are a quarter smaller (notebooks/boundary_elements.md; `rubberfric.analysis.theory_error`
-    for a scene).
+    For rubber-like solids with `area_correction`, friction divided by the friction of boundary elements is
+    0.5 in slow sliding, 1.7 in fast sliding, and 0.85 to 1.25 at heavy load. The values of the paper's theory
+    are a quarter smaller (notebooks/boundary_elements.md). `rubberfric.analysis.theory_error` estimates the
+    error for a scene.
     """
     return _alone("friction", scene, velocity, pressure, temperature, quadrature)
 
@@ -152,7 +152,6 @@ def separation(
 
 
 def _alone(name, scene, velocity, pressure, temperature, quadrature):
-    """Return one quantity from `solve`."""
     found = solve(scene, velocity, pressure, temperature, quadrature=quadrature, quantities=(name,))
     return getattr(found, name)
 
@@ -175,12 +174,12 @@ def solve(
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
     quadrature : Quadrature, static, or None; see `contact_area`
     quantities : names of the quantities to compute
-        "area", "friction", "separation"; the parts of the friction, "viscoelastic_friction" and
-        "shear_friction"; "transverse_friction", the force on the lower solid 90 degrees to the left of
-        positive velocities, which anisotropic roughness causes (if it is negative, the upper solid is
-        pushed to the left); for a heated scene "flash_temperature", at the largest wavevector, and
-        "converged", False where the temperatures are a last iterate instead of a solution. With adhesion
-        "converged" applies to the areas.
+        "area", "friction" and "separation" are the three basic quantities. "viscoelastic_friction" and
+        "shear_friction" are the two parts of the friction. "transverse_friction" is the force on the lower
+        solid 90 degrees to the left of positive velocities, which anisotropic roughness causes. If this force
+        is negative, the upper solid is pushed to the left. "flash_temperature" is the temperature of a heated
+        scene at the largest wavevector. "converged" is False where the temperatures of a heated scene, or
+        the areas with adhesion, are a last iterate instead of a solution.
     compiler_options : of XLA, as for jax.jit, or None
         Not allowed within a transformation. The compiled function is not kept for other calls.
 
@@ -215,7 +214,6 @@ def solve(
 
 
 def _compute(options, quadrature, quantities, *arguments):
-    """Call `_solve`, compiled with the options if given."""
     if options is None:
         return _solve(*arguments, quadrature=quadrature, quantities=quantities)
     lowered = _solve.lower(*arguments, quadrature=quadrature, quantities=quantities)

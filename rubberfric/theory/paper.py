@@ -30,7 +30,10 @@ from rubberfric.theory.quantities import Solution
 
 
 class Nodes(NamedTuple):
-    """Nodes and weights of the integrals, the same for every piece of ln q between two kinks of spectra."""
+    """Nodes and weights of the integrals.
+
+    Every piece of ln q between two kinks of the spectra has the same nodes.
+    """
 
     y: np.ndarray  # ln q = ln q_left + (ln q_right - ln q_left) y, shape (n,)
     dy: np.ndarray  # weights of the integral over a piece, shape (n,)
@@ -79,7 +82,10 @@ def trapezoid_nodes(n_q: int, n_phi: int) -> Nodes:
 
 
 def covers(scene: Scene) -> bool:
-    """Return True if the scene has nothing beyond isotropic roughness, slabs, contact shear and S in G."""
+    """Return True if `solve` of this module covers the scene.
+
+    The scene may have isotropic roughness, half-spaces, slabs, contact shear and S in G, and nothing else.
+    """
     bodies = scene.lower, scene.upper
     slabs = all(isinstance(body.layer, Slab | None) for body in bodies)
     isotropic = not any(body.spectrum is not None and body.spectrum.harmonic_count() for body in bodies)
@@ -157,12 +163,18 @@ def _integrals(gamma, S_in_G, rough, nodes, v, sigma_0, T):
 
 
 def M_j(body: Body, q: jax.Array, omega: jax.Array | None, T: jax.Array | None) -> jax.Array | float:
-    """Return the compliance M_j(q, omega) of one solid [m/Pa]; omega None stands for 0."""
+    """Return the compliance M_j(q, omega) of one solid [m/Pa].
+
+    `omega` None stands for omega = 0.
+    """
     return 2 / (q * E_r(body.material, omega, T) * S_bar(body, q)) if body.material.deforms else 0.0  # (A10)
 
 
 def E_r(material: Material, omega: jax.Array | None, T: jax.Array | None) -> jax.Array:
-    """Return E / (1 - nu^2) [Pa] at omega of any sign [rad/s]; omega None stands for 0."""
+    """Return E / (1 - nu^2) [Pa].
+
+    `omega` may have any sign [rad/s]. `omega` None stands for omega = 0.
+    """
     if omega is None:
         E = apply_vertical_shift(material.static_modulus(), material.shift, T)
     else:
@@ -173,7 +185,10 @@ def E_r(material: Material, omega: jax.Array | None, T: jax.Array | None) -> jax
 
 
 def S_bar(body: Body, q: jax.Array) -> jax.Array | float:
-    """Return the stiffness of a slab relative to a half-space [-], as given below (A10)."""
+    """Return the stiffness of a slab divided by the stiffness of a half-space [-].
+
+    The formula stands below eq. (A10). The result is 1 for a half-space.
+    """
     if not isinstance(slab := body.layer, Slab):
         return 1.0
     x, nu = jnp.minimum(q * slab.thickness, 60.0), poisson_of(body.material)  # 1 + 1e-50 from 60 on
@@ -184,7 +199,7 @@ def S_bar(body: Body, q: jax.Array) -> jax.Array | float:
 
 
 def S(P: jax.Array, gamma: jax.Array) -> jax.Array:
-    """Return the elastic energy factor [-]."""
+    """Return the elastic energy factor S(P) [-]."""
     return gamma + (1 - gamma) * P**2  # (14)
 
 

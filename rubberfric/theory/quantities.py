@@ -14,7 +14,7 @@ Values = jax.Array | np.ndarray
 
 
 class Solution(NamedTuple):
-    """Results of `solve`; quantities that were not requested are None."""
+    """Results of `solve`. Quantities that were not requested are None."""
 
     area: Values | None = None  # A/A0 [-]
     friction: Values | None = None  # mu, the sum of its two parts below [-]
@@ -27,7 +27,7 @@ class Solution(NamedTuple):
 
 
 def quantity_parts(quantities: Iterable[str]) -> set[str]:
-    """Return the quantities, with the friction replaced by its two parts."""
+    """Return the set of quantities, with "friction" replaced by its two parts."""
     parts = set(quantities)
     if "friction" in parts:
         parts = parts - {"friction"} | {"viscoelastic_friction", "shear_friction"}
@@ -35,7 +35,10 @@ def quantity_parts(quantities: Iterable[str]) -> set[str]:
 
 
 def quantities_of(scene: Scene) -> tuple[str, ...]:
-    """Return all quantities of a scene: three basic ones, and the quantities of its optional parts."""
+    """Return the names of all quantities that a scene has.
+
+    The names are the three basic quantities and the quantities of optional parts of the scene.
+    """
     names: list[str] = list(QUANTITIES)
     if scene.shear is not None:
         names += ["viscoelastic_friction", "shear_friction"]
@@ -54,7 +57,7 @@ def iterates(scene: Scene) -> bool:
 
 
 def iterated(scene: Scene) -> str:
-    """Return the name of the iterated quantity: temperatures or contact areas."""
+    """Return the name of the iterated quantity: "temperatures" in a heated scene, otherwise "areas"."""
     return "areas" if scene.heating is None else "temperatures"
 
 

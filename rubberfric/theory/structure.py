@@ -19,7 +19,10 @@ from rubberfric.theory.quantities import quantity_parts
 
 @dataclasses.dataclass(frozen=True)
 class RequiredMeans:
-    """Means that are integrated over the roughness. False stands for means that are not needed or zero."""
+    """Means that are integrated over the roughness.
+
+    A field is False if the mean is not needed or is zero.
+    """
 
     mean_abs2: bool = False  # <|K|^2>, and so G(q)
     area: bool = False  # P with S in G, if the scene has it
@@ -33,13 +36,13 @@ class RequiredMeans:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Return the names of the means over the direction of sliding that are needed."""
+        """Return the names of the needed means over the direction of sliding."""
         kinds = ("mean_abs2", "mean_cos_loss", "mean_storage", "mean_sin_loss")
         return tuple(kind for kind in kinds if getattr(self, kind))
 
     @property
     def everywhere(self) -> bool:
-        """Return True if G is needed at every wavevector, not only at the largest."""
+        """Return True if G is needed at every wavevector, not only at the largest one."""
         return self.mean_cos_loss or self.mean_storage or self.mean_sin_loss
 
 
@@ -108,7 +111,7 @@ class RoughSurface(NamedTuple):
 
     @property
     def softenings(self) -> list[Softened]:
-        """Return the softening of the solids that soften."""
+        """Return the softening of each solid that softens."""
         return [one for one in (self.softened, self.softened_rough) if one is not None]
 
     @property
@@ -119,7 +122,7 @@ class RoughSurface(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Structure:
-    """Parts of a scene, and the means that its quantities need. A structure contains no numbers."""
+    """Parts of a scene, and the means that the quantities need. A structure contains no numbers."""
 
     needs: RequiredMeans  # empty for quantities that are constant in the scene
     rough: bool  # True if a surface is rough
@@ -129,7 +132,7 @@ class Structure:
 
     @classmethod
     def of(cls, scene: Scene, quantities: Iterable[str]) -> "Structure":
-        """Return the structure of a scene for the computation of `quantities`, fields of `Solution`."""
+        """Return the structure of a scene for given quantities, which are fields of `Solution`."""
         facing = ((scene.lower.spectrum, scene.upper), (scene.upper.spectrum, scene.lower))
         strained = [(spectrum, other) for spectrum, other in facing if spectrum is not None]
         relaxing = [spectrum for spectrum, other in strained if relaxes(other)]
@@ -155,7 +158,10 @@ class Structure:
 
 
 def rough_surfaces_of(scene: Scene) -> tuple[RoughSurface, ...]:
-    """Return the rough surfaces of a scene, the lower solid first."""
+    """Return the rough surfaces of a scene.
+
+    The roughness of the lower solid comes first.
+    """
     found: list[tuple[Body, Body, str, Spectrum, BrokenPowerLaw]] = []
     for side, rough, strained in (("upper", scene.lower, scene.upper), ("lower", scene.upper, scene.lower)):
         if rough.spectrum is not None:
@@ -170,7 +176,6 @@ def rough_surfaces_of(scene: Scene) -> tuple[RoughSurface, ...]:
 
 
 def _surface(rough: Body, strained: Body, side, spectrum: Spectrum, law, softened, softened_rough):
-    """Return the `RoughSurface` of a rough body and the body that it strains."""
     material, layer = strained.material, strained.layer
     relaxing, both = relaxes(strained), rough.material.deforms
     coated = layer is not None and not layer.multiplies

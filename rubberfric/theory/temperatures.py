@@ -60,7 +60,10 @@ class Rises(NamedTuple):
 def solve_temperatures(
     thermal: Thermal, roughness: Roughness, velocity: jax.Array, pressure: jax.Array, background: jax.Array
 ) -> Temperatures:
-    """Return the `Temperatures` of a heated scene at points; conditions have the shape (points,)."""
+    """Return the `Temperatures` of a heated scene at points.
+
+    The conditions have the shape (points,).
+    """
     points = velocity, pressure, background
     heat = heat_balance(thermal, roughness, thermal.diffusion, points)
     if thermal.coarse is None:
@@ -74,7 +77,7 @@ def solve_temperatures(
 
 
 def preconditioner(thermal: Thermal, found: Rises) -> Inverse:
-    """Return the `Inverse` that serves as preconditioner of the heat balance near given `Rises`."""
+    """Return the `Inverse` that preconditions the heat balance near given `Rises`."""
     assert thermal.coarse is not None
     return Inverse(found.left, _hats(thermal, thermal.coarse)[0])
 
@@ -82,19 +85,25 @@ def preconditioner(thermal: Thermal, found: Rises) -> Inverse:
 def temperatures_of(
     thermal: Thermal, roughness: Roughness, rises: jax.Array, background: jax.Array, converged: jax.Array
 ) -> Temperatures:
-    """Return the `Temperatures` from rises at the unknowns, shape (points, unknowns) [K]."""
+    """Return the `Temperatures` that belong to given temperature rises at the unknowns.
+
+    `rises` has the shape (points, unknowns) [K].
+    """
     inside, flash = inner_temperatures(thermal, roughness.mesh, rises, background)
     surface = shear_temperature(thermal.heating, flash, background)
     return Temperatures(thermal, inside, flash, surface, converged)
 
 
 def _size(thermal, roughness):
-    """Return the number of unknowns per point on a mesh."""
     return len(thermal.exciting) * (roughness.mesh.angular_q.size + 1)
 
 
 def solve_rises(thermal: Thermal, roughness: Roughness, points: HeatedPoints) -> Rises:
-    """Return the `Rises` of a scene: follow the branch on the coarse mesh, and refine its end."""
+    """Solve for the temperature rises of a scene.
+
+    The branch is followed on the coarse mesh, and the end of the branch is refined on the fine mesh. Where
+    the refinement fails, the branch is followed on the fine mesh.
+    """
     thermal, roughness, points = without_derivatives((thermal, roughness, points))
     targets = jnp.log(jnp.maximum(jnp.abs(points[0]), _REST))
     coarse = thermal.coarse
@@ -125,8 +134,6 @@ def solve_rises(thermal: Thermal, roughness: Roughness, points: HeatedPoints) ->
 
 
 def _residual(thermal, roughness, ready, points):
-    """Return the residual of the heat balance as a function of ln v and rises."""
-
     def residual(log_v, rises):
         at = (jnp.exp(log_v), *points[1:])
         return heat_balance(thermal, roughness, ready, at)(rises) - rises
@@ -139,9 +146,10 @@ def _direction(thermal):
 
 
 def _begin(thermal, points):
-    r"""Return ln v where the branches through points begin.
+    r"""Return ln v at which the branches through the points begin.
 
-    At low velocity the solids are nearly cold. With mu < 1, the temperature of no scale rises by more than
+    Branches from high velocities begin at `_FAST`. Branches from low velocities begin where the solids are
+    nearly cold: with mu < 1, no temperature rises by more than `_COLD`. The bound on the rise is
 
     .. math:: \frac{2\sigma_0}{\pi P_m \rho c_p} \int_0^\infty dk\,\frac{v (1 - e^{-D k^2 R/v})}{D k^2}
               = \frac{2\sigma_0}{P_m \rho c_p} \sqrt{\frac{v R}{\pi D}}
@@ -161,14 +169,13 @@ def _begin(thermal, points):
 
 
 def _before(thermal, log_v, targets):
-    """Return ln v where a branch begins: at `log_v`, or at the target if the target lies before `log_v`."""
     return jnp.minimum(log_v, targets) if _direction(thermal) > 0 else jnp.maximum(log_v, targets)
 
 
 def _places(thermal, points, targets):
-    """Return, for each target, the last position before this target on the branch of the coarse mesh.
+    """Follow the branches on the coarse mesh, and return the last position before each target.
 
-    Points with equal pressure and background share a branch.
+    Points with equal pressure and background temperature share a branch.
     """
     coarse, direction = thermal.coarse, _direction(thermal)
     _, pressure, background = points
@@ -193,7 +200,7 @@ def _places(thermal, points, targets):
 
 
 def _refined(thermal, roughness, points, guess, arrived):
-    """Return the `Rises` on the fine mesh, given rises on the coarse mesh."""
+    """Refine temperature rises from the coarse mesh, and return the `Rises` on the fine mesh."""
     coarse = thermal.coarse
     restrict, along, at = _hats(thermal, coarse)
     prolong = heat_balance(thermal, coarse.roughness, coarse.prolonged, points)
@@ -212,7 +219,11 @@ def _refined(thermal, roughness, points, guess, arrived):
 
 
 def _hats(thermal, coarse):
-    """Return the restriction to a few coarse unknowns, their hat functions, and their indices."""
+    """Return data of a few selected unknowns of the coarse mesh, as (restriction, hats, indices).
+
+    The restriction is a matrix from fine unknowns to the selected unknowns. The hats are hat functions on the
+    coarse mesh, one row for each selected unknown.
+    """
     solids = len(thermal.exciting)
     size = _size(thermal, coarse.roughness) // solids
     some = np.unique(np.linspace(0, size - 1, min(size, _HATS)).round().astype(int))

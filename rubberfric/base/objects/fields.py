@@ -8,8 +8,8 @@
         E: Vector = leaf(NONNEGATIVE, unit="Pa")
         shift: Shift | None = child(default=None)
 
-The annotation gives the dimensions of numbers, the values of an option, or the class of objects. `leaf`,
-`static` and `child` give the rest.
+The annotation gives the number of dimensions, the values of an option, or the class of an object. `leaf`,
+`static` and `child` give the other properties of a field.
 """
 
 import dataclasses
@@ -24,10 +24,10 @@ from rubberfric.base.checks import FINITE, Rule, as_leaf, check_values, shown
 
 
 class Number:
-    """Annotation of a field: any number, read as an array without dimensions.
+    """Annotation of a field that holds one number.
 
     Type checkers see the type that the constructor accepts (`__set__`) and the type of the attribute
-    (`__get__`). A plain number stays weakly typed.
+    (`__get__`). A Python number stays weakly typed.
     """
 
     ndim: ClassVar[int] = 0
@@ -37,7 +37,7 @@ class Number:
 
 
 class OptionalNumber:
-    """Annotation of a field: any number, or None."""
+    """Annotation of a field that holds one number or None."""
 
     ndim: ClassVar[int] = 0
 
@@ -46,7 +46,10 @@ class OptionalNumber:
 
 
 class Vector:
-    """Annotation of a field: an array of one dimension, or a list of numbers."""
+    """Annotation of a field that holds an array of one dimension.
+
+    The constructor also accepts a list of numbers.
+    """
 
     ndim: ClassVar[int] = 1
 
@@ -55,7 +58,10 @@ class Vector:
 
 
 class Matrix:
-    """Annotation of a field: an array of two dimensions, or a list of lists of numbers."""
+    """Annotation of a field that holds an array of two dimensions.
+
+    The constructor also accepts a list of lists of numbers.
+    """
 
     ndim: ClassVar[int] = 2
 
@@ -65,7 +71,7 @@ class Matrix:
 
 @dataclasses.dataclass(frozen=True)
 class Leaf:
-    """A field with numbers, which have gradients."""
+    """Description of a field that holds numbers, with respect to which JAX can differentiate."""
 
     rule: Rule
     unit: str  # "-" without one
@@ -79,14 +85,17 @@ class Leaf:
 
 @dataclasses.dataclass(frozen=True)
 class Static:
-    """A field that is part of the structure; if it changes, jitted functions are traced again."""
+    """Description of a field that is part of the structure of an object.
 
-    choices: tuple = ()  # none: any number
+    If the value of the field changes, jitted functions are traced again.
+    """
+
+    choices: tuple = ()  # if empty, any number is allowed
 
 
 @dataclasses.dataclass(frozen=True)
 class Child:
-    """A field with another physical object."""
+    """Description of a field that holds another physical object."""
 
     hint: str
     unnamed: str | None
@@ -107,38 +116,46 @@ def leaf(
     over: str | None = None,
     default: Any = dataclasses.MISSING,
 ) -> Any:
-    """Return a field of numbers, annotated as Number, OptionalNumber, Vector or Matrix.
+    """Return a field of numbers, which is annotated as Number, OptionalNumber, Vector or Matrix.
 
     Parameters
     ----------
     rule : condition on every element
     unit : SI unit, "-" without one
-    plausible : lowest and highest plausible magnitude; a number outside is probably in another unit
+    plausible : lowest and highest plausible magnitude. A number outside is probably in another unit.
     plus : field whose elements are added before the comparison with `plausible`
     column : column of the CSV file from which the field is read
-    over : field of equal length with the abscissae of a vector: "tau" for E over tau
+    over : name of the field with the abscissae of a vector, such as "tau" for E over tau
     default : as in a dataclass
     """
     return _field(Leaf(rule, unit, plausible, plus, column, over), default)
 
 
 def static(*, default: Any = dataclasses.MISSING) -> Any:
-    """Return a static field: one of a few values if annotated as Literal or bool, or any float."""
+    """Return a static field.
+
+    The annotation Literal or bool allows a few values. The annotation float allows any number.
+    """
     return _field(Static(), default)
 
 
 def setting(*, default: Any) -> Any:
-    """Return a static field that controls how a scene is computed; files do not contain it."""
+    """Return a static field that controls how a scene is computed.
+
+    Scene files do not contain the field.
+    """
     return dataclasses.field(default=default, metadata={"setting": True})
 
 
 def child(*, hint: str = "", unnamed: str | None = None, default: Any = dataclasses.MISSING) -> Any:
-    """Return a field with an object of the annotated class or a subclass; "| None" allows None.
+    """Return a field that holds an object of the annotated class or a subclass.
+
+    The annotation "| None" also allows None.
 
     Parameters
     ----------
-    hint : end of the message for an object of another class
-    unnamed : kind of the object if its table in a file has no key `kind`
+    hint : end of the error message for an object of another class
+    unnamed : kind of the object if its table in a scene file has no key `kind`
     default : as in a dataclass
     """
     return _field(Child(hint, unnamed), default)
@@ -149,7 +166,7 @@ def _field(meaning, default):
 
 
 def meaning_of(cls: type, field: dataclasses.Field) -> Meaning:
-    """Return the description of a field, completed by its annotation."""
+    """Return the description of a field, completed with the information in the annotation."""
     meaning, annotation = field.metadata.get("meaning"), field.type
     if isinstance(annotation, str):
         annotation = get_type_hints(cls)[field.name]
@@ -170,7 +187,10 @@ def meaning_of(cls: type, field: dataclasses.Field) -> Meaning:
 
 
 def checked(where: str, value: Any, field: Meaning) -> Any:
-    """Return the checked and converted value of a field; ValueError for an invalid value."""
+    """Check and convert the value of a field.
+
+    A ValueError is raised for an invalid value. The message begins with `where`.
+    """
     if isinstance(field, Leaf):
         if value is None and field.optional:
             return None

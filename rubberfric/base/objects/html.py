@@ -1,6 +1,7 @@
-"""HTML tables for notebooks: escaped text without scripts or external content.
+"""HTML tables for notebooks, without scripts or external content.
 
-Nothing is computed. Tracers are labelled; arrays show first and last entries.
+All text is escaped, and nothing is computed. Tracers are labelled as traced. Arrays show their first and last
+elements.
 """
 
 import html
@@ -18,7 +19,10 @@ _LEFT = "text-align:left"
 
 
 def table(rows: Sequence[Sequence[str] | str], headings: Sequence[str] = (), caption: str = "") -> str:
-    """Return a table of texts; a row given as a single string spans all columns."""
+    """Return an HTML table of texts.
+
+    A row that is a single string spans all columns.
+    """
     columns = max([len(headings), *(len(row) for row in rows if not isinstance(row, str))])
     lines = [f"<caption style='{_LEFT}'><b>{html.escape(caption)}</b></caption>"] * bool(caption)
     lines += [_row("th", headings)] * bool(headings)
@@ -28,17 +32,21 @@ def table(rows: Sequence[Sequence[str] | str], headings: Sequence[str] = (), cap
 
 
 def folded(summary: str, content: str) -> str:
-    """Return content that is shown by a click on its summary."""
+    """Return HTML that shows the content after a click on the summary."""
     return f"<details><summary>{html.escape(summary)}</summary>\n{content}\n</details>"
 
 
 def preformatted(text: str) -> str:
-    """Return preformatted text."""
+    """Return an HTML element with preformatted text."""
     return f"<pre>{html.escape(text)}</pre>"
 
 
 def short(value: Any) -> str:
-    """Return a value as short text: numbers with six digits, arrays with first and last element and shape."""
+    """Return a short text for a value.
+
+    Numbers have six digits. A vector of at most three elements shows all elements. A larger array shows the
+    first element, the last element and the shape.
+    """
     if isinstance(value, Tracer):
         return f"traced, {value.dtype}" + f" ({count(value.shape)})" * (value.ndim > 0)
     if isinstance(value, str | bool):
@@ -54,7 +62,7 @@ def short(value: Any) -> str:
 
 
 def with_unit(text: str, unit: str) -> str:
-    """Insert the unit into the text of a number or array."""
+    """Insert a unit into the text that `short` returns for a number or an array."""
     if unit in ("", "-") or text.startswith(("traced", "empty")):
         return text
     number, bracket, count = text.partition(" (")
@@ -62,7 +70,7 @@ def with_unit(text: str, unit: str) -> str:
 
 
 def count(shape: tuple[int, ...]) -> str:
-    """Return the shape of an array as text."""
+    """Return the shape of an array as text, such as "3 x 2"."""
     return " x ".join(map(str, shape))
 
 

@@ -1,7 +1,8 @@
-"""Key paths such as "upper.material.E[3]" name numbers of a physical object.
+"""Key paths such as "upper.material.E[3]", which name numbers of a physical object.
 
-A key path has the names of fields joined by dots. Brackets after an array select an element, counted from 0,
-or from the end if negative. "[1:3]" selects the elements 1 and 2.
+A key path consists of names of fields joined by dots. Brackets after an array select an element. Elements are
+counted from 0, or from the end if the number in the brackets is negative. "[1:3]" selects the elements 1 and
+2.
 """
 
 import re
@@ -25,17 +26,18 @@ class KeyPath(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Return the path without its brackets."""
+        """Return the key path without the brackets."""
         return ".".join(self.names)
 
     def elements(self, shape: tuple[int, ...]) -> tuple[int, ...] | None:
-        """Return the selected elements along the first axis of an array, counted from 0.
+        """Return the indices that the key path selects along the first axis of an array.
 
-        The result is all elements if the path has no brackets, and None for a single number.
+        The indices are counted from 0. If the key path has no brackets, all indices are returned. If the
+        array is a single number, the result is None.
 
         Raises
         ------
-        ValueError : there are no such elements.
+        ValueError : the array has no such elements.
         """
         if not shape:
             if self.index is not None:
@@ -58,7 +60,7 @@ class KeyPath(NamedTuple):
 
 
 def parse_key_path(path: str) -> KeyPath:
-    """Parse a key path; ValueError if it is invalid."""
+    """Parse a key path, or raise ValueError if the key path is invalid."""
     match = _PATH.fullmatch(path) if isinstance(path, str) else None
     if match is None:
         raise ValueError(f'{path!r}: must be a key path like "upper.material.E" or "upper.material.E[3]"')
@@ -67,7 +69,7 @@ def parse_key_path(path: str) -> KeyPath:
 
 
 def with_elements(path: KeyPath, array: Any, new: Any) -> jax.Array:
-    """Return an array with new numbers in the elements that a key path selects."""
+    """Return a copy of an array with new numbers in the elements that a key path selects."""
     if not isinstance(array, jax.Array | float):
         raise ValueError(f"{path.text!r}: {path.name} = {shown(array)} is not an array; leave [ ] out")
     array = jnp.asarray(array)

@@ -1,8 +1,8 @@
 """Physical objects as frozen dataclasses that jit, grad and vmap can rebuild.
 
 `jax.tree_util.register_dataclass` rebuilds objects through their constructor, whose checks would reject
-gradients (a negative "modulus") and vmap's axis markers. Here the constructor checks and converts, and
-rebuilding bypasses it.
+gradients (a negative "modulus") and vmap's axis markers. In this module the constructor checks and
+converts values, and JAX rebuilds objects without the constructor.
 """
 
 import dataclasses
@@ -34,7 +34,10 @@ _NOT_GIVEN: Any = object()
 
 
 class PhysicalObject:
-    """Base class of the parts of scenes, which `physical` makes frozen dataclasses and JAX pytrees."""
+    """Base class of the parts of scenes.
+
+    The decorator `physical` makes the subclasses frozen dataclasses and JAX pytrees.
+    """
 
     # Keys of a scene file that replace a field; the class method from_KEY accepts them.
     alternatives: ClassVar[Mapping[str, str]] = {}
@@ -57,16 +60,21 @@ class PhysicalObject:
             _check_rising(self, [part for part in chain if is_concrete(getattr(self, part[0]))])
 
     def _check(self) -> None:
-        """Raise ValueError for incompatible fields; called after each field was checked."""
+        """Raise ValueError if fields are incompatible.
+
+        Subclasses override this method. The constructor calls it after it has checked each field.
+        """
 
     def doubts(self) -> list[str]:
-        """Return warnings about implausible combinations of concrete numbers."""
+        """Return warnings about implausible combinations of numbers."""
         return []
 
     def replace(
         self, paths: str | Mapping[str, Any] | None = None, value: Any = _NOT_GIVEN, /, **fields: Any
     ) -> Self:
-        """Return a copy with new values, checked as in the constructor; values may be traced.
+        """Return a copy with new values, which are checked as in the constructor.
+
+        The new values may be traced.
 
         ::
 
@@ -77,14 +85,14 @@ class PhysicalObject:
         Parameters
         ----------
         paths : a key path, or a dict from key paths to values
-            Elements of an array, such as "E[3]" or "E[1:3]", take one number or one for each element. All
-            values are changed before the checks.
+            A path to elements of an array, such as "E[3]" or "E[1:3]", takes one number, or one number for
+            each element. All values are changed before the checks.
         value : value for a single key path
         fields : values of fields of this object
 
         Raises
         ------
-        ValueError : an unknown path, or a value that a constructor refuses; the message names the path.
+        ValueError : a path is unknown, or a constructor refuses a value. The message names the path.
         """
         if isinstance(paths, str) != (value is not _NOT_GIVEN):
             raise TypeError(
@@ -95,15 +103,14 @@ class PhysicalObject:
         return _replaced(self, "", [(path, path.names, new) for path, new in changes])
 
     def _repr_html_(self) -> str:
-        """Return a table for notebooks."""
         return object_html(self)
 
 
 class Kind(PhysicalObject):
     """Base class of objects that can be of several kinds, such as materials and spectra.
 
-    A subclass without fields, such as `Material` or `Spectrum`, is a role and defines the methods. Its
-    subclasses are the kinds of the role.
+    A subclass without fields, such as `Material` or `Spectrum`, is a role and defines the methods. The
+    subclasses of a role are its kinds.
     """
 
     # Name in scene files; by default PronyShear is "prony_shear".
@@ -115,21 +122,21 @@ class Kind(PhysicalObject):
             cls.file_kind = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", cls.__name__).lower()
 
     def padded(self) -> Self:
-        """Return the object with a concrete table padded by neutral entries to a standard length.
+        """Return an equivalent object whose table is padded to a standard length.
 
-        Tables that are padded to the same length share compiled functions. Derivatives with respect to the
-        entries may be lost, so use it only for constant tables.
+        The added entries do not change results. Objects whose tables have the same length share compiled
+        functions. Derivatives with respect to the entries may be lost, so use this method only for constant
+        tables.
         """
         return self
 
 
 def object_html(value: PhysicalObject) -> str:
-    """Return a table with the key path and value of every number of an object."""
+    """Return an HTML table with the key path and value of every number of an object."""
     return table(_rows(value, ""), ("key path", "value"), type(value).__name__)
 
 
 def _rows(value, path):
-    """Return (key path, text) for every field and nested field."""
     rows = []
     for name in fields_of(type(value)):
         content, here = getattr(value, name), path + name
@@ -147,35 +154,38 @@ _T = TypeVar("_T", bound=PhysicalObject)
 
 
 def kinds(role: type[_T]) -> dict[str, type[_T]]:
-    """Return the classes of a role by name, in the order of their definition."""
+    """Return a dict from name to class of all classes of a role, in the order of their definition."""
     return {name: cls for name, cls in _CLASSES.items() if issubclass(cls, role)}
 
 
 def forget(cls: type[PhysicalObject]) -> None:
-    """Unregister a class from its role."""
+    """Remove a class from the classes that `kinds` returns."""
     if _CLASSES.get(cls.__name__) is cls:
         del _CLASSES[cls.__name__]
 
 
 def check_kind(name: str, value: object, role: type[PhysicalObject], without: Sequence[type] = ()) -> None:
-    """Raise ValueError unless a value belongs to a role and to none of the classes `without`."""
+    """Raise ValueError unless a value is an object of a role, and not of one of the classes `without`."""
     if not isinstance(value, role) or isinstance(value, tuple(without)):
         allowed = [kind for kind, cls in kinds(role).items() if cls not in without]
         raise ValueError(f"{name} is a {type(value).__name__}: must be {either(allowed)}")
 
 
 def fields_of(cls: type[PhysicalObject]) -> Mapping[str, Meaning]:
-    """Return the descriptions of the fields of a physical class, by name and in order."""
+    """Return a mapping from name to description of the fields of a physical class, in order."""
     return cls._meanings
 
 
 def leaves_of(cls: type[PhysicalObject]) -> dict[str, Leaf]:
-    """Return the descriptions of the fields that hold numbers, by name."""
+    """Return a dict from name to description of the fields that hold numbers."""
     return {name: field for name, field in fields_of(cls).items() if isinstance(field, Leaf)}
 
 
 def parts_of(part: PhysicalObject, path: str = "") -> Iterator[tuple[str, PhysicalObject]]:
-    """Yield (key path, object) for an object with a given path and for all objects in it."""
+    """Yield (key path, object) for an object and for all objects inside it.
+
+    `path` is the key path of the outer object.
+    """
     yield path, part
     for name in fields_of(type(part)):
         value = getattr(part, name)
@@ -184,7 +194,10 @@ def parts_of(part: PhysicalObject, path: str = "") -> Iterator[tuple[str, Physic
 
 
 def rising_of(part: PhysicalObject) -> list[list[tuple[str, tuple[int, ...] | None]]]:
-    """Return every chain of `rising` as (field, element indices); the indices of a scalar are None."""
+    """Return the chains of `rising`, each as a list of (field name, element indices).
+
+    The indices are None if the field is a single number. Fields that are None are left out.
+    """
     chains = [[parse_key_path(text) for text in chain] for chain in type(part).rising]
     return [
         [
@@ -197,14 +210,19 @@ def rising_of(part: PhysicalObject) -> list[list[tuple[str, tuple[int, ...] | No
 
 
 def unit_of(cls: type[PhysicalObject], name: str) -> str:
-    """Return the unit of the numbers in a field: "-" if they have none, "" if the field has no numbers."""
+    """Return the unit of the numbers in a field.
+
+    The unit is "-" for numbers without a unit, and "" if the field holds no numbers.
+    """
     field = fields_of(cls)[name]
     return field.unit if isinstance(field, Leaf) else ""
 
 
 @dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(leaf, static, setting, child))
 def physical(cls: type[_T]) -> type[_T]:
-    """Make a class a frozen dataclass and a pytree whose constructor checks the fields; a class decorator.
+    """Make a class a frozen dataclass and a JAX pytree, as a class decorator.
+
+    The constructor of the class checks the fields.
 
     Raises
     ------
@@ -231,7 +249,6 @@ def _check_child(where, value, field):
 
 
 def _check_rising(owner, chain):
-    """Raise ValueError if a number of a chain is smaller than the previous one."""
     if not chain:
         return
     fields = [np.atleast_1d(np.asarray(getattr(owner, name))) for name, _ in chain]
@@ -270,9 +287,10 @@ def _register_pytree(cls):
 
 
 def _replaced(owner, where, changes):
-    """Return a copy of `owner` with changes; `where` is the key path of `owner`.
+    """Return a copy of `owner` with new values.
 
-    A change is a tuple (key path, names below `owner`, new value).
+    `where` is the key path of `owner`. `changes` is a list of tuples (key path, field names below `owner`,
+    new value).
     """
     values = {name: getattr(owner, name) for name in (*fields_of(type(owner)), *owner._settings)}
     by_field: dict[str, list] = {}

@@ -1,7 +1,8 @@
-"""The command `rubberfric explore`: serve the page of a scene until a signal ends it.
+"""The command `rubberfric explore`, which serves the page of a scene until a signal ends the command.
 
-The page offers two downloads, the present scene and a fit that begins there. Their files lie in one folder
-and contain no paths of this machine; several files make a ZIP archive. The command writes no file.
+The page offers two downloads: the present scene, and a fit that begins at the present scene. The downloaded
+files lie in one folder and contain no paths of this machine. Several files are packed into a ZIP archive. The
+command writes no file.
 """
 
 import argparse
@@ -40,12 +41,12 @@ class Download(NamedTuple):
     """A file that the page offers."""
 
     name: str
-    kind: str  # of its content
+    kind: str  # media type of the content
     content: bytes
 
 
 def run_explorer(arguments: argparse.Namespace, show: Phases) -> tuple[str, None]:
-    """Run `rubberfric explore` until a signal ends it."""
+    """Serve the page of `rubberfric explore` until a signal ends the command."""
     show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene, default=True)
     measured = None if arguments.data is None else read_points(arguments.data, scene, conditions)
@@ -69,7 +70,7 @@ def run_explorer(arguments: argparse.Namespace, show: Phases) -> tuple[str, None
 
 
 def page(nonce: str) -> str:
-    """Return the page with its style and scripts."""
+    """Return the HTML page, including style and scripts, for one nonce."""
     folder = files("rubberfric.commands.explorer") / "page"
     style, *scripts = ((folder / name).read_text(encoding="utf-8") for name in _PARTS)
     whole = (folder / "page.html").read_text(encoding="utf-8")
@@ -79,7 +80,7 @@ def page(nonce: str) -> str:
 
 
 def routes(explorer: Explorer) -> dict[str, Callable[[Any], Answer]]:
-    """Return the functions that answer POST requests of the page, by route."""
+    """Return a dict from route to the function that answers a POST request of the page."""
 
     def with_values(work: Callable[[dict[str, float]], Answer]) -> Callable[[Any], Answer]:
         return lambda content: work(slider_values(explorer.sliders, content))
@@ -102,7 +103,7 @@ def routes(explorer: Explorer) -> dict[str, Callable[[Any], Answer]]:
 
 
 def _start(explorer: Explorer) -> dict[str, Any]:
-    """Return the constants of the page."""
+    """Return the constants that the page reads when it starts."""
     measured = explorer.measured
     points = None
     if measured is not None:
@@ -137,7 +138,10 @@ def _json(content: Any) -> Answer:
 
 
 def _plain(value: Any) -> Any:
-    """Convert to JSON types: lists for arrays, null for numbers that are not finite."""
+    """Convert a value to JSON types.
+
+    Arrays become lists, and numbers that are not finite become null.
+    """
     if isinstance(value, dict):
         return {name: _plain(x) for name, x in value.items()}
     if isinstance(value, list | tuple):
@@ -153,7 +157,10 @@ def _plain(value: Any) -> Any:
 
 
 def scene_download(explorer: Explorer, values: CurveValues) -> Download:
-    """Return the scene at the sliders' values: a TOML file, or an archive if the scene has tables."""
+    """Return the scene at the sliders' values as a TOML file.
+
+    If the scene has tables, a ZIP archive with the TOML file and the tables is returned.
+    """
     texts = _scene(explorer, values)
     if len(texts) == 1:
         return Download(SCENE, "application/toml", texts[SCENE].encode())
@@ -161,7 +168,9 @@ def scene_download(explorer: Explorer, values: CurveValues) -> Download:
 
 
 def fit_download(explorer: Explorer, values: CurveValues) -> Download:
-    """Return a `rubberfric-fit` job that begins at the sliders' values and varies the moved numbers.
+    """Return a ZIP archive with a `rubberfric-fit` job.
+
+    The fit begins at the sliders' values, and varies the numbers that were moved.
 
     Raises
     ------
@@ -177,7 +186,10 @@ def fit_download(explorer: Explorer, values: CurveValues) -> Download:
 
 
 def job_text(explorer: Explorer, values: CurveValues, measured: MeasuredPoints, table: str) -> str:
-    """Return the text of the job file in `fit_download`."""
+    """Return the text of the job file that `fit_download` offers.
+
+    `table` is the name of the file with the measured points.
+    """
     away = [one for one in explorer.sliders if one.targets and values[one.name] != one.start]
     rules = dict(pair for one in away for pair in _rules(one, values[one.name]))
     if not rules:
@@ -204,7 +216,7 @@ def job_text(explorer: Explorer, values: CurveValues, measured: MeasuredPoints, 
 
 
 def _rules(slider: Slider, value: float) -> list[tuple[str, str]]:
-    """Return (key path, rule) of each free parameter of a slider."""
+    """Return (key path, rule as TOML text) for each parameter of a fit that a slider stands for."""
     rule = '"positive"'
     if slider.unit == "rad":
         rule = '{ rule = "free", scale = 0.1 }'
@@ -219,14 +231,12 @@ def _rules(slider: Slider, value: float) -> list[tuple[str, str]]:
 
 
 def _scene(explorer: Explorer, values: CurveValues) -> dict[str, str]:
-    """Return the texts of the scene file and its tables by name."""
     scene = explorer.moved(values)
     given = {name: np.array([x]) for name, x in values.items() if name in ("pressure", "temperature")}
     return scene_texts(scene, explorer.conditions._replace(**given), explorer.title, name=SCENE)
 
 
 def _archive(files: Mapping[str, bytes]) -> Download:
-    """Return a ZIP archive with files in a folder."""
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in files.items():

@@ -1,9 +1,8 @@
 """Curves of a scene at the sliders' values.
 
-One compiled function computes all curves, and another the sensitivities.
-
-The functions take the numbers of the scene as arguments, so moving a slider compiles nothing. Their
-quadrature is valid for ten decades at any load. If the curves are too slow to follow a slider, as with
+One compiled function computes all curves, and another one computes the sensitivities. The functions take the
+numbers of the scene as arguments, so moving a slider compiles nothing. The quadrature of the functions is
+valid for ten decades at any load. If the curves are too slow to follow a slider, as with
 adhesion, a third function with a coarser quadrature computes drafts while the slider moves.
 """
 
@@ -28,8 +27,8 @@ from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import quantities_of
 
-# Points of a curve. Every third has sensitivities; every second is used in curves for measured
-# points; points of a master curve.
+# Points of a curve. Every third point has sensitivities, and every second point is used in curves for
+# measured points. The last number is the number of points of a master curve.
 POINTS, EVERY, BESIDE, FREQUENCIES = 61, 3, 2, 121
 # With adhesion a point takes a hundred times as long.
 ADHESIVE_POINTS = 13
@@ -51,8 +50,9 @@ class Explorer:
     Parameters
     ----------
     scene, conditions, title : contents of the scene file
-        The curves are over its range of velocities, or over pressure if it has no two velocities > 0.
-    measured : points to compare with, or None
+        The abscissa of the curves is the velocity, or the pressure if the file does not have two different
+        velocities > 0.
+    measured : measured points that are drawn with the curves, or None
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class Explorer:
 
     @property
     def is_ready(self) -> bool:
-        """Return True if sensitivities are compiled or have failed."""
+        """Return True if the compilation of the sensitivities has succeeded or failed."""
         return self._compiled.is_set()
 
     @property
@@ -96,11 +96,14 @@ class Explorer:
 
     @property
     def _end(self) -> int:
-        """Number of points of curves, which precede the measured points."""
+        # The points of curves precede the measured points in all arrays.
         return self.at.size + self.at[::BESIDE].size * len(self.curves_of_points)
 
     def moved(self, values: CurveValues) -> Scene:
-        """Return the scene with the sliders at these values; ValueError for an invalid combination."""
+        """Return the scene with all sliders at given values.
+
+        A ValueError is raised if the scene refuses the combination of values.
+        """
         scene = moved(self.scene, self.sliders, values)
         temperatures = self.conditions_at(values)[2]
         at = Conditions(np.ones(1), np.ones(1), None if temperatures is None else np.unique(temperatures))
@@ -108,12 +111,15 @@ class Explorer:
         return scene
 
     def curves(self, values: CurveValues, draft: bool = False) -> dict[str, Any]:
-        """Return all curves at the sliders' values; a draft has a coarser quadrature.
+        """Return all curves at the sliders' values.
+
+        If `draft` is True, a coarser quadrature is used.
 
         Returns
         -------
-        dict : "curves" of each quantity, "beside" the friction curves at the conditions of measured points,
-            "misfit" rms of ln(model / measured friction), "moduli" and "spectra" of the solids; NumPy arrays
+        dict with "curves" of each quantity, and "moduli" and "spectra" of the solids, as NumPy arrays
+            If there are measured points, the dict also has "beside", the friction curves at the conditions of
+            the points, and "misfit", the rms of ln(model / measured friction).
         """
         scene = cast(self.moved(values), float)
         v, p, T = self.conditions_at(values)
@@ -128,9 +134,10 @@ class Explorer:
         return found
 
     def sensitivities(self, values: CurveValues) -> dict[str, np.ndarray]:
-        """Return d ln Q / d ln slider by slider name at `at[::EVERY]`.
+        """Return the sensitivities d ln Q / d ln x by name of the slider, where x is the slider's value.
 
-        Q is friction, or area if friction is 0.
+        Q is the friction, or the area if the scene has no friction. The sensitivities are evaluated at the
+        points `at[::EVERY]`.
         """
         self.moved(values)
         x = jnp.array([values[one.name] for one in self.sliders])
@@ -140,7 +147,10 @@ class Explorer:
         return {one.name: relative[:, i] for i, one in enumerate(self.sliders)}
 
     def compile(self) -> None:
-        """Compile the function of the curves, and a draft function if the first is too slow."""
+        """Compile the function that computes the curves.
+
+        If this function takes longer than `PATIENCE`, a function for drafts is compiled too.
+        """
         start = {one.name: one.start for one in self.sliders}
         self.curves(start)
         begin = time.perf_counter()
@@ -150,7 +160,11 @@ class Explorer:
             self.has_drafts = True
 
     def compile_sensitivities(self) -> None:
-        """Compile the function of the sensitivities, and store an error, which a thread could not raise."""
+        """Compile the function that computes the sensitivities.
+
+        This method runs in a thread, where an error cannot be raised. The text of an error is stored in
+        `failure`.
+        """
         try:
             self.sensitivities({one.name: one.start for one in self.sliders})
         except Exception as error:  # a thread cannot raise it
@@ -159,9 +173,10 @@ class Explorer:
             self._compiled.set()
 
     def conditions_at(self, values: CurveValues) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Return velocity, pressure and temperature of all computed points, arrays of shape (count,).
+        """Return velocity, pressure and temperature of all computed points as arrays of shape (count,).
 
-        The order is: points of the curve, points of the curves for measured points, measured points.
+        The points of the curve come first. The points of the curves for measured points follow, and the
+        measured points come last.
         """
         curves, measured = self.curves_of_points, self.measured
 
@@ -206,9 +221,9 @@ class Explorer:
         return curves, others, moduli, spectra
 
     def _all_slopes(self, x):
-        """Return the `sensitive` quantity at points, and its derivatives with respect to all sliders.
+        """Return the quantity that `sensitive` names, and its derivatives with respect to all sliders.
 
-        Their shapes are (points,) and (points, sliders).
+        The quantity has shape (points,), and the derivatives have shape (points, sliders).
         """
         names = [one.name for one in self.sliders]
         base = cast(self.scene, float)
@@ -243,7 +258,10 @@ class Explorer:
 
 
 def _axis(conditions: Conditions, count: int) -> tuple[str, np.ndarray]:
-    """Return the condition along the abscissa of the curves, "velocity" or "pressure", and its values."""
+    """Return the name of the condition on the abscissa of the curves, and `count` of its values.
+
+    The condition is "velocity" if there are two different velocities > 0, otherwise "pressure".
+    """
     v = conditions.velocity[conditions.velocity > 0]
     if v.size and v.max() > v.min():
         return "velocity", np.geomspace(v.min(), v.max(), count)
@@ -255,7 +273,7 @@ def _axis(conditions: Conditions, count: int) -> tuple[str, np.ndarray]:
 
 
 def _materials(scene: Scene) -> dict[str, Material]:
-    """Return the deformable materials, by the name of their body."""
+    """Return a dict of all materials that deform, with names such as "upper" and "upper, base"."""
     found = {}
     for name, body in (("upper", scene.upper), ("lower", scene.lower)):
         if body.material.deforms:
@@ -274,6 +292,9 @@ def _frequencies(material: Material) -> np.ndarray:
 
 
 def _misfit(model: np.ndarray, measured: np.ndarray) -> float:
-    """Return the rms of ln(model / measured) over positive values; NaN if there are none."""
+    """Return the rms of ln(model / measured) over the points at which both values are positive.
+
+    The result is NaN if there are no such points.
+    """
     both = (model > 0) & (measured > 0)
     return float(np.sqrt(np.mean(np.log(model[both] / measured[both]) ** 2))) if both.any() else math.nan

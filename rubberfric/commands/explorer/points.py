@@ -1,4 +1,7 @@
-"""Measured friction coefficients that are drawn with the curves, read as for a fit."""
+"""Measured friction coefficients that are drawn with the curves.
+
+The files have the same format as the tables of a fit.
+"""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +19,10 @@ MOST_POINTS, MOST_CURVES = 2000, 12
 
 
 class MeasuredPoints(NamedTuple):
-    """Measured friction coefficients, arrays of shape (n,); None for a condition that a slider sets."""
+    """Measured friction coefficients, as arrays of shape (n,).
+
+    A condition is None if a slider sets the condition.
+    """
 
     path: Path
     velocity: np.ndarray  # [m/s]
@@ -28,11 +34,11 @@ class MeasuredPoints(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """Points at about the same pressure and temperature, which share a curve."""
+    """Measured points at about the same pressure and temperature, which share one drawn curve."""
 
     pressure: float | None  # None: value of the slider
     temperature: float | None
-    points: tuple[int, ...]
+    points: tuple[int, ...]  # indices
 
 
 def read_points(path: StrPath, scene: Scene, conditions: Conditions) -> MeasuredPoints:
@@ -67,7 +73,10 @@ def read_points(path: StrPath, scene: Scene, conditions: Conditions) -> Measured
 
 
 def group_points(measured: MeasuredPoints) -> list[Curve]:
-    """Group points by pressure (1 %) and temperature (1 K), and return the largest groups."""
+    """Group measured points by pressure (within 1 %) and temperature (within 1 K).
+
+    At most `MOST_CURVES` groups are returned, which are the largest groups.
+    """
     size = measured.velocity.size
     p = np.zeros(size) if measured.pressure is None else np.round(np.log(measured.pressure) / 0.01)
     T = np.zeros(size) if measured.temperature is None else np.round(measured.temperature)

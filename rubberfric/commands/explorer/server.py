@@ -1,9 +1,9 @@
-"""Server of the page, for this machine only and only for requests with the token of the URL.
+"""Server of the page, which answers only this machine and only requests with the token of the URL.
 
-Another page in the same browser can send requests here, even by a domain name that resolves to 127.0.0.1.
-The Host must therefore be this server's, posts must come from its page (Origin), and every request needs the
-token, which other users of the machine do not know. There are five routes. The server compares a request
-with them and opens no files.
+Another page in the same browser can send requests to this server, even by a domain name that resolves to
+127.0.0.1. The header Host must therefore name this server, and the header Origin of a POST request must name
+the page of this server. Every request needs the token, which other users of the machine do not know. The
+server compares the path of a request with a few fixed routes and opens no files.
 """
 
 import hmac
@@ -39,14 +39,14 @@ _POLICY = (
 class Answer(NamedTuple):
     """Content of a response."""
 
-    kind: str  # of the content
+    kind: str  # media type of the content
     content: bytes
     headers: dict[str, str] = {}  # noqa: RUF012 (never changed)
     status: HTTPStatus = HTTPStatus.OK
 
 
 class Refused(Exception):
-    """A refused request."""
+    """Error with which the server refuses a request."""
 
     def __init__(self, status: HTTPStatus, why: str) -> None:
         super().__init__(why)
@@ -54,13 +54,14 @@ class Refused(Exception):
 
 
 class Server(ThreadingHTTPServer):
-    """Server of a page and its routes.
+    """Server of a page and of its POST routes.
 
     Parameters
     ----------
-    port : number of the port; 0 selects any free port
-    page : function of a nonce that returns the page; its scripts and style have the nonce
-    routes : functions of the posted JSON value by name; they raise ValueError for invalid values
+    port : number of the port, or 0 for any free port
+    page : function of a nonce that returns the page. The scripts and the style of the page have the nonce.
+    routes : dict from name to a function of the posted JSON value
+        The functions raise ValueError for invalid values.
     """
 
     daemon_threads = True
@@ -88,11 +89,14 @@ class Server(ThreadingHTTPServer):
 
     @property
     def entrance(self) -> str:
-        """Return a URL that opens the page once, because other users may see the browser's arguments."""
+        """Return a URL that opens the page only once.
+
+        The browser gets this URL because other users of the machine may see the arguments of the browser.
+        """
         return f"http://{self.hosts[0]}/{self._entrance[0]}/"
 
     def enters(self, path: str) -> bool:
-        """Return True if a path is the one-time URL, and invalidate the URL."""
+        """Return True if a path is the path of the one-time URL, and invalidate this URL."""
         there = any(hmac.compare_digest(path.encode(), f"/{one}/".encode()) for one in self._entrance)
         try:
             return there and bool(self._entrance.pop())
@@ -100,7 +104,10 @@ class Server(ThreadingHTTPServer):
             return False
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Process a request in one of a limited number of threads, because browsers open idle connections."""
+        """Process a request in a new thread, or close the request if too many threads are running.
+
+        The number of threads is limited because browsers open idle connections.
+        """
         if not self._room.acquire(blocking=False):
             self.shutdown_request(request)
             return
@@ -181,7 +188,7 @@ class Handler(BaseHTTPRequestHandler):
             raise Refused(HTTPStatus.NOT_FOUND, "page not found")
         host = self._only("Host")
         if self._only("Origin") != f"http://{host}":
-            raise Refused(HTTPStatus.FORBIDDEN, "Origin: must be this server")
+            raise Refused(HTTPStatus.FORBIDDEN, "the header Origin must name this server")
         if self._only("Content-Type") != "application/json":
             raise Refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "Content-Type: must be application/json")
         content = _read_json(self._body())
@@ -193,10 +200,13 @@ class Handler(BaseHTTPRequestHandler):
 
     def _check_host(self) -> None:
         if self._only("Host") not in self.server.hosts:
-            raise Refused(HTTPStatus.FORBIDDEN, "Host: must be this server")
+            raise Refused(HTTPStatus.FORBIDDEN, "the header Host must name this server")
 
     def _route(self) -> str:
-        """Return the path after the token, "" for the page; refuse requests without token with status 403."""
+        """Return the part of the path after the token, which is "" for the page.
+
+        A request without the token is refused with status 403.
+        """
         begin, token, *route = (*self.path.split("/", 2), "", "")[:3]
         known = hmac.compare_digest(token.encode(errors="replace"), self.server.token.encode())
         if begin != "" or not known:
@@ -204,7 +214,7 @@ class Handler(BaseHTTPRequestHandler):
         return route[0]
 
     def _only(self, name: str) -> str | None:
-        """Return the value of a header; None if it is missing or repeated."""
+        """Return the value of a header, or None if the header is missing or repeated."""
         found = self.headers.get_all(name) or []
         return found[0] if len(found) == 1 else None
 
@@ -218,7 +228,7 @@ class Handler(BaseHTTPRequestHandler):
 
 
 def _read_json(content: bytes) -> Any:
-    """Parse JSON; ValueError for invalid JSON, NaN and infinities."""
+    """Parse JSON, and raise ValueError for invalid JSON, NaN and infinities."""
 
     def refuse(name):
         raise ValueError(f"{name}: must be a finite number")

@@ -1,4 +1,4 @@
-"""Sliders: numbers of a scene that the page can change, and their ranges.
+"""Sliders of the page, which change numbers of a scene within a range.
 
 The fields of the objects of a scene determine its sliders. Each single number has a slider. Series and tables
 have sliders for a factor of all moduli, of all frequencies and of the moduli in each decade of relaxation
@@ -18,7 +18,7 @@ from rubberfric.base.objects.physical import PhysicalObject, leaves_of, parts_of
 from rubberfric.io.results import Conditions, check_conditions
 from rubberfric.scene.scene import Scene
 
-# Range of a number to either side of its start as a factor, by unit; and other ranges.
+# Factors by which a slider can raise or lower a number, by unit of the number. Other numbers follow below.
 _REACH = {"1/m": 100.0, "m/s": 1000.0, "m": 10.0, "Pa": 10.0, "J/m^2": 10.0}
 _OTHER_REACH, _FACTOR_REACH, _FREQUENCY_REACH = 3.0, 10.0, 1000.0
 _PRESSURE_REACH, _TEMPERATURE_REACH = 30.0, 60.0  # [-], [K]
@@ -48,7 +48,10 @@ class Slider(NamedTuple):
     free: tuple[str, ...] = ()  # corresponding free parameters of a fit
 
     def at(self, part: float) -> float:
-        """Return the value at a share of the way from `start` to `high`, or to `low` if negative."""
+        """Return the value at a share `part` of the way from `start` to `high`.
+
+        If `part` is negative, the way leads from `start` to `low`.
+        """
         end = self.high if part > 0 else self.low
         if self.logarithmic:
             return self.start * (end / self.start) ** abs(part)
@@ -56,12 +59,16 @@ class Slider(NamedTuple):
 
 
 def sliders_of(scene: Scene, conditions: Conditions, axis: str = "velocity") -> list[Slider]:
-    """Return sliders for a scene, pressure and temperature, with ranges that constructors accept.
+    """Return the sliders for the numbers of a scene, the pressure and the temperature.
+
+    The constructors accept the ends of the range of each slider, while all other sliders have their
+    start values.
 
     Parameters
     ----------
     scene : Scene of concrete numbers, prepared by `with_cutoffs`
-    conditions : the middle pressure and the middle temperature are the start values of their sliders
+    conditions : conditions of the scene file
+        The middle pressure and the middle temperature are the start values of two sliders.
     axis : condition on the abscissa of the curves, which has no slider
     """
     found = [one for one in _of_conditions(scene, conditions) if one.name != axis]
@@ -71,7 +78,10 @@ def sliders_of(scene: Scene, conditions: Conditions, axis: str = "velocity") -> 
 
 
 def with_cutoffs(scene: Scene) -> Scene:
-    """Return the scene with explicit cutoffs of tabulated spectra, so that they have sliders."""
+    """Return the scene with explicit cutoffs q1 of tabulated spectra.
+
+    A cutoff that is None would have no slider.
+    """
     paths = [
         (f"{path}.q1", part)
         for path, part in parts_of(scene)
@@ -82,7 +92,9 @@ def with_cutoffs(scene: Scene) -> Scene:
 
 
 def slider_values(sliders: Sequence[Slider], given: Any) -> dict[str, float]:
-    """Return the value of every slider, given the values that differ from the start.
+    """Return the value of every slider.
+
+    `given` is an object with values by slider name. A slider without a given value has its start value.
 
     Raises
     ------
@@ -106,7 +118,7 @@ def slider_values(sliders: Sequence[Slider], given: Any) -> dict[str, float]:
 
 
 def changes(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, Any], array: Any) -> dict[str, Any]:
-    """Return new numbers by key path, for `Scene.replace`.
+    """Return a dict from key path to new value, for `Scene.replace`.
 
     Parameters
     ----------
@@ -131,7 +143,10 @@ def changes(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, Any], 
 
 
 def moved(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, float]) -> Scene:
-    """Return the scene with the sliders at these values; ValueError for an invalid combination."""
+    """Return the scene with all sliders at given values.
+
+    A ValueError is raised if the scene refuses the combination of values.
+    """
     away = [one for one in sliders if values[one.name] != one.start]
     found = changes(scene, away, values, np)
     return scene.replace(found) if found else scene
@@ -158,13 +173,15 @@ def _of_conditions(scene: Scene, conditions: Conditions) -> Iterator[Slider]:
 
 
 def _middle(values: np.ndarray) -> tuple[float, float, float]:
-    """Return the smallest, the middle and the largest value; of two middle values the lower."""
+    """Return the smallest, the middle and the largest value.
+
+    If there are two middle values, the lower one is returned.
+    """
     ordered = np.sort(values).tolist()
     return ordered[0], ordered[(len(ordered) - 1) // 2], ordered[-1]
 
 
 def _of_object(path: str, part: PhysicalObject) -> Iterator[Slider]:
-    """Yield sliders for the numbers of one object."""
     leaves = {name: field for name, field in leaves_of(type(part)).items() if getattr(part, name) is not None}
     group, dot = path or "scene", f"{path}." if path else ""
     for name, field in leaves.items():
@@ -188,7 +205,11 @@ def _of_object(path: str, part: PhysicalObject) -> Iterator[Slider]:
 
 
 def _of_number(path: str, group: str, name: str, field: Leaf, start: float) -> Iterator[Slider]:
-    """Yield the slider of a number: linear for bounded numbers and angles, otherwise logarithmic."""
+    """Yield the slider of a number.
+
+    The slider is linear if the number is an angle or bounded, otherwise logarithmic. A number <= 0 that is
+    neither an angle nor bounded has no slider.
+    """
     allowed = field.rule[1]
     if field.unit == "rad":
         low, high, logarithmic = start - math.pi / 2, start + math.pi / 2, False
@@ -215,7 +236,10 @@ def _factor(
 
 
 def _by_decade(path: str, group: str, name: str, times: np.ndarray) -> Iterator[Slider]:
-    """Yield the slider of a factor for every decade of relaxation times, if there are several decades."""
+    """Yield a slider for every decade of relaxation times, if there are several decades.
+
+    Each slider multiplies the moduli in one decade by a factor.
+    """
     # Powers of ten begin their decade, regardless of rounding.
     decades = np.floor(np.log10(times) + 1e-6).astype(int)
     for decade in np.unique(decades) if np.ptp(decades) else ():
@@ -227,7 +251,6 @@ def _by_decade(path: str, group: str, name: str, times: np.ndarray) -> Iterator[
 
 
 def _at(scene: Scene, path: str) -> jax.Array:
-    """Return the value at a key path without brackets."""
     found: Any = scene
     for name in path.split("."):
         found = getattr(found, name)
@@ -235,7 +258,10 @@ def _at(scene: Scene, path: str) -> jax.Array:
 
 
 def _accepts(scene: Scene, slider: Slider) -> Callable[[float], bool]:
-    """Return a test if the scene accepts a value of one slider while all other sliders are at their start."""
+    """Return a function that returns True for a value of a slider that the scene accepts.
+
+    All other sliders have their start values.
+    """
 
     def accepts(value):
         try:
@@ -248,7 +274,10 @@ def _accepts(scene: Scene, slider: Slider) -> Callable[[float], bool]:
 
 
 def _within(slider: Slider, accepts: Callable[[float], bool]) -> Slider:
-    """Return the slider with a range whose ends are accepted; bisection finds the ends."""
+    """Return the slider with a range whose ends are accepted.
+
+    Bisection between the start and a refused end finds a new end.
+    """
     ends = {}
     for name, side in (("low", -1.0), ("high", 1.0)):
         if accepts(slider.at(side)):

@@ -1,9 +1,9 @@
 r"""S inside G: the universal map from the plain G to the corrected G.
 
 The paper has the elastic-energy factor S [Scaraggi & Persson, eq. (14)] in friction and separation only.
-If S is also in the diffusion function, as in the commercial program, dG = S(P(G)) dg with the plain G, g. G
-then depends only on g and gamma, not on surfaces and materials. It is tabulated once for a given gamma, as
-ln G over ln g, with an error of about 1e-11:
+If S is also in the diffusion function, as in the commercial program, dG = S(P(G)) dg, where g is the plain G.
+G then depends only on g and gamma, not on surfaces and materials. A table over ln g is computed once for a
+given gamma, with an error of about 1e-11:
 
 .. math:: g(G) = \int_0^G \frac{dG'}{S(P(G'))}
 
@@ -29,7 +29,10 @@ _PANELS, _ORDER, _ENTRIES = 60, 10, 513
 
 
 class CorrectionTable(NamedTuple):
-    """ln(G/g) over uniform ln g: polynomials between the entries, straight lines beyond them."""
+    """Table of ln(G/g) at uniform steps of ln g.
+
+    Between the entries ln(G/g) is a polynomial. Beyond the table ln(G/g) is a straight line.
+    """
 
     start: jax.Array
     step: jax.Array
@@ -72,7 +75,10 @@ def correction_table(gamma: jax.Array) -> CorrectionTable:
 
 
 def correct_argument(table: CorrectionTable, x: jax.Array) -> jax.Array:
-    """Return x = 1/(2 sqrt(G)) with S in G, given x without S, of any shape; both are at most 27."""
+    """Return x = 1 / (2 sqrt(G)) with S in G, given x without S in G.
+
+    `x` may have any shape. x with S and x without S are at most 27.
+    """
     log_plain = -2 * jnp.log(2 * x)
     position = (log_plain - table.start) / table.step
     count = table.cells.shape[1]
@@ -87,7 +93,10 @@ def correct_argument(table: CorrectionTable, x: jax.Array) -> jax.Array:
 
 
 def _quintic(h, f, slope, curvature):
-    """Return quintic Hermite polynomials about the left entries, and the slopes at both ends of the table."""
+    """Return the quintic Hermite polynomial of each cell, and the slopes at both ends of the table.
+
+    `h` is the width of a cell. The variable of a polynomial is the position in the cell, from 0 to 1.
+    """
     d, c = h * slope, h * h * curvature
     rise = f[1:] - f[:-1] - d[:-1] - 0.5 * c[:-1]
     tilt = d[1:] - d[:-1] - c[:-1]
@@ -99,7 +108,7 @@ def _quintic(h, f, slope, curvature):
 
 
 def _energy(log_G, gamma):
-    """Return S at ln G, and dS / d ln G."""
+    """Return S at ln G, and the derivative dS / d ln G."""
     x = 0.5 * jnp.exp(-0.5 * log_G)
     P = erf(x)
     return gamma + (1 - gamma) * P * P, -2 * (1 - gamma) * P * x * jnp.exp(-x * x) / math.sqrt(math.pi)

@@ -116,7 +116,7 @@ class State(NamedTuple):
 
 
 def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawConstants = CONSTANTS) -> Law:
-    """Return the law for the one rough surface of two half-spaces."""
+    """Prepare the law for two half-spaces with one rough surface."""
     # The law has no separation, and W is smooth near q0, so half the panels of the theory suffice.
     quadrature = dataclasses.replace(
         quadrature, order=min(quadrature.order, 8), panels=max(3, -(-quadrature.panels // 2)), graded=2
@@ -174,7 +174,6 @@ def law_at_points(law: Law, velocity: jax.Array, pressure: jax.Array, temperatur
 
 
 def _before(panels):
-    """Sum over the panels before each panel."""
     return jnp.asarray(np.tri(panels.shape[0], k=-1, dtype=panels.dtype)) @ panels
 
 
@@ -185,7 +184,10 @@ def _density(law: BrokenPowerLaw, q: jax.Array) -> jax.Array:
 
 
 def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None) -> State:
-    """Return the `State` at points; conditions have the shape (points,)."""
+    """Return the `State` at points.
+
+    The conditions have the shape (points,).
+    """
     shape, c = law.shape, law.constants
     panels, order = shape.q.shape
     speed = jnp.abs(velocity)[:, None, None]
@@ -215,7 +217,7 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     log_F, log_D_end = jnp.log(shape.F).reshape(-1), jnp.log(shape.D_end)
 
     def share(A, B, log_F_star, log_D_star):
-        """Return (1 - W_m) / W_m and W_m for A and B = 1 - A, shapes (points, 1)."""
+        # (1 - W_m) / W_m and W_m. A and B = 1 - A have the shape (points, 1).
         bracket = c.c_0 - c.c_D * (log_D_end + log_D_star) + c.c_f * log_F_star
         # ln(A psi) / B is finite in full contact.
         some = B > 1e-8
@@ -225,11 +227,11 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
         return jnp.expm1(z), jnp.exp(-z)
 
     def tail(A, B):
-        """Return T / A for A and B = 1 - A."""
+        # T / A
         return c.c_T * B / ((1 + c.c_r * A) ** 2 * (1 + c.c_alpha * shape.log_alpha))
 
     def log_effective(A, B):
-        """Return ln E_eff, (points,)."""
+        # ln E_eff, shape (points,)
         W_0 = share(A[:, None], B[:, None], log_F, log_D)[1]
         here = shape.weight.reshape(-1) * W_0
         there = jnp.sum(shape.weight) * shape.D_end * (A * tail(A, B))[:, None] * shape.weight_beyond
@@ -240,7 +242,7 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     log_load = jnp.log(math.sqrt(2) * pressure / scale) - jnp.log(shape.slope)
 
     def balance(y):
-        """Return the next iterate of y, the logarithm of the argument of erf."""
+        # y is the logarithm of the argument of erf.
         A, B = _area(y)
         return log_load - log_effective(A, B) - 0.5 * jnp.log(S_0 + (1 - S_0) * A**c.s)
 
@@ -268,7 +270,10 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
 
 
 def _angles(like):
-    """Return cos(phi) and weights of the integral over the circle of functions that are even in cos(phi)."""
+    """Return cos(phi) and weights of the integral over the circle.
+
+    The weights hold for functions that are even in cos(phi).
+    """
     t = _STEP * np.arange(int(_LAST / _STEP))
     dphi = 4 * _STEP / np.cosh(t)
     dphi[0] /= 2
@@ -287,7 +292,7 @@ def _modulus(law, omega, T):
 
 
 def _strained_modulus(material, omega, T):
-    """Return E_r [Pa] at omega and T.
+    """Return E_r of the strained solid [Pa].
 
     A Prony series is summed in real arithmetic, which takes a fifth of the time of complex arithmetic.
     """
@@ -302,13 +307,16 @@ def _strained_modulus(material, omega, T):
 
 
 def _area(y):
-    """Return A and 1 - A for the logarithm y of the argument of erf."""
+    # y is the logarithm of the argument of erf.
     x = jnp.exp(jnp.minimum(y, 3.5))  # 1 - A = 0 from exp(3.3) on
     return erf(x), erfc(x)
 
 
 def _fixed_point(balance, start):
-    """Solve y = balance(y) by Newton steps; return (y, converged), (points,) each, without derivatives."""
+    """Solve y = balance(y) by Newton steps, and return (y, converged).
+
+    y and `converged` have the shape (points,). Derivatives are stopped.
+    """
     tolerance = 1e-13 if start.dtype == jnp.float64 else 1e-5
 
     def step(progress):

@@ -77,8 +77,8 @@ def solve_energy_criterion(unloading: Unloading) -> AdhesiveLoad:
 
     Returns
     -------
-    AdhesiveLoad. If there are several solutions, it has the smallest load, which approaching solids reach
-    first. Without a solution, it has a load of full contact. Derivatives are implicit.
+    AdhesiveLoad. If there are several solutions, the load is the smallest one, which approaching solids reach
+    first. If there is no solution, the load is one of full contact. Derivatives are implicit.
     """
     still = jax.lax.stop_gradient(unloading)
     solution, full, converged = jax.vmap(_solved, (_POINTS,))(still)
@@ -94,9 +94,10 @@ def solve_energy_criterion(unloading: Unloading) -> AdhesiveLoad:
 
 
 def _solved(point):
-    """Return the smallest solution, True for full contact, and True if a solution was found.
+    """Return (found, full, converged) at one point.
 
-    Loads are logarithms of p_1 over sigma_0.
+    `found` is the smallest solution ln(p_1 / sigma_0). `full` is True in full contact. `converged` is True if
+    a solution was found or the contact is full.
     """
     top = jnp.maximum(jnp.log(_FULL / point.end), 0.0)
     lumped = _lumped(point)
@@ -108,9 +109,10 @@ def _solved(point):
 
 
 def _lumped(point):
-    """Replace neighbouring nodes by two nodes with the same mean and variance of x.
+    """Replace each group of neighbouring nodes by two nodes.
 
-    Terms are proportional to x in light contact, and to exp(-x^2) near full contact.
+    The two nodes have the mean and the variance of x in the group. Terms are proportional to x in light
+    contact, and to exp(-x^2) near full contact.
     """
     missing = -point.x.shape[-1] % _LUMP
     x, storage = (jnp.pad(row, (0, missing)).reshape(-1, _LUMP) for row in (point.x, point.storage))
@@ -123,7 +125,7 @@ def _lumped(point):
 
 
 def _excess(point, z):
-    """Return (p_1 - sigma_0) / p_1 minus the share of p_1 that adhesion bears."""
+    """Return (p_1 - sigma_0) / p_1 minus the share of p_1 that adhesion bears, at p_1 = sigma_0 e^z."""
     rise, _, bend = _slopes(point, z)
     # With small gamma the energy may not be convex, and near full contact both terms are 0; such a load does
     # not keep the solids apart. 1 / bend^2 in the derivative must be finite.
@@ -134,7 +136,10 @@ def _excess(point, z):
 
 
 def _slopes(point, z):
-    """Return p A', -p u' and p^2 u'' of contact without adhesion at the load e^z."""
+    """Return p A', -p u' and p^2 u'' of contact without adhesion under the pressure p = sigma_0 e^z.
+
+    A is the contact area, and u is the mean separation.
+    """
     x, P, bell, slope = _nodes(point, z)
     bend = slope * (1 + 2 * x * x) - 6 * (1 - point.gamma) * P * (x * bell) ** 2
     weight = jnp.pi / 2 * (point.stiffness * jnp.exp(-z)) * point.storage
@@ -146,20 +151,26 @@ def _slopes(point, z):
 
 
 def _nodes(point, z):
-    """Return x, P, dP/dx and x ds/dx at the nodes under the load e^z."""
+    """Return x, P, dP/dx and x ds/dx with s = S P, at the nodes under the pressure sigma_0 e^z."""
     x = jnp.minimum(point.x * jnp.exp(z), 2 * _FULL)
     P, bell = contact_fraction(x), TWO_OVER_ROOT_PI * jnp.exp(-x * x)
     return x, P, bell, x * bell * (point.gamma + 3 * (1 - point.gamma) * P * P)
 
 
 def _ends(point, z):
-    """Return x of all roughness under the load e^z, without and with S in G."""
+    """Return x = 1 / (2 sqrt(G)) of all roughness under the pressure sigma_0 e^z, for two kinds of G.
+
+    The first G is the plain G. The second G contains S if the point has a `CorrectionTable`.
+    """
     x = jnp.minimum(point.end * jnp.exp(z), 2 * _FULL)
     return x, x if point.correction is None else correct_argument(point.correction, x)
 
 
 def work_at_constant_area(unloading: Unloading) -> jax.Array:
-    """Return W divided by the pressure of `Unloading` [m], (points,); W does not depend on this pressure."""
+    """Return W divided by sigma_0 [m], of shape (points,).
+
+    sigma_0 is the pressure of `unloading`. W itself does not depend on this pressure.
+    """
     return jax.vmap(_work, (_POINTS,))(unloading)
 
 

@@ -91,16 +91,16 @@ _POINTS = Gaps._make([0, 0, 0, 0, 0, None, None, None, None])
 
 
 def solve_dmt_load(gaps: Gaps, order: int) -> AdhesiveLoad:
-    """Solve p_rep = sigma_0 + p_ad for the load that the contact bears.
+    """Solve p_rep = sigma_0 + p_ad for the pressure p_rep on the contact.
 
     Parameters
     ----------
-    gaps : Gaps; the first axis of its arrays is the point, except for reach, gamma, correction and lost
+    gaps : Gaps with points along the first axis of all arrays, except for reach, gamma, correction and lost
     order : number of nodes of a contact panel; the numbers of nodes used here are multiples of it
 
     Returns
     -------
-    AdhesiveLoad, with the smallest load if there are several; derivatives are implicit
+    AdhesiveLoad. If there are several solutions, the load is the smallest one. Derivatives are implicit.
     """
     count = _counts(order)
     still = jax.lax.stop_gradient(gaps)
@@ -125,9 +125,10 @@ def solve_dmt_load(gaps: Gaps, order: int) -> AdhesiveLoad:
 
 
 def evaluate_attraction(gaps: Gaps, order: int) -> jax.Array:
-    """Evaluate <e^-u/r> for contact that bears sigma_0, (points,).
+    """Return the mean of e^(-u/r) over the separations u under the pressure sigma_0.
 
-    This is the attraction p_ad over its value in full contact, work / r.
+    r is the range of the attraction. The mean equals p_ad divided by work / r, and has the shape (points,).
+    Arguments are as for `solve_dmt_load`.
     """
 
     def share(gaps):
@@ -141,14 +142,15 @@ def _counts(order):
 
 
 def _log_load(gaps, beyond, z, count):
-    """Return ln(1 + p_ad / sigma_0) for contact that bears the load sigma_0 e^z."""
+    """Return ln(1 + p_ad / sigma_0) in the contact under the pressure sigma_0 e^z."""
     return jnp.log1p(gaps.strength * _share(gaps, beyond, z, count))
 
 
 def _share(gaps, beyond, z, count):
-    """Return <e^-u/r> for contact that bears the load sigma_0 e^z.
+    """Return the mean of e^(-u/r) over the separations u under the pressure sigma_0 e^z.
 
-    count : number of outer nodes, and of inner nodes for each outer node
+    r is the range of the attraction. `count` has the number of outer nodes, and the number of inner nodes for
+    each outer node.
     """
     stiffness, g_end = gaps.stiffness * jnp.exp(-z), gaps.knots[-1]
     ahead, weight = _outer_nodes(stiffness, g_end, count[0])
@@ -167,7 +169,7 @@ def _share(gaps, beyond, z, count):
 
 
 def _outer_nodes(stiffness, g_end, count):
-    """Return ln(g_end / g) at the nodes of the outer integral, and their weights."""
+    """Return ln(g_end / g) at the nodes of the outer integral, and the weights of these nodes."""
     node, weight = (typed(table, g_end) for table in gauss(count))
     # g_end is 0 if there is no roughness; then no area is lost.
     log_end = jnp.log(jnp.maximum(g_end, jnp.finfo(g_end.dtype).tiny))
@@ -179,7 +181,10 @@ def _outer_nodes(stiffness, g_end, count):
 
 
 def _separations(gaps, beyond, stiffness, at, X, count):
-    """Return u1 and h from `count` inner nodes; `at` is (g, g_end - g)."""
+    """Return the mean separation u1 and the rms height h at the outer nodes.
+
+    `at` is (g, g_end - g) at the outer nodes. `count` is the number of inner nodes for each outer node.
+    """
     g, rest = at
     node, weight = (typed(table, g) for table in gauss(count))
     cell = _find_cells(beyond.knots, g)
@@ -215,18 +220,16 @@ def _slopes(knots, values):
 
 
 def _interpolate_beyond(gaps):
-    """Return `_Beyond` of a point."""
     knots, storage, heights = gaps.knots, gaps.storage, gaps.heights
     return _Beyond(knots, (storage, _slopes(knots, storage)), (heights, _slopes(knots, heights)))
 
 
 def _find_cells(knots, at):
-    """Return the index of the cell of each value."""
     return jnp.clip(jnp.searchsorted(knots, at, side="right") - 1, 0, knots.shape[0] - 2)
 
 
 def _evaluate(knots, curve, k, at):
-    """Evaluate a curve of `_Beyond` within the cells k."""
+    """Evaluate a curve of `_Beyond` at the values `at`, which lie in the cells k."""
     values, slopes = curve
     step = knots[k + 1] - knots[k]
     some = step > 0

@@ -26,7 +26,7 @@ EULER = 0.57721566490153286
 class AdhesiveLoad(NamedTuple):
     """Adhesion as an equivalent load. Arrays have the shape (points,)."""
 
-    load: jax.Array  # load over sigma_0 that gives the same contact without adhesion
+    load: jax.Array  # load / sigma_0 that gives the same contact without adhesion
     converged: jax.Array
     lift: jax.Array | None = None  # excess of the separation over that under this load [m]
 
@@ -38,7 +38,9 @@ def _largest(dtype):
 
 @jax.custom_jvp
 def contact_argument(G: jax.Array) -> jax.Array:
-    r"""Return x = 1 / (2 sqrt(G)), at most 27 (float32: 10), where P = 1.
+    r"""Return x = 1 / (2 sqrt(G)).
+
+    x is limited to 27 (10 in float32), where P = 1.
 
     Parameters
     ----------

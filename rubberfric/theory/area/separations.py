@@ -54,17 +54,23 @@ def loss_weight(x: jax.Array, c: jax.Array, gamma: jax.Array | float) -> jax.Arr
 
 
 def cubic(t: jax.Array, f0: jax.Array, f1: jax.Array, d0: jax.Array, d1: jax.Array) -> jax.Array:
-    """Evaluate a cubic Hermite polynomial at the share t of a cell; slopes are multiplied by its width."""
+    """Evaluate a cubic Hermite polynomial at the share t of a cell.
+
+    f0 and f1 are the values at the ends of the cell. d0 and d1 are the slopes times the width of the cell.
+    """
     rise = f1 - f0
     return f0 + t * (d0 + t * (3 * rise - 2 * d0 - d1 + t * (d0 + d1 - 2 * rise)))
 
 
 class LossTable(NamedTuple):
-    """Table of -dk / d ln x at uniform ln x: the part without c, the factor of c, and the slopes of both."""
+    """Table of -dk / d ln x at uniform steps of ln x.
+
+    -dk / d ln x is linear in c. The first row is the part without c, and the second row is the factor of c.
+    """
 
     gamma: jax.Array
     value: jax.Array  # for one gamma, (2, entries)
-    slope: jax.Array  # times the step
+    slope: jax.Array  # derivative of value times the step, (2, entries)
 
     def __call__(self, log_x: jax.Array, c: jax.Array) -> jax.Array:
         """Return -dk / d ln x, which is 0 for x > 5.4. The error is 3e-8 of the maximum."""
@@ -73,7 +79,7 @@ class LossTable(NamedTuple):
 
 @jax.custom_jvp
 def _fall(gamma, table, log_x, c):
-    """Return -dk / d ln x from the table for gamma."""
+    # Only the derivative uses gamma.
     del gamma
     without, times_c = _parts(table, log_x, cubic)
     return without + c * times_c
@@ -92,7 +98,10 @@ def _fall_jvp(primals, tangents):
 
 
 def _parts(table, log_x, polynomial):
-    """Evaluate both parts of a table; values and slopes are 0 beyond its ends."""
+    """Evaluate both parts of a table.
+
+    Beyond the ends of the table, the polynomials are evaluated at the first or the last entry.
+    """
     place = (log_x - _LOWEST) / _STEP
     k = jnp.clip(place, 0, _ENTRIES - 2).astype(int)
     t = jnp.clip(place - k, 0.0, 1.0)
@@ -114,7 +123,10 @@ def loss_table(gamma: jax.Array) -> LossTable:
 
 @functools.cache
 def _loss_tables():
-    """Return values and slopes of both parts for gamma = 0 and 1, (gamma, value or slope, part, entry)."""
+    """Return values and slopes of both parts of `LossTable` for gamma = 0 and gamma = 1.
+
+    The array has the axes (gamma, value or slope, part, entry).
+    """
     log_x = _LOWEST + _STEP * np.arange(_ENTRIES)
     x = np.exp(log_x)
     node, weight = gauss(12)
@@ -135,7 +147,7 @@ def _loss_tables():
 
 
 def _energy_slopes(x, gamma):
-    """Return the first three derivatives of s."""
+    """Return the first three derivatives of s = S P with respect to x."""
     P, bell = scipy.special.erf(x), TWO_OVER_ROOT_PI * np.exp(-x * x)
     one = bell * (gamma + 3 * (1 - gamma) * P**2)
     two = -2 * x * one + 6 * (1 - gamma) * P * bell**2

@@ -39,7 +39,10 @@ Harmonics = tuple[jax.Array, jax.Array]
 
 
 class PronyStiffness(NamedTuple):
-    """F(s) = rest + sum_i weight_i s tau_i / (1 + s tau_i), for each node or common to all nodes."""
+    """F(s) = rest + sum_i weight_i s tau_i / (1 + s tau_i).
+
+    The parameters differ between nodes, or are common to all nodes.
+    """
 
     rest: jax.Array  # [-], shape () or (nodes,)
     weight: jax.Array  # [-], shape (n,) or (nodes, n)
@@ -53,7 +56,7 @@ class PronyStiffness(NamedTuple):
     def means(
         self, qv: jax.Array, needs: RequiredMeans, split: bool = False, harmonics: Harmonics | None = None
     ) -> Means:
-        """Return the means of F for roughness that passes with q v.
+        """Return the means of F for roughness that passes with the frequency q v.
 
         Parameters
         ----------
@@ -92,7 +95,6 @@ def _closed_form(F, qv, needs):
 
 
 def _with_harmonics(F, qv, needs, harmonics, means):
-    """Return the closed forms with their harmonics added."""
     weights = dict.fromkeys(needs.kinds, F.weight)
     if needs.mean_abs2:
         weights["mean_abs2"] = 2 * F.weight * _at_own_rates(F)
@@ -104,7 +106,7 @@ def _with_harmonics(F, qv, needs, harmonics, means):
 
 @jax.custom_jvp
 def _sums_of_harmonics(qv, tau, weights, harmonics):
-    """Return the sums of the harmonics; terms lie along the first axis of tau and the weights."""
+    # Terms lie along the first axis of tau and of the weights.
     return {kind: jnp.sum(x, 0) for kind, x in _terms_of_harmonics(qv, tau, weights, harmonics).items()}
 
 
@@ -125,7 +127,10 @@ def _sums_of_harmonics_jvp(primals, tangents):
 
 
 def _terms_of_harmonics(qv, tau, weights, harmonics):
-    """Return all harmonics of each term: the first harmonic times a polynomial in -rho (Horner's scheme)."""
+    """Return, for each term of the series, the sum of all harmonics.
+
+    The sum is the first harmonic times a polynomial in -rho, which Horner's scheme evaluates.
+    """
     _, sine, r, _ = _relaxation_parts(tau * qv)
     quotient = sine * r  # a / (1 + r), at most 1
     ratio = quotient**2
@@ -156,7 +161,9 @@ def _series_jvp(primals, tangents):
 
 
 def _split_form(F, qv, needs):
-    r"""Return the means, with <F'^2> and <F''^2> instead of <|F|^2>, as sums over pairs of positive terms.
+    r"""Return the means with <F'^2> and <F''^2> instead of <|F|^2>.
+
+    <F'^2> and <F''^2> are sums over pairs of positive terms,
 
     .. math:: \langle F''^2\rangle = \sum_{ij} \frac{F_i F_j s_i s_j}{r_i + r_j},\quad s = \frac{a}{r},\qquad
               \langle F'^2\rangle = \Big(F_\infty + \sum_i F_i o_i\Big)^2
@@ -199,14 +206,20 @@ def _pairs_jvp(primals, tangents):
 
 @jax.custom_jvp
 def _sums(weights, tau, qv):
-    """Return sums over the terms at every q v in one pass, without an array of terms x points."""
+    """Sum over the terms at every q v in one pass.
+
+    No array of size terms x points is stored.
+    """
     front = (slice(None), *(None,) * qv.ndim)
     stored = {name: _stored(weight)[front] for name, weight in weights.items()}
     return _sums_of_rows(stored, _stored(tau)[front] * qv)
 
 
 def _stored(values):
-    """Return values (n,) as sums, because XLA would repeat any other operation for every point."""
+    """Return the values unchanged, computed as sums.
+
+    XLA stores the result of a sum. XLA would repeat any other operation for every point.
+    """
     return jnp.sum(jnp.where(jnp.eye(values.shape[0], dtype=bool), values, 0.0), -1)
 
 
@@ -216,14 +229,16 @@ def _sums_jvp(primals, tangents):
 
 
 def _sums_as_products(weights, tau, qv):
-    """Return the sums as matrix products over a row of points: slower, with a faster derivative."""
+    """Return the sums of `_sums` as matrix products.
+
+    Matrix products are slower than one pass, but have a faster derivative.
+    """
     one, sine = _relaxation(tau[:, None] * qv.reshape(-1))
     parts = {"mean_abs2": one, "mean_cos_loss": sine, "mean_storage": one}
     return {name: (weight @ parts[name]).reshape(qv.shape) for name, weight in weights.items()}
 
 
 def _sums_of_rows(weights, a):
-    """Return the sums over the terms, which lie along the first axis."""
     one, sine = _relaxation(a)
     parts = {"mean_abs2": one, "mean_cos_loss": sine, "mean_storage": one}
     return {name: jnp.sum(weight * parts[name], 0) for name, weight in weights.items()}

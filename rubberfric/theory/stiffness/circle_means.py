@@ -35,14 +35,17 @@ _FAR, _FAR_OF_HARMONICS = 0.8, 1.6
 
 
 class Weights(NamedTuple):
-    """Weights of means over the circle, one row per mean: NumPy arrays, or JAX arrays from `mixed`."""
+    """Weights of means over the circle, with one row for each mean.
+
+    The arrays are NumPy arrays, or JAX arrays if `mixed` made them.
+    """
 
     near: np.ndarray | jax.Array  # of f(x - m step), m = -LEAD ... 2 block - 1, (rows, 2 block + LEAD)
     far: np.ndarray | jax.Array  # coefficients of e^-ps, p = parity, parity + 2, ..., from block + 1
     parity: np.ndarray  # 1 or 2
 
     def mixed(self, shares: jax.Array) -> "Weights":
-        """Return weights with one row: the first row plus the other rows times their shares."""
+        """Return weights with a single row: the first row plus the sum of `shares` times the other rows."""
         near, far = ((rows[0] + shares @ rows[1:])[None] for rows in self[:2])
         return Weights(near, far, self.parity)
 
@@ -54,10 +57,10 @@ def depth(step: float) -> int:
 
 @functools.lru_cache(maxsize=64)
 def circle_weights(step: float, harmonics: int) -> tuple[Weights, Weights, Weights]:
-    """Return the weights of <f>, of <cos(phi) f> and of the transverse means, with their harmonics.
+    """Return the weights of <f>, of <cos(phi) f> and of the transverse means, each with harmonics.
 
     The harmonics of <f> and <cos(phi) f> have the additional factor cos(2 m phi). The transverse means are
-    <sin(phi) sin(2 m phi) f>; their first row is zero.
+    <sin(phi) sin(2 m phi) f>. The first row of the transverse weights is zero.
     """
     count = depth(step)
     node, weight = gauss(24 + harmonics // 2)
@@ -83,7 +86,10 @@ def circle_weights(step: float, harmonics: int) -> tuple[Weights, Weights, Weigh
 
 
 def _powers(weights, step, first, parity, harmonics):
-    """Return coefficients of e^-ps in the weights of entries from `first`, p = parity, parity + 2, ..."""
+    """Fit a sum of powers e^-ps to weights, and return the coefficients.
+
+    The exponents are p = parity, parity + 2, and so on. The first weight belongs to the entry `first`.
+    """
     s = step * (first + np.arange(len(weights)))
     y = np.exp(-2 * s)
     # The fit of the weights over their first power treats all powers of y equally.
@@ -100,7 +106,7 @@ def harmonic(m: int, psi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _lagrange(share):
-    """Return weights of the points -LEAD ... _POINTS - 1 - LEAD in the polynomial at 0 <= share <= 1."""
+    """Return Lagrange weights of the points -LEAD ... _POINTS - 1 - LEAD at positions 0 <= share <= 1."""
     points = np.arange(_POINTS) - LEAD
     found = np.ones((*share.shape, _POINTS))
     for i, own in enumerate(points):
@@ -115,7 +121,8 @@ def circle_means(
 ) -> jax.Array:
     """Return means over the circle of functions that are known on a grid.
 
-    Before the grid and in its first block, a function is a e^(rx) + b e^((r+2)x) with r from `begin`.
+    Before the grid and in the first block of the grid, a function is a e^(rx) + b e^((r+2)x) with r from
+    `begin`.
 
     Parameters
     ----------
@@ -127,7 +134,7 @@ def circle_means(
 
     Returns
     -------
-    (functions, rows, entries - block - LEAD), for entries after the first block of the grid
+    array of shape (functions, rows, entries - block - LEAD), for entries after the first block of the grid
     """
     functions, count = values.shape
     blocks = -(-count // block)
@@ -160,7 +167,11 @@ def lead_in(step: float, harmonics: int) -> int:
 
 
 def _moments_before(first, second, begin, power, step, block):
-    """Return moments of the functions before the grid, from their values at the entries 0 and `block`."""
+    """Return moments of the functions before the grid.
+
+    The functions before the grid follow from `first`, the values at entry 0, and `second`, the values at
+    entry `block`.
+    """
     begin = typed(begin, first)
     growth = math.exp(2 * step * block)  # a NumPy scalar would widen float32
     upper = (second * jnp.exp(-step * block * begin) - first) / (growth - 1)
@@ -173,9 +184,10 @@ def _moments_before(first, second, begin, power, step, block):
 
 @functools.lru_cache(maxsize=64)
 def circle_rule(step: float, growth: float = 15.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (s, psi, weight) of the trapezoidal rule over t for the mean over the circle, as host arrays.
+    """Return (s, psi, weight) of the trapezoidal rule over t for the mean over the circle.
 
-    The step grows with t as sqrt(1 + (t / growth)^2), because large t contribute less.
+    The step grows with t as sqrt(1 + (t / growth)^2), because large t contribute less. The results are NumPy
+    arrays.
     """
     u = np.arange(0.0, growth * math.asinh(28.0 / growth), step)
     t = growth * np.sinh(u / growth)

@@ -77,7 +77,10 @@ class MeansTable(NamedTuple):
 
 
 def means_table(F: Tabulated, needs: RequiredMeans, split: bool, harmonics: Harmonics | None) -> MeansTable:
-    """Return a table of the means of an F that depends only on q v; arguments as in `Tabulated.means`."""
+    """Return a table of the means of F, which must depend only on q v.
+
+    The other arguments are as in `Tabulated.means`.
+    """
     material, (count_of_harmonics, mix) = F.material, constant_shares(harmonics)
     step, reach = material.detail / PER_DETAIL, REACH * material.detail
     kinds, before = kinds_of(needs, split, material.loss_beyond), lead_in(step, count_of_harmonics)
@@ -120,7 +123,7 @@ def means_table(F: Tabulated, needs: RequiredMeans, split: bool, harmonics: Harm
 
 
 def _mixed_weights(weights, mix):
-    """Return the result of `circle_weights`, with all rows joined into one by the shares `mix`, if given."""
+    """Join all rows of each result of `circle_weights` into one row, if the shares `mix` are given."""
     if mix is None:
         return weights
     even, along, across = weights
@@ -128,7 +131,10 @@ def _mixed_weights(weights, mix):
 
 
 def _root(power):
-    """Return the square root of <|F|^2>, with a floor for F = 0 (two liquids at rest), where G is 0."""
+    """Return the square root of <|F|^2>, with a positive floor.
+
+    F and G are 0 if two liquids are at rest.
+    """
     return jnp.sqrt(jnp.maximum(power, float(jnp.finfo(power.dtype).tiny) ** 0.8))
 
 
@@ -137,7 +143,11 @@ def _stack(arrays):
 
 
 def _limits(F, kinds, at_ends, harmonics, mix):
-    """Return the limits of the rows beyond both ends, (rows, 2); if a row vanishes, its factors of e^+-x."""
+    """Return the limits of the rows below and above the table, of shape (rows, 2).
+
+    A row may vanish like e^x below the table and like e^-x above the table. The limits of such a row are the
+    factors of e^x and e^-x.
+    """
     outside = F.material.loss_beyond
     storage, loss = at_ends
     far = stiffness_parts(F, storage, loss * (math.exp(-_FAR) if outside == "fall" else 1.0))
@@ -153,9 +163,11 @@ def _limits(F, kinds, at_ends, harmonics, mix):
 
 
 def _moments(harmonics, outside):
-    """Return limits of the angular means below and above the table, (2, 1 + harmonics).
+    """Return the limits of the three groups of angular means, each of shape (2, 1 + harmonics).
 
-    If E'' vanishes there, it is proportional to cos(phi) below the table and to 1 / cos(phi) above it.
+    The first row is the limit below the table, and the second row is the limit above the table. If E''
+    vanishes far from the table, E'' is proportional to cos(phi) below the table and to 1 / cos(phi) above the
+    table.
     """
     m = np.arange(1, harmonics + 1)
     sign = -((-1.0) ** m)
@@ -179,7 +191,8 @@ class _Passing(NamedTuple):
 def _passing(table, log_q, velocity, log_shift):
     """Return `_Passing`, and the sign factor of means that are odd in v.
 
-    This avoids a logarithm and an exponential of every q v, which would take longer than the splines.
+    ln(q v) is a sum of logarithms of q and v. A logarithm and an exponential of every q v would take longer
+    than the splines.
     """
     low, high = table.ends
     # |v a_T| is bounded below such that all q lie far below the table. There E is E(0) and E'' is linear in
@@ -210,7 +223,7 @@ def _passing(table, log_q, velocity, log_shift):
 
 
 def _by_table(table, passing, needs, split, harmonics):
-    r"""Return means from a table: splines, and powers beyond the ends.
+    r"""Return means from the splines of a table, and from powers of e^x beyond the table.
 
     With x = ln(q v) and vanishing E'', the means below the table are even or odd in e^x,
 
@@ -229,12 +242,12 @@ def _by_table(table, passing, needs, split, harmonics):
         return value * share + limit * (1 - share)
 
     def even(value, ends):
-        """Return <|F|^2> or <Re F>, which tend to a constant."""
+        """Return <|F|^2> or <Re F>, which tend to a constant beyond the table."""
         limit = jnp.where(lower, ends[0], ends[1])
         return part(value, limit, up if outside == "hold" else jnp.where(lower, away * away, away))
 
     def odd(value, ends):
-        """Return <cos(phi) Im F>, which vanishes if E'' does."""
+        """Return a mean of Im F, which vanishes where E'' vanishes."""
         if outside == "hold":
             return part(value, ends[1], up * up)
         if outside == "none":

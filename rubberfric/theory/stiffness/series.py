@@ -42,14 +42,15 @@ class Factors(NamedTuple):
     mean_sin_loss: tuple[jax.Array | None, ...]
 
     def of(self, kind: str, values: jax.Array) -> tuple[jax.Array, ...]:
-        """Return `values` times the factor of each mean of a kind."""
+        """Return `values` times the factor of each mean of a kind, as a tuple."""
         return tuple(values if factor is None else values * factor for factor in getattr(self, kind))
 
 
 def modulus_scale(scene: Scene) -> jax.Array:
-    """Return a modulus that makes every F of order one or less [Pa]: the softer solid's largest value.
+    """Return the largest modulus of the softer solid [Pa], the unit of all moduli.
 
-    It is only a unit. Results do not depend on it, so no gradient goes through it.
+    In this unit every F is of order one or less. Results do not depend on the unit, so derivatives of the
+    unit are stopped.
     """
     highest = [body.material.glassy_reduced() for body in (scene.lower, scene.upper) if body.material.deforms]
     scale = highest[0] if len(highest) == 1 else jnp.minimum(*highest)
@@ -104,7 +105,10 @@ def relaxing_stiffness(
 
 
 def tabulated_stiffness(surface: RoughSurface, scale: jax.Array) -> Tabulated | None:
-    """Return the stiffness if it is `Tabulated` and the same at every wavevector; otherwise None."""
+    """Return the `Tabulated` stiffness of a surface, or None.
+
+    The result is None if the stiffness is of another type or differs between wavevectors.
+    """
     if surface.detail is None or surface.by_wavevector or surface.softens_in_series:
         return None
     F = relaxing_stiffness(surface, scale, jnp.ones((1, 1), scale.dtype))
@@ -114,7 +118,10 @@ def tabulated_stiffness(surface: RoughSurface, scale: jax.Array) -> Tabulated | 
 def static_stiffness(
     surface: RoughSurface, scale: jax.Array, q: jax.Array, temperatures: SurfaceTemperatures = AT_REFERENCE
 ) -> jax.Array:
-    """Return K_j / (q/2 scale) if the strained solid does not relax: springs in series."""
+    """Return K_j / (q/2 scale) if the strained solid does not relax.
+
+    The solids are springs in series.
+    """
     solids = (
         (surface.rough, surface.softened_rough, temperatures.rough),
         (surface.strained, surface.softened, temperatures.strained),
@@ -128,14 +135,20 @@ def static_stiffness(
 
 
 def layer_factor(surface: RoughSurface, q: jax.Array) -> jax.Array | None:
-    """Return Sbar at q if it is a factor of a relaxing K_j (slab against a rigid solid); otherwise None."""
+    """Return Sbar at q if Sbar is a factor of a relaxing K_j, otherwise None.
+
+    Sbar is a factor if the relaxing solid is a slab against a rigid solid.
+    """
     if surface.strained.layer is None or surface.by_wavevector:
         return None
     return _layer(surface.strained, q)
 
 
 def factors_at(surface: RoughSurface, scale: jax.Array, q: jax.Array) -> Factors:
-    """Return the `Factors` at wavevectors q [1/m] of any shape. They contain F if the stiffness is static."""
+    """Return the `Factors` at wavevectors q [1/m] of any shape.
+
+    If the stiffness is static, the factors contain F.
+    """
     if surface.static:
         F = static_stiffness(surface, scale, q)
         return Factors((F**2,), (), (F,), ())
@@ -147,7 +160,6 @@ def factors_at(surface: RoughSurface, scale: jax.Array, q: jax.Array) -> Factors
 
 
 def _softened(surface: RoughSurface, scale: jax.Array, q: jax.Array) -> SoftenedInSeries:
-    """Return F of two deformable solids if at least one softens."""
     material, factor = surface.strained.material, _layer(surface.strained, q)
     series = material.reduced_series(scale)
     if series is None:
@@ -166,7 +178,10 @@ def _spring(
     softened: Softened | None = None,
     temperature: jax.Array | None = None,
 ) -> jax.Array:
-    """Return E_r(0) Sbar of a body divided by the scale, at q and a temperature; q None: half-space."""
+    """Return the stiffness E_r(0) Sbar of a body at rest, divided by `scale` [-].
+
+    If `q` is None, the body is a half-space and Sbar is 1.
+    """
     if q is not None and body.layer is not None and not body.layer.multiplies:
         return body.layer.static_reduced(body.material, scale, q, temperature)
     own = apply_vertical_shift(body.material.static_reduced() / scale, body.material.shift, temperature)
@@ -178,7 +193,7 @@ def _spring(
 
 
 def _layer(body: Body, q: jax.Array) -> jax.Array:
-    """Return Sbar of a slab, 1 for a half-space."""
+    """Return the stiffness factor Sbar of the layer of a body at q, which is 1 for a half-space."""
     if body.layer is None:
         return jnp.ones_like(q)
     # Bodies with a layer have a constant Poisson's ratio.

@@ -43,7 +43,8 @@ class SoftenedInSeries(NamedTuple):
     ) -> Means:
         """Return the `Means` at qv = q v a_T [1/s], shape (panels, points, order).
 
-        strained, resting : b_T of the strained and of the rough solid, broadcastable to qv; None: 1
+        `strained` is b_T of the strained solid, and `resting` is b_T of the rough solid. Arrays of b_T must
+        broadcast to the shape of qv. None stands for b_T = 1.
         """
         modulus = self.modulus
         if isinstance(modulus, PronyStiffness):
@@ -69,7 +70,11 @@ class SoftenedInSeries(NamedTuple):
 
     @staticmethod
     def _stiffer(qv, factors, vertical):
-        """Return factors (panels, order) times b_T, (panels, points, order)."""
+        """Multiply factors of shape (panels, order) by the vertical shift b_T.
+
+        If `vertical` is None, the factors are unchanged. Otherwise the result has the shape (panels, points,
+        order).
+        """
         if vertical is None:
             return factors
         return tuple(jnp.broadcast_to(x[:, None] * vertical, qv.shape) for x in factors)
@@ -77,7 +82,11 @@ class SoftenedInSeries(NamedTuple):
 
 @jax.custom_jvp
 def _means_in_series(moduli, factors, sine, weight):
-    """Return <|F|^2>, <cos(phi) F''> and <F'> from moduli in all directions, factors and springs."""
+    """Return <|F|^2>, <cos(phi) F''> and <F'>.
+
+    `moduli` are E' and E'' in all directions, which lie along the last axis. `factors` are f, g and the
+    spring k.
+    """
     storage_factor, loss_factor, spring = (x[..., None] for x in factors)
     storage, loss = storage_factor * moduli[0], loss_factor * moduli[1]
     square = storage**2 + loss**2
@@ -111,20 +120,25 @@ def _means_in_series_jvp(primals, tangents):
 
 
 def _along(x, values):
-    """Broadcast x along the last axis of values by a matrix product, because its transpose sums faster."""
+    """Broadcast x along the last axis of `values` by a matrix product.
+
+    The transpose of a matrix product sums faster than the transpose of a broadcast.
+    """
     x = jnp.broadcast_to(x, values.shape[:-1])
     return x[..., None] @ jnp.ones((1, values.shape[-1]), x.dtype)
 
 
 def _modulus(material, moduli, s, qv):
-    """Return E' and E'' at q v e^-s, (..., directions), E'' odd in q v."""
+    """Return E' and E'' at the frequencies q v e^-s, of shape (..., directions).
+
+    E'' is odd in q v.
+    """
     log_qv, sign = log_frequency(material, qv)
     storage, loss = moduli_at(material, moduli, log_qv[..., None] - jnp.asarray(s, log_qv.dtype))
     return storage, loss * sign[..., None]
 
 
 def _series_modulus(series, cosine, qv):
-    """Return E' and E'' of a Prony series at q v cos(phi)."""
     omega = qv[..., None] * jnp.asarray(cosine, qv.dtype)
     storage, loss = _relaxing(omega, series.weight, series.tau)
     return storage + series.rest, loss
@@ -132,7 +146,7 @@ def _series_modulus(series, cosine, qv):
 
 @jax.custom_jvp
 def _relaxing(omega, weight, tau):
-    """Sum weight a^2 / (1 + a^2) and weight a / (1 + a^2) over the terms, a = omega tau."""
+    """Sum weight a^2 / (1 + a^2) and weight a / (1 + a^2) over the terms, where a = omega tau."""
     storage, loss = jnp.zeros_like(omega), jnp.zeros_like(omega)
     for i in range(tau.shape[0]):
         a = clip_for_square(omega * tau[i])

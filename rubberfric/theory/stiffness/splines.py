@@ -23,7 +23,10 @@ BEFORE = BESIDE + MARGIN + 1
 
 @functools.cache
 def _spline_matrices() -> tuple[np.ndarray, np.ndarray]:
-    """Return the weights of entries in a coefficient, and the pieces of the B-spline as polynomials."""
+    """Return the weights of entries in a spline coefficient, and the pieces of the B-spline.
+
+    The pieces are polynomials, one in each row.
+    """
     # Pieces of the B-spline in t - 1/2, from the recursion over the degree.
     t = Polynomial([0.5, 1.0])
     pieces = [Polynomial([1.0])]
@@ -53,12 +56,17 @@ def _spline_matrices() -> tuple[np.ndarray, np.ndarray]:
 
 
 def splines(values: jax.Array) -> jax.Array:
-    """Return splines through functions on a grid, (functions, entries), as one polynomial per cell.
+    """Return splines through functions on a grid, as one polynomial for each cell.
+
+    Parameters
+    ----------
+    values : values on the grid, shape (functions, entries)
 
     Returns
     -------
-    (degree + 1, functions, entries - 2 MARGIN - degree): ascending coefficients in the distance from the
-    middle of the cell. The first cell begins at the entry MARGIN + BESIDE.
+    array of shape (degree + 1, functions, entries - 2 MARGIN - degree)
+        Coefficients of ascending powers of the distance from the middle of the cell. The first cell begins at
+        the entry MARGIN + BESIDE.
     """
     weights, polynomials = _spline_matrices()
     functions, count = values.shape
@@ -75,7 +83,10 @@ def splines(values: jax.Array) -> jax.Array:
 
 
 def at(cells: jax.Array, position: jax.Array) -> jax.Array:
-    """Evaluate `splines` at positions, counted in cells from the first cell; shape (functions, *shape)."""
+    """Evaluate `splines` at positions, counted in cells from the beginning of the first cell.
+
+    The result has the shape (functions, *position.shape).
+    """
     index = jnp.floor(jax.lax.stop_gradient(position))
     t, index = position - index - 0.5, index.astype(int)
 
@@ -92,7 +103,11 @@ def at(cells: jax.Array, position: jax.Array) -> jax.Array:
 
 
 def with_neighbours(values: jax.Array, before: int, after: int) -> jax.Array:
-    """Extend blocks (functions, blocks, length) by entries of their neighbours; zeros beyond the ends."""
+    """Extend each block by entries of the neighbouring blocks.
+
+    `values` has the shape (functions, blocks, length). Zeros extend the first block on the left and the last
+    block on the right.
+    """
     length = values.shape[2]
     left = jnp.pad(values[:, :-1, length - before :], ((0, 0), (1, 0), (0, 0)))
     right = jnp.pad(values[:, 1:, :after], ((0, 0), (0, 1), (0, 0)))

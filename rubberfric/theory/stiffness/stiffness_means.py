@@ -41,7 +41,7 @@ _kept: dict[Any, Tables | None] = {}
 
 
 class StiffnessMeans(NamedTuple):
-    """The stiffness at given wavevectors, and which of its means are needed."""
+    """Stiffness at given wavevectors, with the list of needed means."""
 
     # None if nothing relaxes; then F is `varying`, or the factors contain all of it.
     stiffness: PronyStiffness | Tabulated | MeansTable | SoftenedInSeries | None
@@ -61,11 +61,13 @@ class StiffnessMeans(NamedTuple):
         ----------
         q : [1/m], shape (panels, order)
         velocity : [m/s], shape (points,)
-        temperatures : of the two solids [K], None, (points,) or (panels, points, order) each
+        temperatures : SurfaceTemperatures [K]. A temperature is None, or has the shape (points,) or
+            (panels, points, order).
 
         Returns
         -------
-        Means, arrays (panels, points, order); (panels, points or 1, order) if the stiffness does not relax
+        Means, arrays of shape (panels, points, order). The second axis may have the length 1 if the stiffness
+        does not relax.
         """
         if self.stiffness is None:
             if self.varying is not None:
@@ -90,7 +92,6 @@ class StiffnessMeans(NamedTuple):
         }
 
     def _means(self, F, q, velocity, log_shift):
-        """Return the means at v a_T."""
         if isinstance(F, MeansTable):
             harmonics = self._harmonics(lambda shares: shares[:, :, None])
             log_shift = None if log_shift is None else _by_points(log_shift)
@@ -107,24 +108,25 @@ class StiffnessMeans(NamedTuple):
 
     @staticmethod
     def _vertical(shift, temperature):
-        """Return b_T, broadcastable to (panels, points, order); None if it is 1."""
+        """Return the vertical shift b_T, or None if b_T is 1.
+
+        The shape of b_T broadcasts to (panels, points, order).
+        """
         log_factor = log_vertical(shift, temperature)
         return None if log_factor is None else _by_points(jnp.exp(log_factor))
 
     def _harmonics(self, arranged):
-        """Return the shares of the harmonics; `arranged` reshapes shares that depend on q."""
+        # `arranged` reshapes shares that depend on q.
         if self.harmonics is None or self.harmonics[0].ndim == 1:
             return self.harmonics
         cosine, sine = self.harmonics
         return arranged(cosine), arranged(sine)
 
     def _log_shift(self, temperature):
-        """Return ln a_T of the strained solid; None if it is 0."""
         return None if temperature is None or self.shift is None else self.shift.log_factor(temperature)
 
 
 def _shifted(velocity, log_shift):
-    """Return v a_T [m/s]."""
     if log_shift is None:
         return velocity
     return (velocity if log_shift.ndim == 1 else velocity[:, None]) * jnp.exp(log_shift)
@@ -164,17 +166,18 @@ def stiffness_means(
 
 
 def _harmonic_shares(surface: RoughSurface, q: jax.Array) -> Harmonics | None:
-    """Return the shares (c_m, s_m) of the harmonics at wavevectors q; None without harmonics.
+    """Return the shares (c_m, s_m) of the harmonics at wavevectors q, or None without harmonics.
 
-    Shape (harmonics,) each if they are the same at every wavevector, otherwise (harmonics, *q.shape).
+    c_m and s_m have the shape (harmonics, *q.shape), or (harmonics,) if they are equal at all wavevectors.
     """
     return surface.spectrum.harmonics_at(q) if surface.harmonics else None
 
 
 def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> Tables | None:
-    """Return the table (or None) of each rough surface; None if no surface has a table.
+    """Return the table of each rough surface, or None if no surface has a table.
 
-    A table is kept for the next call with the same numbers of the materials.
+    The entry of a surface without a table is None. Tables are kept for the next call with the same numbers of
+    the materials.
 
     Parameters
     ----------
@@ -205,8 +208,9 @@ def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> 
 
 @functools.lru_cache(maxsize=_PROGRAMS)
 def _compiled_build(structure, shapes, dtype, needs):
-    """Return `_build`, compiled for scenes of one structure. It runs immediately, even while JAX traces.
+    """Return `_build`, compiled for scenes of one structure.
 
+    The compiled function runs immediately, even while JAX traces another function.
     `jax.ensure_compile_time_eval` would compile each operation separately and take a second longer.
     """
     numbers = [jax.ShapeDtypeStruct(shape, dtype) for shape in shapes]

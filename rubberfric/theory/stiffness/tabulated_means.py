@@ -66,7 +66,7 @@ def means_of_log(
 
 
 def of_direction(found: Means, sign: jax.Array, harmonics: Harmonics | None) -> Means:
-    """Add harmonics that depend on q to the means, and multiply odd means by `sign`."""
+    """Add harmonics that depend on q to the means, and multiply means that are odd in q v by `sign`."""
     if harmonics is not None and _vary(harmonics):
         cosine, sine = harmonics
         found = {
@@ -78,10 +78,10 @@ def of_direction(found: Means, sign: jax.Array, harmonics: Harmonics | None) -> 
 
 
 def log_frequency(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return ln |omega|, bounded far below the material's frequencies, and a sign factor for odd functions.
+    """Return ln |omega| with a lower bound, and a sign factor for functions that are odd in omega.
 
-    Far below, E is E(0) and E'' is linear in omega, so the derivative at v = 0 is right. If E'' does not
-    vanish at v = 0+, only the sign remains.
+    The bound lies far below the frequencies of the material. At the bound, E is E(0) and E'' is linear in
+    omega, so the derivative at v = 0 is right. If E'' does not vanish at v = 0+, the factor is only the sign.
     """
     floor = log_range(material)[0] - far_below(material)
     tiny, largest = (float(x) for x in (jnp.finfo(omega.dtype).tiny, jnp.finfo(omega.dtype).max))
@@ -92,9 +92,9 @@ def log_frequency(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.
 
 
 def far_below(material: Material) -> jax.Array | float:
-    """Return the distance in ln omega below the frequencies of a material where E'' < 1e-9 E' (at rest).
+    """Return the distance in ln omega below the lowest frequency of a material at which E'' < 1e-9 E'.
 
-    A table may begin where E'' is 1e14 times E'.
+    At the lowest frequency of a table, E'' may be 1e14 times E'.
     """
     if material.loss_beyond != "fall":
         return math.log(1e9)
@@ -105,7 +105,10 @@ def far_below(material: Material) -> jax.Array | float:
 
 
 def log_range(material: Material) -> jax.Array:
-    """Return ln of the lowest and highest frequencies of a modulus without a series [rad/s], (2,)."""
+    """Return ln of the lowest and highest frequencies of a modulus without a series, of shape (2,).
+
+    The frequencies are in rad/s.
+    """
     ends = material.frequency_range()
     if ends is None:
         raise ValueError(f"{type(material).__name__} must implement reduced_series or frequency_range")
@@ -113,19 +116,25 @@ def log_range(material: Material) -> jax.Array:
 
 
 def _vary(harmonics):
-    """Return True if the shares of the harmonics depend on q."""
     return harmonics is not None and harmonics[0].ndim > 1
 
 
 def constant_shares(harmonics: Harmonics | None) -> tuple[int, Harmonics | None]:
-    """Return the number of harmonics, and their shares if they do not depend on q."""
+    """Return the number of harmonics, and the shares of the harmonics.
+
+    The shares are None if they depend on q, or if there are no harmonics.
+    """
     if harmonics is None:
         return 0, None
     return harmonics[0].shape[0], None if _vary(harmonics) else harmonics
 
 
 def _mixed(shares: jax.Array, means: tuple[jax.Array, ...]) -> jax.Array:
-    """Add the harmonics, the last of the means, times their shares. A transverse mean has only harmonics."""
+    """Return a mean plus the sum of its harmonics times their shares.
+
+    The harmonics are the last entries of `means`, as many as there are shares. A transverse mean has only
+    harmonics.
+    """
     first = len(means) - len(shares)
     terms = (share * mean for share, mean in zip(shares, means[first:], strict=True))
     return functools.reduce(operator.add, (*means[:first], *terms))
@@ -140,7 +149,10 @@ class Parts(NamedTuple):
 
 
 def stiffness_parts(F: Tabulated, storage: jax.Array, loss: jax.Array) -> Parts:
-    """Return the `Parts` of F for E' and E''; the spring is constant or has their shape."""
+    """Return the `Parts` of F for E' and E''.
+
+    The spring is a constant, or has the shape of E' and E''.
+    """
     storage, loss = F.scale * storage, F.scale * loss
     power = storage**2 + loss**2
     if F.spring is None:
@@ -189,7 +201,10 @@ def kinds_of(needs: RequiredMeans, split: bool, loss_beyond: str) -> list[MeanKi
 
 
 def _by_node(F, log_qv, needs, split, harmonics):
-    """Return means at every node by an integral over the circle; scale and spring are () or (nodes,)."""
+    """Return the means at every node by integrals over the circle.
+
+    The scale and the spring of F have the shape () or (nodes,).
+    """
     count, mix = constant_shares(harmonics)
     s, psi, weight = rule_of_node(F.material)
     kernels = [np.ones((2, psi.size)), *(np.stack(harmonic(m, psi)) for m in range(1, count + 1))]
@@ -238,7 +253,7 @@ class Moduli(NamedTuple):
 
 
 def moduli_on_grid(material: Material) -> Moduli:
-    """Return the `Moduli` for `moduli_at`."""
+    """Return the `Moduli` of a material."""
     step, reach = material.detail / PER_DETAIL, REACH * material.detail
     low, high = log_range(material)
     ends = jax.lax.stop_gradient(jnp.stack([low - reach, high + reach]))
@@ -250,7 +265,7 @@ def moduli_on_grid(material: Material) -> Moduli:
 
 
 def moduli_at(material: Material, moduli: Moduli, log_omega: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return E' and E'' [Pa] at ln omega of any shape, from `Moduli` instead of `storage_and_loss`."""
+    """Return E' and E'' [Pa] at ln omega of any shape, evaluated from splines."""
     inside = jnp.clip(log_omega, *moduli.ends)
     storage, loss = jnp.exp(at(moduli.cells, inside * (PER_DETAIL / material.detail) - moduli.first))
     if material.loss_beyond == "fall":
@@ -261,5 +276,8 @@ def moduli_at(material: Material, moduli: Moduli, log_omega: jax.Array) -> tuple
 
 
 def log_floored(values: jax.Array) -> jax.Array:
-    """Return ln of values >= 0, with a floor for two liquids at rest, where G is 0."""
+    """Return the logarithm of values >= 0, with a floor.
+
+    Values are 0 if two liquids are at rest, where G is 0.
+    """
     return jnp.log(jnp.maximum(values, float(jnp.finfo(values.dtype).tiny) ** 0.8))

@@ -78,13 +78,16 @@ class VaryingSeries(NamedTuple):
         return jax.lax.map(jax.checkpoint(panel), values)
 
     def static(self, q: jax.Array, temperatures: SurfaceTemperatures) -> Means:
-        """Return the means if the strained solid does not relax: arrays (panels, points or 1, order)."""
+        """Return the means if the strained solid does not relax.
+
+        The arrays have the shape (panels, points or 1, order).
+        """
         at = jax.tree.map(lambda T: T[:, None] if T.ndim == 1 else T, temperatures)
         F = static_stiffness(self.surface, self.scale, q[:, None], at)
         return {"mean_abs2": (F * F,), "mean_storage": (F,)}
 
     def _series(self, q, temperatures):
-        """Return F at q and temperatures of shape (nodes,)."""
+        # q and temperatures have the shape (nodes,).
 
         def one(q, temperatures):
             F = relaxing_stiffness(self.surface, self.scale, q[None, None], temperatures)

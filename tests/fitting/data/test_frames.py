@@ -65,7 +65,7 @@ def test_there_and_back():
 @pytest.mark.parametrize(
     ("frame", "units", "message"),
     [
-        ({"v": V}, None, r"^the frame has no column mu \[-\], but v: rename one, or give friction="),
+        ({"v": V}, None, r"^the frame has no column mu \[-\]; it has the columns v\. .* give friction="),
         ({"v [km/h]": V, "mu": MU}, None, r"^column 'v \[km/h\]': unit 'km/h': "),
         ({"v": V, "log10_v": V, "mu": MU}, None, r"^column 'log10_v': v is given twice$"),
         ({"v": V, "mu": ["a"] * 3}, None, r"^column 'mu': must be numbers$"),
@@ -74,7 +74,7 @@ def test_there_and_back():
         (
             {"v": V, "mu": MU},
             None,
-            r"^the frame has no column p \[Pa\], but v, mu: rename one, or give pressure=",
+            r"^the frame has no column p \[Pa\]; it has the columns v, mu\. Rename .* give pressure=",
         ),
     ],
 )

@@ -106,7 +106,7 @@ def test_what_is_no_comparison(fits):
         ({"a": one, "b": robust}, "losses are ('huber', 1.345) and ('linear', 1.0); they must be the same"),
         (
             {"a": one, "b": scaled},
-            "errors of only one are scaled by the scatter; both or none must be scaled",
+            "only one fit has errors scaled by the scatter; the errors of both or of neither must be scaled",
         ),
     ):
         with pytest.raises(ValueError, match="must") as caught:

@@ -379,7 +379,7 @@ def test_what_is_tied_moves_with_its_source_in_gradients():
         ({E: Tied(E), "gamma": Positive()}, "must be another key of free, one that is not tied itself"),
         ({E: Tied(3), "gamma": Positive()}, "tied to 3: must be another key of free"),
         ({E: Positive(), "gamma": Tied(E + "[:]")}, "must be another key of free"),
-        ({E: Positive(), "gamma": Tied(E)}, f"has 1 elements, but '{E}' has 4; it must have as many, or one"),
+        ({E: Positive(), "gamma": Tied(E)}, f"has 1 elements, but '{E}' has 4; tie it to a parameter"),
         (
             {E + "[:3]": Tied(E + "[3:]"), E + "[3:]": Free(start=0.0)},
             "starts at 0, so the ratio must be given",

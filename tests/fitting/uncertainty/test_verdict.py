@@ -192,7 +192,7 @@ def test_bars_by_the_scatter(tmp_path):
 
     text = plain.report()
     assert text.startswith("THE SCENE DOES NOT EXPLAIN THE DATA: chi-square")
-    assert "in brackets those by the scatter" in text
+    assert "error bars in brackets are scaled by the scatter" in text
     for error in found.stderr:
         assert f"[{error:#.2g}]" in text
     text = found.report()

@@ -201,7 +201,7 @@ def test_refused(table, tmp_path):
         rf.io.write_friction(tmp_path / "t.inp", falling)
     with pytest.raises(ValueError, match=r"friction.*: must be >= 0"):
         rf.io.write_friction(tmp_path / "t.inp", table._replace(friction=-table.friction))
-    with pytest.raises(ValueError, match=r"velocity = \(1, 0.1\): must be \(lowest, highest\)"):
+    with pytest.raises(ValueError, match=r"velocity = \(1, 0.1\): velocity must be \(lowest, highest\)"):
         rf.analysis.friction_table(ROUGH, (1, 0.1), 1e5)
     with pytest.raises(ValueError, match=r"friction is 0 at some points"):
         rf.analysis.friction_table(scene((rf.Elastic(1e6, 0.5),), (RIGID, ROUGH.upper.spectrum)), SPEED, 1e5)

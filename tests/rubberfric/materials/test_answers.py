@@ -67,7 +67,7 @@ def test_flags():
     assert [m.relaxes for m in (RIGID, ELASTIC, PRONY, SHEAR, TABLE)] == [False, False, True, True, True]
     assert [m.always_in_series for m in (PRONY, SHEAR, TABLE)] == [False, True, False]
     assert not RIGID.needs_quadrature
-    with pytest.raises(ValueError, match=r"^material is Rigid: it has no modulus$"):
+    with pytest.raises(ValueError, match=r"^material is Rigid, which has no modulus; use a deformable"):
         RIGID.static_modulus()
 
 

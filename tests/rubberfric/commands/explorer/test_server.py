@@ -111,7 +111,7 @@ def test_a_foreign_host_gets_nothing(server, ask, host):
     )
     for method, path, body in (("GET", "", None), ("POST", "double", b'{"x": 1}')):
         status, _, text = ask(method, f"/{server.token}/{path}", body, Host=host)
-        assert (status, text) == (403, "Host: must be this server")
+        assert (status, text) == (403, "the header Host must name this server")
 
 
 @pytest.mark.parametrize(
