@@ -85,7 +85,7 @@ class KramersKronig:
     def chance(self) -> float:
         """Chi-square probability that consistent data scatter at least as much as the measured data.
 
-        The probability is NaN if no node is counted.
+        The probability is NaN if no node is `counted`.
         """
         c = self.counted
         if not c.any():

@@ -171,7 +171,8 @@ class _Superposition:
     def reweigh(self, found, C, J):
         """Update variances, penalties and weights of outliers, and return a measure of their change.
 
-        The measure is the largest |ln(new / old)| of variances and penalties divided by 50. The tolerance of
+        The measure is a fiftieth of the largest |ln(new / old)| of all variances and penalties. The tolerance
+        of
         `run`, 0.2 % for shifts, thus corresponds to 10 % for variances.
         """
         old = np.concatenate([self.sigma2, self.tau2, self.penalty])

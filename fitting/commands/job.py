@@ -166,7 +166,10 @@ def _check_outputs(path, files, outputs):
     for key, name in files.items():
         for output in outputs:
             if isinstance(name, str) and (path.parent / name).resolve() == Path(output).resolve():
-                raise ValueError(f"{path}: {key} = {name!r}: is a file of the job; must not be an output")
+                raise ValueError(
+                    f"{path}: {key} = {name!r}: is an input file of the job; choose another file for"
+                    " the output"
+                )
 
 
 def _text(path, key, value):

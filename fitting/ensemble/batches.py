@@ -141,7 +141,7 @@ def advance_members(
 
 @functools.lru_cache(maxsize=8)  # a second ensemble of the same kind compiles nothing
 def _compiled(solver, structure, mesh, vectorised, tree, shapes, stepping):
-    """Compile one step of a batch, or the start if not `stepping`, for arguments of given shapes.
+    """Compile one step of a batch for arguments of given shapes; the first evaluation if `stepping` is False.
 
     All devices get the results of all members.
     """

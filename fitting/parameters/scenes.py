@@ -97,7 +97,7 @@ def paths_of(scenes: Scenes, path: Any) -> list[str]:
 
 
 def next_step(owner: Any, step: str) -> Any:
-    """Return the object in `owner` that a step of a key path names, or None if there is none."""
+    """Return the object in `owner` that a step of a key path names, or None if `owner` lacks this step."""
     return owner.get(step) if isinstance(owner, dict) else getattr(owner, step, None)
 
 
@@ -232,7 +232,7 @@ def in_order(pairs: tuple[OrderedPair, ...], leaves: Any) -> Any:
 
 
 def check_start(scene: Scenes, pairs: tuple[OrderedPair, ...], leaves: list[np.ndarray]) -> None:
-    """Raise ValueError if start values of a fit violate low <= high by more than rounding."""
+    """Raise ValueError if start values break the order of a scene, such as q0 <= qr, beyond rounding."""
     names = scene_paths(scene)
     for low, high in pairs:
         below, above = (

@@ -94,7 +94,7 @@ class PriorContext(NamedTuple):
         return list(self.constants.leaves)
 
     def group(self) -> Group | None:
-        """Return the free parameter whose key path is the key of the prior, or None if there is none."""
+        """Return the free parameter with the key path of the prior, or None if this path is not free."""
         return next((group for group in self.variables.groups if group.path == self.key), None)
 
     def selection(self, separator: str, separated: str) -> Selection:

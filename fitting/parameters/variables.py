@@ -77,7 +77,7 @@ class Variables(NamedTuple):
 
     @property
     def own(self) -> list[Group]:
-        """Groups that have elements in x of their own, which are all except Tied, RmsSlope and Shared."""
+        """Groups with separate elements in x, which are all except Tied, RmsSlope and Shared."""
         return [group for group in self.groups if group.kind not in FOLLOWING]
 
 

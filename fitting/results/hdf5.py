@@ -226,7 +226,7 @@ def save(
     Raises
     ------
     ValueError
-        one line: the suffix is not .h5, the folder is missing or cannot be written to.
+        the suffix is not .h5, or the folder is missing or not writable. The message is one line.
     """
     check_writable(path, (".h5",))
     text = report(result)

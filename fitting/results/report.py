@@ -108,7 +108,7 @@ def tied_lines(result: FitRecord) -> list[str]:
 
 
 def error_text(result: Any, name: str, value: float) -> str:
-    """Return the error of a value as text, or the reason why there is none, or "(fixed)".
+    """Return the error of a value as text, or the reason for a missing error bar, or "(fixed)".
 
     `result` is a FitResult or PronyFit, and `name` is the last step of a key path.
     """

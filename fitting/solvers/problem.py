@@ -76,7 +76,7 @@ class Numbers(NamedTuple):
 class Targets(NamedTuple):
     """Measured values, errors, and flags of fixed elements, as a pytree.
 
-    Each resampled data set has `Targets` of its own.
+    Each resampled data set has separate `Targets`.
     """
 
     measured: Array  # shape (rows,); the logarithm where the block is logarithmic

@@ -195,7 +195,7 @@ def confirm_minimum(
 
 
 def _to_fit(problem, cost, costs, drawn, inner):
-    """Return the indices of points from which further fits start, although the cost is not lower there.
+    """Return the indices of points from which further fits start, even if their cost exceeds that of the fit.
 
     The list is empty if fits are slow.
     """

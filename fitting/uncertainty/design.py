@@ -174,7 +174,7 @@ def design(
     check_values("relative", error, POSITIVE)
     price = _cost(cost, at)
     if isinstance(n, bool) or not isinstance(n, int | float) or not n >= price.min():
-        raise ValueError(f"n = {shown(n)}: must be >= {price.min():g}, enough for one measurement")
+        raise ValueError(f"n = {shown(n)}: must be >= {price.min():g}, the cost of the cheapest measurement")
     draws = draws if draws is not None else 1 if isinstance(source, SolvedProblem) else _DRAWS
     if not isinstance(draws, int) or draws < 1:
         raise ValueError(f"draws = {shown(draws)}: must be an integer >= 1")

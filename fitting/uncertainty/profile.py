@@ -129,8 +129,8 @@ class _Trace:
     def _with_anchor(self):
         """Insert the solution of the fit into the profile.
 
-        If the profile has a fit at the same value, the solution replaces this fit if the fit did not converge
-        or has a higher cost.
+        A fit that the profile already has at this value is replaced only if it did not converge or has a
+        higher cost.
         """
         k = int(np.argmin(np.abs(self.at - self.anchor.x[self.i])))
         if self.at[k] != self.anchor.x[self.i]:
@@ -322,7 +322,7 @@ def _ahead(trace, inner, side, target):
 
 
 def _crossing(trace, side, q):
-    """Return two estimates of the x at which the root reaches q.
+    """Return two estimates of the x at which the square root of the rise of chi-square reaches q.
 
     The first estimate is from a parabola through three values, and the second from a line through two. If
     there are only two values, the first estimate is from the line, and the second is inf.

@@ -142,7 +142,7 @@ def smaller(tiling: Tiling) -> Tiling | None:
 
 
 def batches(tiling: Tiling) -> Iterator[MapBatch]:
-    """Yield the batches: all pairs at the first pressures, then all pairs at the next pressures."""
+    """Yield the batches: all pairs (T, v) at the first pressures, then all pairs at the next pressures."""
     for low in range(0, tiling.pressures, tiling.columns):
         high = min(low + tiling.columns, tiling.pressures)
         for first in range(0, tiling.pairs, tiling.batch):

@@ -69,8 +69,9 @@ def stress_distribution(
     RuntimeWarning : as `solve`, if the temperatures of a heated scene did not converge.
 
     Limits: full relative accuracy for s -> 0 (the difference of the two terms is not formed) and for huge G.
-    Smooth solids have Dirac's delta at sigma_0, and so have densities with a width below 1e-30 of sigma_0
-    (single precision: 1e-15). With `scene.area_correction` G contains S.
+    For smooth solids the density is Dirac's delta at sigma_0, which is not represented. The same applies to
+    densities with a width below 1e-30 of sigma_0 (single precision: 1e-15). With `scene.area_correction` the
+    factor S is part of G.
     """
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
     check_without(scene, ("adhesion",), "the distribution of stresses")

@@ -109,8 +109,8 @@ def linear_fixed_point(
     """Return the derivative of a quantity that depends on a fixed point.
 
     The derivative is evaluated at the dy for which the residual f' dy + df - dy is zero. The result cannot be
-    differentiated again. The linear system is the same as in `implicit`. One function gives both the residual
-    and the quantity, so only one function has to be differentiated.
+    differentiated again. The linear system is the same as in `implicit`. `residual` returns the residual
+    together with the derivative of the quantity, so only one function is evaluated.
 
     Parameters
     ----------

@@ -245,7 +245,7 @@ def _place() -> "Place | None":
 
 
 class Phases(Progress):
-    """Progress of the phases of a command, and lines that stay in the output."""
+    """Progress of a command: a line that each phase replaces, and lines that stay in the output."""
 
     def __init__(self, place: "ClockLine | Lines | None") -> None:
         super().__init__("", place)

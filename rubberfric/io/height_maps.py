@@ -115,7 +115,7 @@ def filled(heights: np.ndarray) -> np.ndarray:
 
 
 def _rows(path, text):
-    """Return the titles of the columns, and (line number, fields) of all rows of numbers and holes.
+    """Return the titles of the columns, and (line number, fields) of all rows of numbers or empty fields.
 
     The titles are [] if the file has no titles.
     """

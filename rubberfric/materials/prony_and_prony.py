@@ -198,7 +198,10 @@ def _sides(rest, weight, shares, left):
 
 
 def _both(small, right):
-    """Return theta and phi, where `small` is phi if `right` is True and theta otherwise."""
+    """Return the shares theta and phi = 1 - theta of an interval, given the smaller one.
+
+    `small` is phi if `right` is True, otherwise theta.
+    """
     return jnp.where(right, 1 - small, small), jnp.where(right, small, 1 - small)
 
 

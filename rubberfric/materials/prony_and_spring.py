@@ -35,9 +35,10 @@ class _Roots(NamedTuple):
 
 
 class _Rates(NamedTuple):
-    """Positions of all rates l_j relative to all roots, divided by m = max(l_j, own).
+    """Differences of all rates l_j from all roots, divided by m = max(l_j, own).
 
-    own is rate[pole] of a root. The arrays have a row for each root and a column for each rate.
+    The rate of the pole that belongs to a root is called own. The arrays have a row for each root and a
+    column for each rate.
     """
 
     at_anchor: jax.Array  # True if the root is measured from l_j

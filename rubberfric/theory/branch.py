@@ -12,7 +12,8 @@ residual estimates sigma, and every step along the residual is divided by 1 - si
 .. math:: y \leftarrow y + \frac{r}{1-\sigma},\qquad r = F(y) - y,\qquad
           1 - \sigma = -\frac{\Delta r\cdot\Delta y}{\Delta y\cdot\Delta y},\qquad \sigma < 1
 
-Because sigma < 1, a step never changes its sign: a stable solution attracts, an unstable one does not. Steps
+Because 1 - sigma > 0, the division never reverses a step. Steps therefore lead to stable solutions and away
+from unstable ones. Steps
 in ln v grow and shrink with the number of evaluations that they take. A large change at the shortest step is
 a jump.
 """

@@ -73,7 +73,7 @@ class Prepared(NamedTuple):
     def roughness(self) -> Roughness:
         """Return the rough surfaces.
 
-        A ValueError is raised if no prepared quantity is an integral over roughness.
+        A ValueError is raised if none of the requested quantities is an integral over roughness.
         """
         if self.integrated is None:
             raise ValueError("no prepared quantity is an integral over roughness")

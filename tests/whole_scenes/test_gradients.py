@@ -44,6 +44,7 @@ def test_equal_to_the_oracle(name):
         assert (error <= 1e-6 * (np.abs(Q) + floor + np.abs(expected))).all(), (parameter, error)
 
 
+@pytest.mark.slow
 def test_a_roughness_that_begins_at_a_border_of_the_others():
     """An ulp from the middle of the range; the contact is lost within A^2 = 1e-12 of it: by differences."""
     road = rf.SelfAffine(1e6, 1e6, 3e6, 0.8, 1e-7)

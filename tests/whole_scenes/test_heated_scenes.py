@@ -188,6 +188,7 @@ def brute_slopes(case, step, start, *accuracy):
     return {name: difference({k: x[name] for k, x in known.items()}) for name in QUANTITIES}
 
 
+@pytest.mark.slow
 def test_derivative_of_the_cheapest_by_brute_force():
     at, step = tangent(SHEARED, ALL)
     slope = jax.jit(lambda at, step: jax.jvp(lambda at: rf.friction(*at), (at,), (step,))[1])(at, step)

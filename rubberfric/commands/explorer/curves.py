@@ -258,7 +258,7 @@ class Explorer:
 
 
 def _axis(conditions: Conditions, count: int) -> tuple[str, np.ndarray]:
-    """Return the name of the condition on the abscissa of the curves, and `count` of its values.
+    """Return the name of the condition along the abscissa of the curves, and an array of `count` values.
 
     The condition is "velocity" if there are two different velocities > 0, otherwise "pressure".
     """

@@ -42,7 +42,7 @@ class Factors(NamedTuple):
     mean_sin_loss: tuple[jax.Array | None, ...]
 
     def of(self, kind: str, values: jax.Array) -> tuple[jax.Array, ...]:
-        """Return `values` times the factor of each mean of a kind, as a tuple."""
+        """Return a tuple with `values` times the factor of each mean of this kind, for example of <|F|^2>."""
         return tuple(values if factor is None else values * factor for factor in getattr(self, kind))
 
 

@@ -116,6 +116,7 @@ def test_shifts_of_no_law_become_a_table():
     assert "no law holds within the errors: shift is the table" in found.report()
 
 
+@pytest.mark.slow
 def test_order_files_and_drift_do_not_matter(found):
     """Rows in any order, in two files, at temperatures that scatter by some tenths of a kelvin."""
     data, rng = isotherms(), np.random.default_rng(1)
@@ -147,6 +148,7 @@ def test_reference_temperature():
     np.testing.assert_allclose(found.log_aT, law.log_factor(T) - law.log_factor(318.15), atol=0.2)
 
 
+@pytest.mark.slow
 def test_given_errors_make_the_bars(found):
     given = fit_master_curve(isotherms(relative=0.03))
     np.testing.assert_allclose(given.stderr, found.stderr, rtol=0.25)
@@ -157,6 +159,7 @@ def test_given_errors_make_the_bars(found):
     assert np.all(wide.stderr[moved] > 3 * narrow.stderr[moved]) and wide.redchi < 0.05
 
 
+@pytest.mark.slow
 def test_errors_of_the_temperatures_add_to_the_bars():
     """By the slope of ln a_T, and that of the reference."""
     exact, wrong = (fit_master_curve(isotherms(), temperature_error=one) for one in (0.0, 2.0))

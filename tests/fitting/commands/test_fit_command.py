@@ -218,7 +218,7 @@ PRIOR = '"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }'
         (
             "[5e7, 2e7]",
             "-1",
-            "free['upper.material.E']: starts at -1: must start > 0, because it is Positive; give start=",
+            "free['upper.material.E']: starts at -1: must start at a value > 0, because it is Positive",
         ),
         (
             "low = 1e5",

@@ -66,6 +66,7 @@ def test_all_moduli_and_the_pressure_times_one_factor_change_nothing(quantity):
     np.testing.assert_allclose(s["moduli"] + s["p"], 0, atol=1e-10)
 
 
+@pytest.mark.slow
 @each_quantity
 def test_longer_times_are_a_faster_motion(quantity):
     s = sums(quantity)

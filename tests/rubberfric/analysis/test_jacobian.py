@@ -110,6 +110,7 @@ FITS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [name if name == "some moduli" else pytest.param(name, marks=pytest.mark.slow) for name in FITS]
 )

@@ -178,7 +178,7 @@ def shifted_scene(scene, shift, b, a):
     return dataclasses.replace(scene, lower=moved(scene.lower), upper=moved(scene.upper))
 
 
-@pytest.mark.parametrize("name", some(SCENES))
+@pytest.mark.parametrize("name", some(SCENES, QUICK[:1]))
 def test_scenes_with_scaled_moduli(name):
     """At every temperature the scene is one of b times the moduli."""
     law = wlf(ENTROPIC)

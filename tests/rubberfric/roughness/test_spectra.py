@@ -210,6 +210,7 @@ def test_a_call_by_itself_compiles_few_programs(call):
     assert 0 < len(compiled) <= 3, compiled
 
 
+@pytest.mark.slow
 def test_lists_and_single_precision_are_taken():
     road = rf.SelfAffine(100.0, 1000.0, 1e5, 0.8, 3e-4)
     rubber = rf.Prony(1e6, [1e8], [1e-5], 0.5, rf.WLF(8.0, 99.0, 293.0))

@@ -171,6 +171,7 @@ def on_its_limits(seed, setting, longest, largest):
 SEEDS = [seed for seed in range(400) if (seed + seed // 4) % 4 == 2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", [pytest.param(k, marks=[pytest.mark.slow] * (k != 2)) for k in range(6)])
 def test_random_tables_are_good_to_1e_9(k):
     """At the limits of every setting; tables without steps have separate settings."""

@@ -123,6 +123,7 @@ ROWS = (
 SHORT = [pytest.param(*(hurst, *row, 512), marks=pytest.mark.slow) for hurst in (0.8, 0.5) for row in ROWS]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("hurst", "load", "share", "error", "grid"), [(0.8, 0.06, 1 / 8, 0.15, 256), *SHORT])
 def test_areas_held_by_their_energy_are_those_of_elements(hurst, load, share, error, grid):
     spectrum = rf.SelfAffine(q0=1e5, qr=2e5, q1=8e5, hurst=hurst, h_rms=1e-6)

@@ -175,6 +175,7 @@ def _plateau(work=None, reach=1.5e-6):
     )
 
 
+@pytest.mark.slow
 def test_light_loads_agree_with_brute_force():
     """Nodes placed for another load gave areas 2 to 800 times too large."""
     brute = DmtAttraction(5.8e4, 1.8e5, 2.5e6, 0.62, 3.1e-6, 4e6 / (1 - 0.49**2), 1.0)
@@ -370,6 +371,7 @@ def test_the_work_of_separation_agrees_with_brute_force(work, reach):
     assert _work_left(work, reach) == pytest.approx(np.max(work * share(at) - stored) / work, rel=2e-4)
 
 
+@pytest.mark.slow
 def test_limits_of_the_work_of_separation():
     """Smooth solids have all of it, stiff ones nothing; full contact is one of the states."""
     assert _work_left(1e-2, 1e-7, FINE.replace(h_rms=1e-13)) == pytest.approx(1.0, abs=1e-9)

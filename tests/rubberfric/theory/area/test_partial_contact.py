@@ -42,7 +42,10 @@ def psi(x, gamma):
         return tail + mp.quad(lambda u: slope(mp.exp(u), gamma), [mp.log(x), min(mp.log(x) / 2, -3), -1, 0])
 
 
-@pytest.mark.parametrize("gamma", [0.0, 0.3, 0.5, 1.0])
+@pytest.mark.parametrize(
+    "gamma",
+    [pytest.param(gamma, marks=[pytest.mark.slow] * (gamma != 0.5)) for gamma in (0.0, 0.3, 0.5, 1.0)],
+)
 def test_separation_weight(gamma):
     found = separation_weight(jnp.array(X), gamma)
     exact = np.array([float(x * psi(x, gamma)) for x in X])

@@ -54,7 +54,7 @@ def exact_means(qv, spring, outside):
     [
         pytest.param(None, "fall", marks=pytest.mark.slow),
         pytest.param(None, "hold", marks=pytest.mark.slow),
-        (None, "none"),
+        pytest.param(None, "none", marks=pytest.mark.slow),
         (0.3, "fall"),
     ],
     ids=str,
@@ -125,6 +125,7 @@ def test_a_smooth_modulus_has_the_means_of_its_series(options):
     assert_alike(table.means(jnp.ones(1), qv, None, needs, **options), known, 1e-9)
 
 
+@pytest.mark.slow
 def test_harmonics_that_vary_and_a_modulus_of_every_node():
     """Shares of harmonics at every node, as roughness has them whose direction turns with q."""
     series, modulus = alike((0.7, 1.0, 2.5))

@@ -54,7 +54,7 @@ def close(found, exact, outside, tolerance):
 OUTSIDE = ("fall", "hold", "none")
 
 
-@pytest.mark.parametrize("seed", slow_if(lambda seed: seed % 12, range(20)))
+@pytest.mark.parametrize("seed", slow_if(lambda seed: seed, range(20)))
 def test_means_of_random_tables(seed):
     table, outside = random_table(seed), OUTSIDE[seed // 4 % 3]
     x = velocities(table)
