@@ -239,7 +239,7 @@ def page(rows):
     """Yield the lines of the page."""
     known = numbers(rows)
     friction = [row for row in rows if row["relaxation"] != "elastic"]
-    yield "# How true is the theory?"
+    yield "# Theory and boundary elements"
     yield ""
     yield from __doc__.replace("REALISATIONS", str(REALISATIONS)).splitlines()[5:]
     yield ""

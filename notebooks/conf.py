@@ -62,8 +62,14 @@ def link_to_pages(_app, *given):
         text[0] = text[0].replace(f"]({path})", f"](notebooks/{page})").replace(f"](../{path})", f"]({page})")
 
 
+def skip_plain_fields(_app, _what, _name, member, _skip, _options):
+    """Leave out fields of named tuples, whose automatic docstring is only their number."""
+    return True if (getattr(member, "__doc__", None) or "").startswith("Alias for field number") else None
+
+
 def setup(app):
-    """Register the renderer of formulas and the change of links."""
+    """Register the renderer of formulas, the change of links and the choice of members."""
+    app.connect("autodoc-skip-member", skip_plain_fields)
     app.connect("source-read", link_to_pages)
     app.connect("include-read", link_to_pages)
     app.add_html_math_renderer("mathml", (inline_formula, None), (displayed_formula, None))
