@@ -40,6 +40,7 @@ function set(name, value, from) {
   if (from !== range) range.value = Math.round(1000 * toPart(slider, value));
   if (from !== box) box.value = short(value);
   unit.textContent = unitOf(slider, value);
+  range.setAttribute("aria-valuetext", `${short(value)} ${unit.textContent}`.trim());
   const moved = value !== slider.start;
   reset.disabled = !moved;
   row.classList.toggle("moved", moved);
@@ -257,6 +258,8 @@ function before(x, y, now) {
 function began(series) { return series.some((s) => s.colour === START) ? null : [upright("start")]; }
 
 function drawCurves() {
+  // Back at the start, the axes have their first limits again.
+  if (!Object.keys(away()).length) for (const plot of Object.values(panels)) plot.limits = null;
   const { at, beside, points } = state.start, now = state.shown, first = state.first.curves, mark = at[state.mark * state.start.every];
   const good = (name, scale) => (all) => all[name].map((value, i) => (value === null || (all.converged && !all.converged[i]) ? null : scale(value)));
   const scales = { separation: (x) => 1e6 * x, flash_temperature: (x) => x - 273.15 };

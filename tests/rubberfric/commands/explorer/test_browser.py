@@ -148,6 +148,48 @@ def test_drafts_while_a_slider_moves_and_curves_when_it_rests(server, opened, wa
     assert complaints(opened) == ([], "")
 
 
+def resized(browser, width, height):
+    """Give the page a window of this size."""
+    metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+
+
+def test_curves_and_sliders_on_narrow_and_wide_screens(opened):
+    rectangles = """
+    return [...document.querySelectorAll("#panels figure")].map((one) => {
+      const box = one.getBoundingClientRect();
+      return [box.left, box.top, box.right, box.bottom];
+    })"""
+    last = "[...document.querySelectorAll('.slider')].at(-1)"
+    try:
+        resized(opened, 420, 800)
+        opened.execute_script("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+        opened.execute_script(f"{last}.scrollIntoView()")
+        left, top, right, bottom = opened.execute_script(rectangles)[0]
+        assert 0 <= left < right <= 420 and 0 <= top < bottom <= 500
+        box = opened.execute_script(f"return {last}.getBoundingClientRect().bottom")
+        assert bottom < box <= 800
+        resized(opened, 2560, 1300)
+        columns = {round(one[0]) for one in opened.execute_script(rectangles)}
+        assert len(columns) == 3
+    finally:
+        opened.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_sliders_state_their_values_and_axes_return(opened, wait):
+    text = "return document.querySelector('.slider[data-name=\"{}\"] input[type=range]').ariaValueText"
+    assert opened.execute_script(text.format("lower.spectrum.h_rms")).endswith(" m")
+    assert "K (" in opened.execute_script(text.format("temperature"))
+    limits, answers = "return panels.friction.limits.high", opened.execute_script(ANSWERS)
+    before = opened.execute_script(limits)
+    opened.execute_script(MOVE, "lower.spectrum.h_rms", 1000)
+    wait(f"{ANSWERS} > arguments[0]", answers)
+    assert opened.execute_script(limits) > before
+    opened.execute_script("document.getElementById('reset').click()")
+    wait("return document.querySelector('path[data-role=start]') === null")
+    assert opened.execute_script(limits) == before
+
+
 def test_a_job_is_downloaded(opened, wait):
     opened.execute_script(MOVE, "gamma", 600)
     opened.execute_script("document.getElementById('fit').click()")
