@@ -51,12 +51,18 @@ class LikelihoodProfile(NamedTuple):
     better: dict[str, float] | None = None  # values of a minimum below the fit, by name
     warning: str = ""  # on such a minimum, or on an interval of several parts
 
+    def __repr__(self) -> str:
+        return f"LikelihoodProfile({self.name}: {self._interval()}, {self.values.size} values)"
+
+    def _interval(self):
+        ends = [f"{end:.6g}" if np.isfinite(end) else _OPEN.get(end, "?") for end in (self.low, self.high)]
+        return f"{ends[0]} ... {ends[1]}"
+
     def report(self) -> str:
         """Return the interval, and a line for every value, as text."""
-        ends = [f"{end:.6g}" if np.isfinite(end) else _OPEN.get(end, "?") for end in (self.low, self.high)]
         lines = [
             f"[[Profile of {self.name}]]",
-            f"    {ends[0]} ... {ends[1]}, where chi-square rises by {self.threshold:.4g}",
+            f"    {self._interval()}, where chi-square rises by {self.threshold:.4g}",
         ]
         named = zip(("lower", "upper"), self.ends, strict=True)
         lines += [f"    {side} end {text}" for side, text in named if text != "reached"]

@@ -115,9 +115,6 @@ def figure_of_map(result: Result) -> Figure:
         if shared and i > 0:
             for below in axes:
                 below.set_title("")
-        if i < len(fields) - 1:
-            for above in axes:
-                above.set_xlabel("")
     return figure
 
 
