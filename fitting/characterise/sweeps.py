@@ -78,7 +78,10 @@ def _rows(i, one):
     if not isinstance(one, ModulusData):
         raise ValueError(f"isotherms[{i}] is a {type(one).__name__}: must be ModulusData")
     if one.temperature is None:
-        raise ValueError(f"isotherms[{i}], {one.label!r}, has no temperature: must have one for every row")
+        raise ValueError(
+            f"isotherms[{i}], {one.label!r}, has no temperature: must have one for every row; give"
+            " temperature=... to `fitting.read` if only the name of the file states it"
+        )
     positive = np.where(one.measured > 0, one.measured, np.nan)
     error = one.error
     if error is not None:
