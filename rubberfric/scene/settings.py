@@ -117,8 +117,7 @@ def default_quadrature(
     Quadrature. If `jit` or `vmap` traces a number of the scene or the pressure, the setting is made for ten
     decades at any load. (It has an error of 1e-7 for two rough solids with plateaus of nine decades each;
     pass `quadrature` there.) Outside `jit`, a derivative is computed with the same setting as the value. The
-    rules were
-    measured for half-spaces of `Rigid`, `Elastic` and `Prony` with `SelfAffine` roughness, and for
+    rules were measured for half-spaces of `Rigid`, `Elastic` and `Prony` with `SelfAffine` roughness, and for
     `TabulatedModulus` on a rough rigid solid. Both groups were also measured with heating and roughness of up
     to three decades, and tabulated moduli also with the area correction. Other scenes use some more nodes.
 
@@ -244,8 +243,7 @@ def loads_of(scene: Scene, pressure: ArrayLike) -> tuple[float, float]:
     """Return the smallest and the largest Lambda of a scene over all pressures.
 
     Lambda = ln(E_r q0^2 sqrt(C0) / pressure) describes how steeply P decreases with the wavevector. The
-    roughness must be
-    isotropic.
+    roughness must be isotropic.
     """
     steepest = 0.0
     for body in (scene.lower, scene.upper):

@@ -13,9 +13,8 @@ residual estimates sigma, and every step along the residual is divided by 1 - si
           1 - \sigma = -\frac{\Delta r\cdot\Delta y}{\Delta y\cdot\Delta y},\qquad \sigma < 1
 
 Because 1 - sigma > 0, the division never reverses a step. Steps therefore lead to stable solutions and away
-from unstable ones. Steps
-in ln v grow and shrink with the number of evaluations that they take. A large change at the shortest step is
-a jump.
+from unstable ones. Steps in ln v grow and shrink with the number of evaluations that they take. A large
+change at the shortest step is a jump.
 """
 
 from collections.abc import Callable

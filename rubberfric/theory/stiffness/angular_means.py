@@ -8,8 +8,7 @@ For F(omega), omega = q v cos(phi), three means over phi:
 
 Anisotropic roughness also needs their harmonics, means with the additional factor cos(2 m phi), and <sin(phi)
 Im F sin(2 m phi)> for the transverse friction. For Prony series the residues at s = i omega = 1/tau_i give
-closed forms, with
-a_i = q v tau_i and r_i = sqrt(1 + a_i^2),
+closed forms, with a_i = q v tau_i and r_i = sqrt(1 + a_i^2),
 
 .. math:: \langle|F|^2\rangle = F_\infty^2 + 2\sum_i F_i F(s = 1/\tau_i)\,(1 - 1/r_i)
 .. math:: \langle\cos\varphi\,\mathrm{Im} F\rangle = \sum_i F_i \frac{a_i}{r_i (1 + r_i)},\qquad

@@ -152,7 +152,11 @@ def test_what_is_no_scene(call_main, tmp_path, monkeypatch, content, place):
         ),
         (fit_main, ("job.toml", "--bootstrap", "9" * 5000), "must be an integer >= 1"),
         (fit_main, ("job.toml", "--bootstrap", "100000000"), "and <= 1000000"),
-        (fit_main, ("job.toml", "--out", "friction.h5"), "data[0].file = 'friction.h5': is an input file of the job"),
+        (
+            fit_main,
+            ("job.toml", "--out", "friction.h5"),
+            "data[0].file = 'friction.h5': is an input file of the job",
+        ),
         (fit_main, ("job.toml", "--resume"), "must come with --bootstrap"),
     ],
 )
