@@ -154,6 +154,7 @@ CASES = {name: (given, *ANSWERS[name]) for name, given in EXAMPLES.items() if na
 }
 LONG = ("Body", "Scene", "Heating", "SelfAffine", "TabulatedAnisotropic", "Adhesion")
 LONG += ("Anisotropic", "Coating", "Correlation", "Softening", "TabulatedSpectrum", "TabulatedModulus")
+LONG += ("TabulatedShift", "TabulatedVertical")
 PARAMETERS = slow_if(lambda name: name in LONG or name.endswith("in a scene"), {name: name for name in CASES})
 
 

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.cases.stored import as_arrays
+from support.cases.stored import as_arrays, slow_if
 
 import rubberfric as rf
 from rubberfric.base.quadrature import gauss
@@ -105,7 +105,7 @@ def test_integrals_up_to_borders_are_sums_of_panels():
     np.testing.assert_allclose(found, exact, rtol=1e-10)
 
 
-@each
+@pytest.mark.parametrize("spectra", slow_if(lambda name: name in ("two", "table"), SPECTRA))
 def test_interpolation_is_exact_for_polynomials(spectra):
     """A polynomial in ln q of the degree of an angular panel, over the same and over other panels."""
     mesh = mesh_of(spectra, logarithmic=True)

@@ -233,7 +233,7 @@ def both_ways(spectrum, slope):
     return [jacobian(back, (0, 1))(spectrum, slope) for jacobian, back in both]
 
 
-@pytest.mark.parametrize("name", ["road", "H = 0", "table"])
+@pytest.mark.parametrize("name", [pytest.param("road", marks=pytest.mark.slow), "H = 0", "table"])
 def test_derivatives_of_the_cutoff(name):
     """slope(cutoff(s, spectrum), spectrum) = s, so all its derivatives are known: 1 and 0."""
     spectrum = OBJECTS[name]
