@@ -39,7 +39,7 @@ import rubberfric as rf
 
 SLOW = ("one-term", "many-terms", "gamma-0-light")  # separate structures, or a quadrature
 
-ORDINARY = ("one",)  # kinds of scenes that the ordinary run compiles
+ORDINARY = ("one", "two")  # kinds of scenes that the ordinary run compiles
 
 
 def is_slow(name):
