@@ -11,6 +11,7 @@ REFERENCE = ROOT / "tests" / "reference"
 PYTHONPATH = os.pathsep.join([str(ROOT), str(ROOT / "tests")])
 TYRE = ROOT.parent / "shared" / "data" / "tyre"
 PUBLIC = ROOT.parent / "shared" / "data" / "public"
+BOUNDARY_ELEMENTS = ROOT.parent / "shared" / "reference"
 README = (ROOT / "README.md").read_text()
 _SNIPPET = re.compile(r"^```python\n(.*?)^```", re.M | re.S)
 _PAGES = ROOT / "notebooks"

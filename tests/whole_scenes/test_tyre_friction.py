@@ -8,6 +8,7 @@ the cut-off wavevector q1 of the road. The six points of each compound have no e
 import numpy as np
 import pytest
 from support.folders import TYRE
+from support.scenes.common import CONTACT_MODELS
 from support.scenes.tyre import PRESSURE, read, road
 
 import fitting
@@ -17,11 +18,6 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(not TYRE.is_dir(), reason="no measured tyre data beside the project"),
 ]
-MODELS = {
-    "paper": {},
-    "paper, `area_correction`": {"area_correction": True},
-    "law": {"contact_model": "boundary_elements"},
-}
 FREE = {
     "shear.tau_f0": fitting.Positive(),
     "shear.v0": fitting.Positive(),
@@ -47,7 +43,7 @@ def measured(compound):
 
 @pytest.mark.parametrize(("one", "other"), [("R20", "R40"), ("R40", "R20")])
 def test_fit_and_blind_prediction(one, other):
-    for model, options in MODELS.items():
+    for model, options in CONTACT_MODELS.items():
         fit = fitting.fit(scene(one, **options), measured(one), FREE, quadrature=SETTING)
         data = measured(other)
         numbers = dict(zip(fit.names, fit.values, strict=True))

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.cases.sliding_curves import COUNT, TERMS, curve, drawn_scene, is_resolved
+from support.scenes.common import CONTACT_MODELS
 from support.scenes.fits import FAST, ROAD
 
 import fitting
@@ -78,13 +79,6 @@ def test_intervals_survive_the_error_of_the_theory(curves, pressures):
     assert without[:, :-1].mean() < 0.65 and without[:, -1].mean() < 0.4
 
 
-MODELS = {
-    "paper": {"area_correction": False},
-    "paper, `area_correction`": {"area_correction": True},
-    "law": {"area_correction": False, "contact_model": "boundary_elements"},
-}
-
-
 @pytest.mark.slow
 def test_fits_with_the_law_and_with_the_paper(curves_of_long_periods):
     """Fit 20 scenes with two draws of the noise, by each contact model with and without a discrepancy.
@@ -94,12 +88,14 @@ def test_fits_with_the_law_and_with_the_paper(curves_of_long_periods):
     """
     print("\n| contact model | discrepancy | ln h_rms | ln E | h_rms held | E held | reduced chi-square |")
     results = {}
-    for model, discrepancy in itertools.product(MODELS, (None, fitting.Discrepancy())):
+    for model, discrepancy in itertools.product(CONTACT_MODELS, (None, fitting.Discrepancy())):
         error, inside, chi = [], [], []
         for number, friction in curves_of_long_periods.items():
+            keep = is_resolved(number)
             for draw in range(2):
-                keep = is_resolved(number)
-                fit, truth = fitted(number, friction, discrepancy, draw=draw, keep=keep, **MODELS[model])
+                fit, truth = fitted(
+                    number, friction, discrepancy, draw=draw, keep=keep, **CONTACT_MODELS[model]
+                )
                 error.append(np.log(fit.values / truth))
                 inside.append(holds(fit, truth))
                 chi.append(fit.redchi)

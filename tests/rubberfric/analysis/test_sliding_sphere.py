@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from support.folders import ROOT
+from support.folders import PUBLIC
 
 import rubberfric as rf
 from rubberfric.analysis.boundary_elements import sliding_contact
@@ -16,7 +16,7 @@ RADIUS, FORCE, TAU = 0.01, 0.15, 1e-3  # [m], [N], [s]
 SOFT, STIFFENING = 1e6, 9.0  # E(0) [Pa], and (E(inf) - E(0)) / E(0)
 MATERIAL = rf.Prony(SOFT, [STIFFENING * SOFT], [TAU], poisson=0.3)
 CONTACT_RADIUS = (0.75 * FORCE * RADIUS * (1 - 0.3**2) / SOFT) ** (1 / 3)  # at rest [m]
-PUBLISHED = ROOT.parent / "shared" / "data" / "public" / "sphere_sliding_benchmark.csv"
+PUBLISHED = PUBLIC / "sphere_sliding_benchmark.csv"
 
 
 def friction(velocity, grid, periods):

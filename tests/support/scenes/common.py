@@ -12,6 +12,12 @@ SOFT = rf.Prony(8.0e5, np.array([2.5e7, 4.0e6, 3.0e5]), np.array([3e-7, 2e-4, 0.
 WLF = rf.WLF(12.0, 150.0, 293.15)
 SHIFTED_TREAD = rf.Prony(3e6, [4e8, 5e7, 8e6], [1e-7, 1e-5, 1e-3], 0.5, WLF)
 SHEAR = rf.ContactShear(6.5e6, 0.1, 6e-3, rf.Arrhenius(0.97, 293.15))
+# Options of a scene for each contact model of half-spaces without further parts.
+CONTACT_MODELS = {
+    "paper": {"area_correction": False},
+    "paper, `area_correction`": {"area_correction": True},
+    "law": {"area_correction": False, "contact_model": "boundary_elements"},
+}
 
 
 def scene(lower, upper, **options):

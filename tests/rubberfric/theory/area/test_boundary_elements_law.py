@@ -7,14 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import optimize, special
-from support.folders import DATA, ROOT
+from support.folders import BOUNDARY_ELEMENTS, DATA
 
 import rubberfric as rf
 from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.theory.area.boundary_elements_law import CONSTANTS, prepare_law, solve_law
 from rubberfric.theory.structure import rough_surfaces_of
 
-STORED = ROOT.parent / "shared" / "reference" / "friction_law.json"
+STORED = BOUNDARY_ELEMENTS / "friction_law.json"
 ROAD = rf.SelfAffine(q0=100.0, qr=400.0, q1=1e4, hurst=0.8, h_rms=2e-4)
 RUBBER = rf.Prony(1e6, [9e6, 3e6], [1e-3, 1e-1], poisson=0.5)
 

@@ -18,23 +18,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from support.folders import ROOT
+from support.folders import BOUNDARY_ELEMENTS
+from support.scenes.common import CONTACT_MODELS
 
 import rubberfric as rf
 from rubberfric.analysis.validity import AREAS, RATIOS
 from rubberfric.theory.area.boundary_elements_law import CONSTANTS, prepare_law, solve_law
 from rubberfric.theory.structure import rough_surfaces_of
 
-FOLDER = ROOT.parent / "shared" / "reference"
-CASES = FOLDER / "sliding_boundary_elements.csv"
+CASES = BOUNDARY_ELEMENTS / "sliding_boundary_elements.csv"
 pytestmark = pytest.mark.skipif(not CASES.exists(), reason="needs the stored boundary elements")
 
 NUMBERS = ("m0", "mr", "m1", "hurst", "velocity", "pressure", "area", "friction")
-MODELS = {
-    "paper": {},
-    "paper, `area_correction`": {"area_correction": True},
-    "law": {"contact_model": "boundary_elements"},
-}
 SETTING = rf.Quadrature(order=10, panels=8, angular_order=12)
 
 
@@ -56,7 +51,7 @@ def cases():
 @functools.cache
 def material(name):
     """Return a material of the cases, with E(0) = 1."""
-    known = json.loads((FOLDER / "friction_law.json").read_text())["materials"]
+    known = json.loads((BOUNDARY_ELEMENTS / "friction_law.json").read_text())["materials"]
     return rf.Elastic(1.0, 0.0) if name == "elastic" else rf.Prony(**known[name])
 
 
@@ -72,7 +67,7 @@ def computed(scene, velocity, pressure):
     return found.area, found.friction
 
 
-def ratios(rows, models=tuple(MODELS)):
+def ratios(rows, models=tuple(CONTACT_MODELS)):
     """Return ln(model / boundary elements) of area and friction of these rows, for every model."""
     table = cases()
     given = [table[name] for name in ("material", "m0", "mr", "m1", "hurst")]
@@ -80,7 +75,7 @@ def ratios(rows, models=tuple(MODELS)):
     for model in models:
         found = np.zeros((2, rows.size))
         for i, row in enumerate(rows):
-            scene = scene_of(*(column[row] for column in given), MODELS[model])
+            scene = scene_of(*(column[row] for column in given), CONTACT_MODELS[model])
             found[:, i] = computed(scene, table["velocity"][row], table["pressure"][row])
         with np.errstate(invalid="ignore", divide="ignore"):
             logs[model] = np.log(found / [table["area"][rows], table["friction"][rows]])
@@ -182,7 +177,11 @@ def test_all_cases():
         },
         **{f"`{name}`": good & (table["material"] == name) for name in np.unique(table["material"])},
     }
-    titles = ["cases", "n", *(f"{kind}: {model}" for kind in ("area", "friction") for model in MODELS)]
+    titles = [
+        "cases",
+        "n",
+        *(f"{kind}: {model}" for kind in ("area", "friction") for model in CONTACT_MODELS),
+    ]
     lines = [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"]
     for name, part in parts.items():
         areas = [text(one[0][part]) for one in found.values()]
@@ -223,7 +222,7 @@ SCATTER = 0.07, 0.045  # of ln(law / boundary elements), friction and area
 def test_constants_are_those_of_the_fit():
     table, rows = cases(), np.flatnonzero(training())
     given = ("material", "m0", "mr", "m1", "hurst")
-    scenes = [scene_of(*(table[name][row] for name in given), MODELS["law"]) for row in rows]
+    scenes = [scene_of(*(table[name][row] for name in given), CONTACT_MODELS["law"]) for row in rows]
     names, sliding = CONSTANTS._fields[:-1], table["material"][rows] != "elastic"
 
     @jax.jit
