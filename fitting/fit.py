@@ -126,11 +126,9 @@ def fit(
     warn_of_repeated(data, of)
     problem = make_problem(scene, data, free, prior, loss, loss_width, quadrature, of)
     scenes = each_scene(scene, of)
-    asked = discrepancy
-    if asked is not None:
-        check_discrepancy(asked, data, loss, scale_errors)
-        discrepancy = first_guess(asked, scenes)
-        problem = with_discrepancy(problem, scenes, data, discrepancy)
+    if discrepancy is not None:
+        check_discrepancy(discrepancy, data, loss, scale_errors)
+        problem = with_discrepancy(problem, scenes, data, first_guess(discrepancy, scenes))
     solver = make_solver(method, tolerance, max_steps)
     tell = progress or (lambda _: None)
     tell(f"compiling a fit of {problem.variables.size} numbers to {problem.targets.measured.size} values")
@@ -177,7 +175,8 @@ def fit(
         tell("fitting again, with errors from the scatter")
         end, model, known, spent = again(problem, end.x)
         evaluations += spent
-    if asked is not None:
+    if discrepancy is not None:
+        asked, discrepancy = discrepancy, first_guess(discrepancy, scenes)
         for _ in range(ROUNDS if succeeded(end.status) and is_open(asked) else 0):
             discrepancy = averaged(problem, model, scenes, data, asked)
             problem = with_discrepancy(problem, scenes, data, discrepancy)
