@@ -1,10 +1,13 @@
 """Notebooks: each runs from top to bottom, and its stored form is complete, clean and small."""
 
 import base64
+import importlib.util
 import os
 import re
+import sys
 
 import pytest
+from support.folders import ROOT
 from support.processes.notebooks import NOTEBOOKS, OF_FITS, run
 
 LARGEST, ALL = 350_000, 1_350_000  # bytes
@@ -70,3 +73,22 @@ def test_is_stored_executed_and_clean(path):
 def test_together_they_are_small():
     assert len(NOTEBOOKS) == 8
     assert sum(os.path.getsize(path) for path in NOTEBOOKS) < ALL
+
+
+def test_measure_runs_every_command_that_pages_quote():
+    """Each test and script that a page names as the source of its figures."""
+    spec = importlib.util.spec_from_file_location("measure", ROOT / "notebooks" / "measure.py")
+    measure = importlib.util.module_from_spec(spec)
+    sys.path.insert(0, str(ROOT / "notebooks"))
+    try:
+        spec.loader.exec_module(measure)
+    finally:
+        sys.path.pop(0)
+    pages = {*(ROOT / "notebooks").glob("*.md"), ROOT / "README.md"} - {measure.PAGE}
+    texts = "".join(page.read_text(encoding="utf-8") for page in pages)
+    quoted = set(re.findall(r"(?:tests/[\w/]+/test_|python notebooks/)\w+\.py", texts))
+    quoted -= {f"python notebooks/{name}.py" for name in ("measure", "formats", "execute")}  # measure nothing
+    # The growth benchmark runs growth.py. Boundary elements take hours.
+    quoted -= {"python notebooks/growth.py", "python notebooks/boundary_elements.py"}
+    assert len(quoted) > 10
+    assert [name for name in sorted(quoted) if name not in str(measure.MEASUREMENTS)] == []
