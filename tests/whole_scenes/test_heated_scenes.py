@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.cases.heated import ALL, BASE, CASES, HEAT, HEATING, MACRO, STEP, along, difference
+from support.cases.heated import ALL, BASE, CASES, HEATING, MACRO, STEP, along, difference
 from support.cases.stored import as_arrays, paths, reference, scene
 from support.oracles import oracle, oracle_heating
 
@@ -165,15 +165,6 @@ def quantities(at, **setting):
     return jnp.stack([values[name] for name in QUANTITIES])
 
 
-# Changes of the logarithms, all of a row at once.
-LAW = {"E_inf": 1.0, "E": 0.7, "tau": -0.5}
-DIRECTIONS = {
-    "heat": {"heating": HEAT},
-    "solids": {"solid2": LAW, "psd1": {"h_rms": 1.0, "q0": 0.2, "q1": -0.3, "H": 0.1}},
-    "conditions": {"v": 1.0, "pressure": -0.6, "temperature": 0.05},
-}
-
-
 def tangent(case, step):
     """The derivative of the arguments along a direction: of powers, so that two points give it."""
     base, up, down = (scalar_arguments(along(case, step, h)) for h in (0.0, 1e-3, -1e-3))
@@ -182,30 +173,11 @@ def tangent(case, step):
     )
 
 
-def brute_slopes(case, step, start, *accuracy):
-    steps = (-2, -1, 1, 2)
-    known = {k: oracle_heating.solve(along(case, step, k * STEP), *accuracy, start=start) for k in steps}
-    return {name: difference({k: x[name] for k, x in known.items()}) for name in QUANTITIES}
-
-
 @pytest.mark.slow
 def test_derivative_of_the_cheapest_by_brute_force():
     at, step = tangent(SHEARED, ALL)
     slope = jax.jit(lambda at, step: jax.jvp(lambda at: rf.friction(*at), (at,), (step,))[1])(at, step)
     assert slope == pytest.approx(reference("heated_cases")["sheared"]["friction_slope"], rel=1e-8)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("direction", DIRECTIONS)
-@pytest.mark.parametrize("name", ["one", "macro", "two-rubbers"])
-def test_derivatives_by_brute_force(name, direction):
-    case = smooth(CASES[name])
-    start = oracle_heating.solve(case, 20, 6)["rises"]
-    wanted = brute_slopes(case, DIRECTIONS[direction], start, 20, 6)
-    at, step = tangent(case, DIRECTIONS[direction])
-    values, slopes = jax.jit(lambda at, step: jax.jvp(quantities, (at,), (step,)))(at, step)
-    for name, value, slope in zip(QUANTITIES, values, slopes, strict=True):
-        assert slope == pytest.approx(wanted[name], rel=1e-8, abs=1e-9 * float(abs(value))), name
 
 
 @pytest.mark.slow
@@ -247,15 +219,6 @@ def test_gradient_at_rest_is_finite():
         at = scalar_arguments(case | {"v": 0.0})
         jacobian = jax.jit(jax.jacrev(quantities))(at)
         assert all(np.isfinite(x).all() for x in jax.tree.leaves(jacobian))
-
-
-@pytest.mark.slow
-def test_vmap_over_scenes_and_jit():
-    scenes = [scalar_arguments(BASE | {"heating": HEATING | {"radius": r}}) for r in (1e-3, 2e-3, 5e-3)]
-    together = jax.jit(jax.vmap(quantities))(jax.tree.map(lambda *x: jnp.stack(x), *scenes))
-    for one, row in zip(scenes, together, strict=True):
-        np.testing.assert_allclose(quantities(one), row, rtol=1e-11)
-        np.testing.assert_allclose(jax.jit(quantities)(one), row, rtol=1e-11)
 
 
 @pytest.mark.slow
