@@ -17,8 +17,6 @@ from fitting.results.plot import plot_fit, save_plot
 from fitting.results.record import Minimum
 from fitting.results.report import LISTED, unit
 from fitting.solvers.iterate import INTERRUPTED, OUT_OF_STEPS
-from fitting.solvers.problem import make_problem
-from fitting.uncertainty.covariance import uncertainty
 from rubberfric.base.objects.physical import PhysicalObject
 from rubberfric.io.hdf5 import read_object
 
@@ -312,45 +310,6 @@ def test_plot_draws_data_fit_band_and_residuals(joint):
     (spectrum,) = (line for line in axes[4].lines if line.get_xdata().size > 8)
     C = rf.power_spectrum(joint.scene.lower.spectrum, spectrum.get_xdata()[1:-1])
     np.testing.assert_allclose(spectrum.get_ydata()[1:-1], C, rtol=1e-9)
-
-
-def shown(data, like):
-    """A result that was never fitted, to look at."""
-    free = {"lower.spectrum.hurst": fitting.Bounded(0.3, 1)}
-    scene = rf.Scene(ROAD, rf.Body(rf.Prony(1e6, [1e8], [1e-6], shift=RUBBER.shift)))
-    made = make_problem(scene, [data], free, quadrature=FAST)
-    known = uncertainty(made, made.start)
-    return dataclasses.replace(
-        like, data=(data,), problem=made, x=made.start, estimated=(None,), uncertainty=known
-    )
-
-
-@pytest.mark.slow
-def test_plot_of_many_conditions_and_of_velocities_without_a_logarithm(quick):
-    """Measured temperatures scatter: no curve has two points."""
-    v, T = np.append(np.logspace(-4, 1, 12), [0.0, -1.0]), 293.15 + 0.1 * np.arange(14)
-    data = fitting.FrictionData(v, np.full(14, 0.05), sigma=0.01, pressure=1e5, temperature=T, name="Läufer")
-    result = shown(data, quick)
-    panel, residual = plot_fit(result)
-    assert [text.get_text() for text in panel.get_legend().get_texts()] == ["Läufer"]
-    crosses = next(line for line in panel.lines if line.get_marker() == "x")
-    expected = rf.friction(result.scene, v[:12], 1e5, T[:12], quadrature=FAST)
-    np.testing.assert_allclose(crosses.get_ydata(), expected)
-    np.testing.assert_allclose(crosses.get_xdata(), np.log10(v[:12]))
-    assert residual.lines[0].get_xdata().size == 12
-
-
-@pytest.mark.slow
-def test_plot_of_one_point_and_of_none(quick):
-    data = fitting.FrictionData([0.1, -0.1], [0.05, -0.05], sigma=0.01, pressure=1e5)
-    result = shown(data, quick)
-    panel, _ = plot_fit(result)
-    (cross,) = (line for line in panel.lines if line.get_marker() == "x")
-    np.testing.assert_allclose(cross.get_ydata(), result.predict(np.array([0.1]), 1e5))
-    result = dataclasses.replace(result, data=(data.replaced([0.05, -0.05]),))
-    object.__setattr__(result.data[0], "velocity", np.array([0.0, -0.1]))
-    panel, _ = plot_fit(result)
-    assert panel.get_legend() is None
 
 
 def test_plot_into_given_axes(quick):

@@ -9,13 +9,11 @@ import numpy as np
 import optimistix
 import pytest
 from scipy.optimize import least_squares
-from support.counting.compilations import compilations
 from support.scenes.fits import FAST as QUADRATURE
 from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
 from fitting import AreaData, Bounded, Free, FrictionData, ModulusData, Positive, Smooth, fit
-from fitting.parameters.variables import to_values
 from fitting.solvers import runs
 from fitting.solvers.first_order import LBFGS, Adam
 from fitting.solvers.iterate import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
@@ -183,14 +181,6 @@ def test_first_order_methods_reach_the_same_minimum(solver, loss):
     assert other.njev > 3 * ours.njev
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("method", ["lbfgs", "adam"])
-def test_first_order_methods_reach_the_same_minimum_of_friction(method):
-    other = fit(SCENE, friction_data(), FREE, method, quadrature=QUADRATURE)
-    assert other.success
-    assert other.cost == pytest.approx(float(best(curve(), curve().start).cost), rel=1e-5)
-
-
 @pytest.mark.parametrize("problem", [curve, master])
 def test_jacobian_is_that_of_the_residuals(problem):
     problem = problem()
@@ -203,19 +193,6 @@ def test_jacobian_is_that_of_the_residuals(problem):
 
 
 # --- from far away
-
-
-@pytest.mark.slow
-def test_data_without_noise_are_met_to_rounding():
-    problem = with_data(curve(), friction())
-    signs = np.array(list(itertools.product([-1, 1], repeat=2)))
-    runs = run_fits(
-        LM, problem, problem.start + 2.0 * signs @ np.array([[1, 1, 0, -1, 0.3], [0, -1, 1, 1, 0.5]])
-    )
-    assert np.all(runs.status == PERFECT)
-    assert runs.cost.max() < 1e-18
-    values = np.asarray(to_values(problem.structure.variables, problem.numbers.constants, runs.x[0]))
-    np.testing.assert_allclose(values, [*MODULI, 0.8], rtol=1e-7)
 
 
 def test_a_fit_that_starts_at_its_minimum_stays_there():
@@ -466,20 +443,6 @@ def test_outliers_move_the_robust_estimate_less_than_its_error_bars():
 
 
 # --- compilation
-
-
-@pytest.mark.slow
-def test_a_second_fit_of_the_same_kind_compiles_nothing():
-    """Other data, start, bounds and errors: all of these are numbers."""
-    free = {E + "[1:]": Positive(), "upper.material.E_inf": Bounded(1e6, 9e6), E + "[0]": Free()}
-    scene = rf.Scene(ROAD, rf.Body(rf.Prony(2.5e6, [4e8, 6e7, 9e6, 3e6], TAU)))
-    other = free | {"upper.material.E_inf": Bounded(5e5, 2e7)}
-    with compilations() as compiled:
-        fit(SCENE, modulus_data(), free, starts=2)
-        assert compiled
-        compiled.clear()
-        result = fit(scene, modulus_data(1, relative=0.03), other, starts=2, key=jax.random.key(1))
-    assert result.success and not compiled
 
 
 ROUGH = {f"lower.spectrum.{name}": Positive() for name in ("h_rms", "q1", "qr")}

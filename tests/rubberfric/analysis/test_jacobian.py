@@ -216,18 +216,3 @@ def test_float32_stays():
     values, jacobian = compiled(scaled, jnp.zeros(1, jnp.float32), at, "area")
     assert values.dtype == jacobian.dtype == jnp.float32
     assert np.all(np.isfinite(jacobian))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("lanes", [3, 4])
-def test_vmap_is_a_loop(lanes):
-    """A sum of products would read uninitialised memory in jax 0.12.0."""
-    scene_of, x, conditions = arguments(SCENES["smooth rubber"], 24)
-    starts = x + 0.1 * jnp.arange(lanes)[:, None]
-
-    def one(x):
-        return value_and_jacobian(scene_of, x, conditions, "friction", COARSE)[1]
-
-    together, single = jax.jit(jax.vmap(one))(starts), jax.jit(one)
-    for x, jacobian in zip(starts, together, strict=True):
-        np.testing.assert_allclose(jacobian, single(x), rtol=1e-10, atol=1e-14)

@@ -72,27 +72,6 @@ def test_density_integrates_to_the_friction(name):
     )
 
 
-# Agreement of the two modes is not a matter of accuracy.
-COARSE = rf.Quadrature(order=5, panels=3, graded=1, angular_order=5)
-
-
-def some_fields(scene, v, p, q):
-    found = rf.analysis.profile(scene, v, p, q=q, quadrature=COARSE)
-    return jnp.stack([found.area, found.friction, found.friction_density, found.rms_slope])
-
-
-@pytest.mark.parametrize("name", ordinary("tyre"))
-@pytest.mark.slow
-def test_forward_and_reverse_derivatives_agree(name):
-    scene, v, p = jax.tree.map(lambda x: jnp.asarray(x, float), conditions(CASES[name]))
-    q = jnp.array([150.0, 1e3, 2e4])
-    arguments = (0, 1, 2, 3)
-    forward, reverse = (jax.jit(j(some_fields, arguments))(scene, v, p, q) for j in (jax.jacfwd, jax.jacrev))
-    for one, other in zip(jax.tree.leaves(forward), jax.tree.leaves(reverse), strict=True):
-        assert np.isfinite(one).all()
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11 * np.max(np.abs(one)))
-
-
 @pytest.mark.slow
 def test_derivatives_by_the_wavevector():
     """By brute force on roughness cut a little before and after; dmu/dq also by the density."""

@@ -72,22 +72,6 @@ def test_the_same_bits_after_a_disaster(tmp_path):
 
 
 @pytest.mark.slow
-def test_entries_that_go_bad_later(tmp_path):
-    folder, _, bits = ended(begun(tmp_path))
-    for entry in Path(folder).glob("*-cache"):
-        entry.write_bytes(b"\0" + entry.read_bytes()[1:])
-    assert ended(begun(tmp_path)) == (folder, 0, bits)
-
-
-@pytest.mark.slow
-def test_several_processes_at_once(tmp_path):
-    processes = [begun(tmp_path) for _ in range(4)]
-    found = [ended(process) for process in processes]
-    assert len({tuple(bits) for _, _, bits in found}) == 1
-    assert ended(begun(tmp_path))[1] > 1
-
-
-@pytest.mark.slow
 def test_folders_that_are_given(tmp_path):
     _, _, bits = ended(begun(tmp_path))
     own = tmp_path / "own"

@@ -22,7 +22,6 @@ from rubberfric.commands import run as run_command
 from rubberfric.commands.run import convergence_line
 from rubberfric.io.files import load_result
 from rubberfric.io.results import Conditions, Result
-from rubberfric.plot import plot_result
 
 SCENE_FILES = sorted(path for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
 # To compile.
@@ -321,76 +320,6 @@ def test_reader_that_goes_away(scene_file):
     assert (process.returncode, complaint) == (1, "")
 
 
-def some_result(velocity, temperature=None, pressure=(1e5,), **solution):
-    scene = rf.load_scene(DATA / "tread_on_asphalt.toml")
-    temperature = None if temperature is None else np.array(temperature)
-    conditions = Conditions(np.array(velocity), np.array(pressure), temperature)
-    return Result(scene, conditions, rf.Solution(**solution), rf.Quadrature(), "Title")
-
-
-def test_plot_draws_the_curves_over_log10_v():
-    velocity = [1.0, 0.0, -1.0, 0.01]
-    values = np.arange(2 * 1 * 4.0).reshape(2, 1, 4)
-    result = some_result(velocity, [283.15, 293.15], area=values, friction=values, separation=values)
-    axes = plot_result(result)
-    assert len(axes) == 3
-    assert [len(panel.lines) for panel in axes] == [2, 2, 2]
-    for panel, scale in zip(axes, (1, 1, 1e6), strict=True):
-        np.testing.assert_allclose(panel.lines[1].get_xdata(), [-2.0, 0.0], atol=1e-15)
-        np.testing.assert_allclose(panel.lines[1].get_ydata(), [scale * 7.0, scale * 4.0])
-        assert re.search(r"\[(-|µm)\]$", panel.get_ylabel())
-    assert "log" in axes[-1].get_xlabel()
-    labels = [text.get_text() for text in axes[0].get_legend().get_texts()]
-    assert labels == ["0.1 MPa, 10 °C", "0.1 MPa, 20 °C"]
-    assert axes[0].figure.get_suptitle() == "Title"
-
-
-def test_plot_draws_the_parts_of_the_friction_as_thin_lines():
-    values = np.arange(1.0, 9.0).reshape(2, 1, 4)
-    parts = {"viscoelastic_friction": 0.25 * values, "shear_friction": 0.75 * values}
-    result = some_result([1e-2, 1e-1, 1.0, 10.0], [283.15, 293.15], area=values, friction=values, **parts)
-    area, friction = plot_result(result)
-    assert [len(area.lines), len(friction.lines)] == [2, 6]
-    cold, warm = friction.lines[:2]
-    for line, total, style, part in zip(
-        friction.lines[2:],
-        (cold, warm, cold, warm),
-        ("--", "--", ":", ":"),
-        (0.25, 0.25, 0.75, 0.75),
-        strict=True,
-    ):
-        assert (line.get_linestyle(), line.get_color()) == (style, total.get_color())
-        assert line.get_linewidth() < total.get_linewidth()
-        np.testing.assert_allclose(line.get_ydata(), part * total.get_ydata())
-    assert legend(area) == ["0.1 MPa, 10 °C", "0.1 MPa, 20 °C"]
-    assert legend(friction) == ["viscoelastic", "contact shear"]
-
-    # alone in its figure, its one legend says both; a single velocity is drawn as points
-    (friction,) = plot_result(result._replace(solution=result.solution._replace(area=None)))
-    assert legend(friction) == ["0.1 MPa, 10 °C", "0.1 MPa, 20 °C", "viscoelastic", "contact shear"]
-    one = some_result([1.0], friction=np.ones((1, 1, 1)), shear_friction=np.ones((1, 1, 1)))
-    (friction,) = plot_result(one)
-    assert [line.get_marker() for line in friction.lines] == ["o", "^"]
-    assert legend(friction) == ["contact shear"]
-
-
-def legend(axes):
-    return [text.get_text() for text in axes.get_legend().get_texts()]
-
-
-def test_plot_into_given_axes_without_legend():
-    from matplotlib.figure import Figure
-
-    ax = Figure().subplots()
-    result = some_result([1.0], friction=np.ones((1, 1, 1)))
-    (drawn,) = plot_result(result, [ax])
-    assert drawn is ax
-    assert ax.get_legend() is None
-    assert ax.lines[0].get_marker() == "o"
-    with pytest.raises(ValueError, match=r"ax has 2 axes: must have 1 \(friction\)"):
-        plot_result(result, [ax, ax])
-
-
 @pytest.mark.parametrize(
     "path", [pytest.param(p, id=p.stem, marks=[pytest.mark.slow] * (p.stem in LONG)) for p in SCENE_FILES]
 )
@@ -409,18 +338,6 @@ def test_scenes_of_the_data_folder(call, path, tmp_path):
     assert np.all(result.solution.friction > 0)
     assert np.all(result.solution.separation > 0)
     assert type(result.scene.upper.material) is type(scene.upper.material)
-
-
-@pytest.mark.slow
-def test_roughness_of_the_rubber_costs_area_but_hardly_any_friction_at_high_speed():
-    """The red and blue curves of the paper's last figure approach each other as v increases."""
-    flat, rough = (rf.load_scene(DATA / f"{n}.toml") for n in ("tread_on_asphalt", "rough_tread_on_asphalt"))
-    conditions = Conditions(np.array([1e-6, 1e-3, 1e1]), np.array([0.15e6]), np.array([293.15]))
-    red, blue = (run_command.compute(scene, conditions) for scene in (flat, rough))
-    area, friction = (blue.area / red.area)[0, 0], (blue.friction / red.friction)[0, 0]
-    assert np.all(area < 1)
-    assert np.all(np.diff(area) > 0)
-    assert np.all(np.diff(abs(friction - 1)) < 0)
 
 
 @pytest.mark.slow

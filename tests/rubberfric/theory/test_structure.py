@@ -140,19 +140,6 @@ def test_quantities_share_the_stiffness():
     assert work(lambda s, v: rf.solve(s, v, 1e5), s, VELOCITY) < 0.7 * sum(single)
 
 
-def test_absent_roughness_layer_and_solid_cost_nothing():
-    plain = scene((TREAD,), (RIGID, ROAD))
-    rough = scene((TREAD, WORN), (RIGID, ROAD))
-    layered = scene((TREAD, None, rf.Slab(1e-3)), (RIGID, ROAD))
-    two = scene((TREAD, WORN), (TREAD, ROAD))
-    count = {
-        name: len(primitives(lambda s, v: rf.friction(s, v, 1e5), s, VELOCITY))
-        for name, s in {"plain": plain, "rough": rough, "layered": layered, "two": two}.items()
-    }
-    assert count["plain"] < count["layered"] < count["two"]
-    assert count["plain"] < count["rough"] < count["two"]
-
-
 def test_elastic_solids_do_not_depend_on_the_number_of_velocities():
     s = scene((rf.Elastic(1e7, 0.4),), (RIGID, ROAD))
     one = work(lambda s, v: rf.contact_area(s, v, 1e5, quadrature=QUADRATURE), s, VELOCITY[:1])

@@ -1,24 +1,15 @@
 """The command `rubberfric explore`: arguments, output and exit."""
 
-import http.client
-import json
-import os
 import re
-import signal
-import subprocess
-import sys
-import time
 
 import pytest
-from support.folders import DATA, ROOT
+from support.folders import DATA
 
 from rubberfric.commands import main as command
 from rubberfric.commands.explorer import command as explore
 from rubberfric.commands.explorer.command import page
 
 SCENE = DATA / "twin_truth.toml"
-PROGRAM = "import sys; from rubberfric.commands.main import main; sys.exit(main())"
-LOST = "rubberfric: interrupted; incomplete files are not written\n"
 
 
 @pytest.mark.parametrize(
@@ -91,46 +82,3 @@ def test_the_page_needs_nothing_else():
     assert set(re.findall(r"https?://[^\s\"'`]*", text)) == {"http://www.w3.org/2000/svg"}
     for word in ("@import", "src=", "url(h", "innerHTML", "eval(", "document.write", "onclick="):
         assert word not in text, word
-
-
-@pytest.fixture
-def begun(tmp_path):
-    """A command as a process, up to its URL."""
-    environment = {name: value for name, value in os.environ.items() if name != "XLA_FLAGS"}
-    environment |= {"PYTHONPATH": str(ROOT), "JAX_ENABLE_COMPILATION_CACHE": "false"}
-    process = subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, "explore", str(SCENE), "--no-browser"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment,
-        cwd=tmp_path,
-    )
-    with process:
-        try:
-            url = process.stdout.readline().strip()
-            assert process.stdout.readline() == "Ctrl-C ends it; d ln friction is being compiled\n"
-            yield process, url
-        finally:
-            process.kill()
-
-
-@pytest.mark.parametrize("which", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
-def test_a_signal_ends_it_at_once(begun, tmp_path, which):
-    """While it serves, and compiles the sensitivities."""
-    process, url = begun
-    host, port, token = re.fullmatch(r"http://(127\.0\.0\.1):(\d+)/(\S+)/", url).groups()
-    connection = http.client.HTTPConnection(host, int(port), timeout=60)
-    headers = {"Content-Type": "application/json", "Origin": f"http://{host}:{port}"}
-    connection.request("POST", f"/{token}/curves", json.dumps({"gamma": 0.6}), headers)
-    answer = connection.getresponse()
-    assert answer.status == 200 and len(json.loads(answer.read())["curves"]["friction"]) == 61
-    connection.request("POST", f"/{token}/curves", json.dumps({"file": "/etc/passwd"}), headers)
-    answer = connection.getresponse()
-    assert answer.status == 400 and answer.read().startswith(b"'file': unknown slider; must be one of ")
-    connection.close()
-    begin = time.monotonic()
-    process.send_signal(which)
-    assert process.wait(30) == 128 + which
-    assert time.monotonic() - begin < 5
-    assert process.communicate() == ("", LOST) and os.listdir(tmp_path) == []
