@@ -7,6 +7,8 @@ The model of point k in the sweep s at temperature T_s is
 and the same for E''. S' and S'' are cubic splines with a penalty on their second differences, u' and u'' are
 offsets that the sweeps do not share, and e' and e'' scatter. The phase error of an instrument adds
 phase^2 tan^2(delta) to the variance of ln E' and phase^2 / tan^2(delta) to the variance of ln E''.
+A prior keeps the slope of ln a_T
+over temperature from changing much between neighbouring sweeps: E' of a glass hardly determines shifts.
 Coefficients and offsets enter linearly and are eliminated (variable projection) [Golub & Pereyra, SIAM J.
 Numer. Anal. 10 (1973) 413]. Gauss-Newton steps find the shifts. The variances and the penalty maximise the
 restricted likelihood [Wood & Fasiolo, Biometrics 73 (2017) 1071, doi:10.1111/biom.12666].
@@ -28,6 +30,7 @@ _KNOTS = 2.5  # knots per decade
 _ROUNDS, _HOLD, _SCREEN = 50, 6, 14  # iterations in all, with fixed variances, and for each initial guess
 _OFFSET, _BELIEF = 0.01, 20.0  # expected offset of a sweep, and its weight in sweeps
 _STIFFEST = 300.0  # largest penalty; beyond it sharp bends pass for offsets
+_UNEVEN = 0.3  # standard deviation of the change of d ln a_T / dT from sweep to sweep, relative to the slope
 _PHASE = (1e-4, 0.1)  # range of the phase error [rad]
 _EXACT = 1e-5  # least scatter of ln E
 _OUTLIER = 4.0  # standard deviations beyond which a point loses weight
@@ -92,6 +95,9 @@ class _Superposition:
         self.tau2, self.penalty, self.inflation = np.full(2, _OFFSET**2), np.full(2, 30.0), np.ones(2)
         self.weight = self.ok.astype(float)
         self.x = self.x - self.x[self.reference]
+        slopes = np.diff(np.eye(n), axis=0) / np.diff(self.T)[:, None]
+        level = _UNEVEN * np.abs(slopes @ self.x) + 1e-3
+        self.bends = np.diff(slopes, axis=0) / np.maximum(level[1:], level[:-1])[:, None]
 
     def variance(self):
         """Return the variance of every ln E' and ln E'', shape (2, points)."""
@@ -122,7 +128,8 @@ class _Superposition:
         c = np.linalg.solve(H, right)
         r = self.y - np.array([X @ c[at] for at in places])
         slope = np.array([BSpline(self.knots, c[at[:b]], 3).derivative()(inside) for at in places])
-        return _Curve(float(np.sum(w * r**2) + c @ prior @ c), H, c, r, slope, w, X, places, D, t)
+        objective = float(np.sum(w * r**2) + c @ prior @ c + np.sum((self.bends @ x) ** 2))
+        return _Curve(objective, H, c, r, slope, w, X, places, D, t)
 
     def bordered(self, found):
         """Return the covariance of all unknowns, the Gauss-Newton step of the shifts, and the Jacobian.
@@ -140,6 +147,9 @@ class _Superposition:
             H[size:, size:] += J[k].T @ WJ
             right -= J[k].T @ (found.w[k] * found.r[k])
         H[size:, :size] = H[:size, size:].T
+        bends = self.bends[:, self.moving]
+        H[size:, size:] += bends.T @ bends
+        right -= bends.T @ (self.bends @ self.x)
         H[range(size, size + p), range(size, size + p)] += 1e-4  # shifts within 100 e-folds
         C = np.linalg.inv(H)
         return C, C[size:, size:] @ right, -J

@@ -62,7 +62,13 @@ _MODULUS = (POSITIVE, unit_rule("must be <= 1e13 Pa", lambda E: E <= 1e13))
 _STORAGE = Field(
     "E_stor",
     "Pa",
-    plausible=(*_MODULUS, unit_rule("must be >= 1e3 Pa; is it in MPa or GPa?", lambda E: E >= 1e3)),
+    # Judged by the largest value: E' of a melt or of a soft foam falls to some 100 Pa.
+    plausible=(
+        *_MODULUS,
+        unit_rule(
+            "must be >= 1e3 Pa; is it in MPa or GPa?", lambda E: np.broadcast_to(E.max() >= 1e3, E.shape)
+        ),
+    ),
 )
 _LOSS = Field(
     "E_loss",

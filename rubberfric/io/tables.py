@@ -90,7 +90,11 @@ def read_table(
     kinds = [COLUMNS[name] for name in found.names if name is not None]
     for i, (title, column, unit) in enumerate(zip(found.titles, kinds, found.units, strict=True)):
         texts = [(f"{path}: line {line}: {title} = {row[i]!r}", row[i]) for line, row in found.rows]
-        table[column.name] = np.array([column.read(where, text, unit) for where, text in texts])
+        try:
+            table[column.name] = np.array([column.read(where, text, unit) for where, text in texts])
+        except ValueError as error:
+            hint = "" if export is None else '; bad_rows="drop" leaves out such rows'
+            raise ValueError(f"{error}{hint}") from None
     if export is not None or (poisson is not None and generic is None):
         table = _with_moduli(found.where, table, poisson, generic is None)
         table = {name: values for name, values in table.items() if name in (*needed, *optional)}

@@ -1,0 +1,42 @@
+"""Sweeps of E' and E'' that other groups published, as plain numbers. Needs NumPy alone."""
+
+import csv
+
+import numpy as np
+from support.folders import PUBLIC
+
+POLYISOPRENES = (2.4, 5.1, 23.4, 33.6, 94.9, 634.5, 1131.0)  # kg/mol
+NAMES = (*(f"polyisoprene {mass:g}" for mass in POLYISOPRENES), "Eplexor", "EPDM", "foam", "TRIOS")
+KELVIN = 273.15
+PASCAL = {"Eplexor": 1e6, "foam": 1e3}  # of the units of the files
+
+
+def numbers(path, first, columns=slice(None)):
+    """Return the numbers of a CSV file from a line on."""
+    with open(path, encoding="utf-8-sig") as file:
+        return np.array([[float(x) for x in row[columns]] for row in list(csv.reader(file))[first:]])
+
+
+def columns_of(name):
+    """Return omega, E', E'' and T in degrees Celsius, and published (T, log10 a_T) or None."""
+    if name.startswith("polyisoprene"):
+        mass = float(name.split()[1])
+        raw = numbers(PUBLIC / "polyisoprene" / "PI_raw_isotherms.csv", 1)
+        shifts = numbers(PUBLIC / "polyisoprene" / "PI_published_shifts.csv", 1)
+        _, T, omega, storage, loss = raw[raw[:, 0] == mass].T
+        return omega, storage, loss, T, shifts[shifts[:, 0] == mass][:, [1, 4]]
+    if name == "Eplexor":
+        f, storage, loss, T, _ = numbers(PUBLIC / "pyvisco" / "examples" / "freq_user_raw.csv", 2).T
+        folder = PUBLIC / "pyvisco" / "verification" / "freq_raw"
+        return 2 * np.pi * f, storage, loss, T, numbers(folder / "freq_Eplexor_raw__shift_factors.csv", 2)
+    if name == "EPDM":
+        f, T, storage, loss = numbers(PUBLIC / "epdm" / "tf_015p.csv", 1, slice(1, 5)).T
+        return 2 * np.pi * f, storage, loss, T, None
+    if name == "foam":
+        tables = {
+            float(file.stem[9:-1]): np.loadtxt(file, skiprows=1) for file in (PUBLIC / "foam").iterdir()
+        }
+        omega, storage, loss = np.concatenate(list(tables.values())).T
+        return omega, storage, loss, np.repeat(list(tables), [len(x) for x in tables.values()]), None
+    T, omega, storage, loss, _ = numbers(PUBLIC / "trios" / "trios_tts_isotherms.csv", 1).T
+    return omega, storage, loss, T, None
