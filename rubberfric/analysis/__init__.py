@@ -6,9 +6,7 @@ TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
     from rubberfric.analysis.adhesion import pull_off_force as pull_off_force
     from rubberfric.analysis.boundary_elements import SlidingContact as SlidingContact
-    from rubberfric.analysis.boundary_elements import Surface as Surface
     from rubberfric.analysis.boundary_elements import boundary_element as boundary_element
-    from rubberfric.analysis.boundary_elements import random_surface as random_surface
     from rubberfric.analysis.boundary_elements import sliding_contact as sliding_contact
     from rubberfric.analysis.interface import DissipatedPower as DissipatedPower
     from rubberfric.analysis.interface import contact_stiffness as contact_stiffness
@@ -21,6 +19,8 @@ if TYPE_CHECKING:
     from rubberfric.analysis.profiles import SeparationProfile as SeparationProfile
     from rubberfric.analysis.profiles import profile as profile
     from rubberfric.analysis.profiles import separation_profile as separation_profile
+    from rubberfric.analysis.random_roughness import Surface as Surface
+    from rubberfric.analysis.random_roughness import random_surface as random_surface
     from rubberfric.analysis.reference import quadrature_for as quadrature_for
     from rubberfric.analysis.sweep import accuracy as accuracy
     from rubberfric.analysis.tables import friction_table as friction_table

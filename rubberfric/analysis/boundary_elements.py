@@ -1,4 +1,4 @@
-r"""Boundary elements: steady sliding of smooth rubber over a rigid rough surface, solved point by point.
+r"""Boundary elements: steady sliding of one or two rough solids, solved point by point.
 
 In the frame of the rough surface the contact is stationary, and the rubber has a complex stiffness:
 
@@ -8,7 +8,10 @@ In the frame of the rough surface the contact is stationary, and the rubber has 
               = \frac{1}{\sigma_0}\sum_{\mathbf q} \frac{q\, q_x}{2}\,\mathrm{Im}E_r(q_x v)\,|u(\mathbf q)|^2
 
 The second form sums the heat of all wavevectors. Half-space and Green's function are as in the theory
-[Scaraggi & Persson, arXiv:1506.06955, eqs. (A6), (A8)]. Sums run over the modes of a period.
+[Scaraggi & Persson, arXiv:1506.06955, eqs. (A6), (A8)]. Sums run over the modes of a period. A slab has the
+stiffness of a half-space times a factor of q. If both solids are rough, the contact repeats after a path of
+one period. The path s = v t is then a third axis of all fields, and the frequencies of a mode are q_s v in
+the lower solid and (q_s + q_x) v in the upper solid.
 
 The complementarity problem is monotone, 0 = A p + N p, because Re K > 0. Douglas-Rachford splitting
 alternates a division in Fourier space and a projection in real space [Lions & Mercier, SIAM J. Numer. Anal.
@@ -17,8 +20,6 @@ alternates a division in Fourier space and a projection in real space [Lions & M
 .. math:: p(q) = \frac{K (z + h)}{1 + K},\qquad z \leftarrow z + \max(2 p - z, 0) - p
 
 accelerated by Anderson's method [Fu, Zhang & Boyd, SIAM J. Sci. Comput. 42 (2020) A3560, arXiv:1908.11482].
-Random surfaces have modes 2 pi / L sqrt(C(q)) with random phases [Jacobs, Junge & Pastewka, Surf. Topogr. 5
-(2017) 013001, arXiv:1607.03040].
 """
 
 import functools
@@ -30,19 +31,20 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
+from rubberfric.analysis.random_roughness import random_surface
 from rubberfric.base.checks import FINITE, POSITIVE, check_values, shown
 from rubberfric.base.fixed_points import anderson
-from rubberfric.base.objects.physical import check_kind
 from rubberfric.base.quadrature import Quadrature
+from rubberfric.materials.elastic import Rigid
 from rubberfric.materials.material import (
     Material,
     apply_vertical_shift,
     plane_strain_factor,
+    poisson_of,
     series_modulus,
     series_of,
 )
-from rubberfric.roughness.spectra import Spectrum, power_spectrum
-from rubberfric.scene.scene import Scene, optional_parts
+from rubberfric.scene.scene import Body, Scene, optional_parts
 from rubberfric.theory.arguments import checked_arguments
 
 
@@ -102,15 +104,17 @@ def boundary_element(
     tolerance: float = 1e-5,
     most_steps: int = 2000,
 ) -> SlidingContact:
-    """Solve the steady sliding contact of one random surface point by point.
+    """Solve the steady sliding contact of random surfaces point by point.
 
     Parameters
     ----------
-    scene : Scene of a rigid body with an isotropic spectrum and a smooth half-space, elastic or viscoelastic
+    scene : Scene of half-spaces or slabs, of which one or both are rough
         gamma, area_correction and contact shear are ignored.
     velocity, pressure, temperature : numbers [m/s], [Pa], [K]
-    key : jax.random key of the surface
+    key : jax.random key of the surfaces
     grid, periods : see `random_surface`
+        With two rough solids, `periods` counts the longer of their longest wavelengths, and the contact is
+        solved at grid^3 points. A grid of 128 takes about a minute.
     tolerance, most_steps : see `solve_contact`
 
     Returns
@@ -119,8 +123,8 @@ def boundary_element(
 
     Raises
     ------
-    ValueError : single precision; a grid that does not resolve the roughness; two deformable or two rough
-        solids, layers, heating, softening, adhesion, anisotropy.
+    ValueError : single precision; a grid that does not resolve the roughness; two smooth solids, a coating,
+        heating, softening, adhesion.
 
     Notes
     -----
@@ -129,12 +133,17 @@ def boundary_element(
     over several keys. Modes with wavevectors across the sliding direction stay relaxed at any velocity; their
     share falls with the number of periods.
     """
-    spectrum, material = _rough_and_smooth(scene)
+    bodies = _rough_first(scene)
     checked_arguments(scene, velocity, pressure, temperature, Quadrature())
-    surface = random_surface(spectrum, key, grid, periods)
-    return sliding_contact(
-        *surface, material, velocity, pressure, temperature, tolerance=tolerance, most_steps=most_steps
-    )
+    spectra = [body.spectrum for body in bodies if body.spectrum is not None]
+    waves = [float(spectrum.power_law().q[0]) for spectrum in spectra]
+    keys = [key, jax.random.fold_in(key, 1)]
+    surfaces = [
+        random_surface(spectrum, key, grid, periods * q0 / min(waves))
+        for spectrum, q0, key in zip(spectra, waves, keys, strict=False)
+    ]
+    heights, length = [surface.heights for surface in surfaces], surfaces[0].length
+    return _contact(heights, length, bodies, velocity, pressure, temperature, tolerance, most_steps)
 
 
 def sliding_contact(
@@ -157,58 +166,107 @@ def sliding_contact(
     material : Elastic, Prony, PronyShear, TabulatedModulus or a user-defined one
     velocity, pressure, temperature, tolerance, most_steps : as in `boundary_element`, with the same errors
     """
+    bodies = Body(Rigid()), Body(material)
+    return _contact([heights], length, bodies, velocity, pressure, temperature, tolerance, most_steps)
+
+
+def _contact(surfaces, length, bodies, velocity, pressure, temperature, tolerance, most_steps):
+    """Solve the contact of the bodies (lower, upper).
+
+    `surfaces` has the heights of the lower body, and those of the upper body if both are rough.
+    """
     if jnp.result_type(float) != jnp.float64:
         raise ValueError('double precision is required: call jax.config.update("jax_enable_x64", True) first')
-    heights = np.asarray(heights, float)
-    n = heights.shape[0] if heights.ndim == 2 else 0
-    if not n or n % 2 or heights.shape != (n, n):
-        raise ValueError(f"heights has the shape {heights.shape}: it must be (n, n) with n even")
-    check_values("heights", heights, FINITE)
+    lower, *others = (np.asarray(heights, float) for heights in surfaces)
+    n = lower.shape[0] if lower.ndim == 2 else 0
+    if not n or n % 2 or lower.shape != (n, n):
+        raise ValueError(f"heights has the shape {lower.shape}: it must be (n, n) with n even")
+    check_values("heights", lower, FINITE)
     for name, value, rule in (("length", length, POSITIVE), ("pressure", pressure, POSITIVE)):
         check_values(name, value, rule)
     check_values("velocity", velocity, FINITE)
-    unit = 2 * math.pi / length
-    qx, qy = unit * np.fft.fftfreq(n, 1 / n)[:, None], unit * np.arange(n // 2 + 1)
-    q = np.hypot(qx, qy)
-    modulus = _modulus_along(material, qx * velocity, temperature)
-    # The highest mode along x has both signs of q_x, and therefore neither slope nor loss.
-    modulus[n // 2] = np.real(modulus[n // 2])
-    qx[n // 2] = 0.0
-    power = np.abs(np.fft.rfft2(heights - heights.mean(), norm="forward")) ** 2
-    # A wavevector between the main wavevectors of heights and curvatures.
-    middle = (np.sum(q**4 * power) / np.sum(power)) ** 0.25
-    typical = _modulus_along(material, np.array(middle * velocity), temperature)
-    scale = 0.5 * middle * float(np.abs(typical))
-    stiffness = 0.5 * q * modulus
+    heights = lower
+    if others:
+        # The upper surface travels through one period, after which everything repeats.
+        steps = range(n) if velocity else range(1)
+        heights = lower + np.stack([np.roll(others[0], step, 0) for step in steps])
+    modes = _modes(n, length, bodies, velocity, temperature, heights.shape)
+    power = modes.q**2 * np.abs(np.fft.rfftn(heights, norm="forward")) ** 2
+    # The weights lie between those of heights and curvatures.
+    stiff = np.log(np.abs(np.where(modes.q > 0, modes.stiffness, 1.0)))
+    scale = math.exp(np.sum(power * stiff) / np.sum(power)) if power.any() else float(np.exp(stiff.max()))
     found = solve_contact(
-        jnp.asarray(heights * (scale / pressure)), jnp.asarray(stiffness / scale), tolerance, most_steps
+        jnp.asarray(heights * (scale / pressure)), jnp.asarray(modes.stiffness / scale), tolerance, most_steps
     )
-    return _result(heights, length, (qx, q), stiffness, pressure, scale, tolerance, found)
+    return _result(lower, heights, length, modes, pressure, scale, tolerance, found)
 
 
-def _result(heights, length, wavevectors, stiffness, pressure, scale, tolerance, found):
+class _Modes(NamedTuple):
+    """Modes of `rfftn`. Arrays have the shape of the modes, or broadcast to it."""
+
+    qx: np.ndarray  # [1/m]
+    q: np.ndarray
+    stiffness: np.ndarray  # K of both solids in series [Pa/m]
+    loss: np.ndarray  # dissipation over |u|^2 and the velocity [Pa/m^2]
+    lower: np.ndarray | float  # share of the displacement in the lower solid
+
+
+def _modes(n, length, bodies, velocity, temperature, shape):
+    """Return the `_Modes` of heights of a given shape.
+
+    The highest mode of an axis has both signs of its wavevector, and therefore the mean modulus of both.
+    """
+    unit, k = 2 * math.pi / length, n * np.fft.fftfreq(n)
+    signs = [np.where(k == -n // 2, end, k) for end in (-n // 2, n // 2)]
+    rows, steps = [one[:, None] for one in signs], [np.zeros(1)]
+    if len(shape) == 3:
+        steps = [one[:, None, None] for one in signs] if shape[0] > 1 else [np.zeros((1, 1, 1))]
+    q = unit * np.hypot(k[:, None], np.arange(n // 2 + 1))
+    moduli, speeds = [], []
+    for body, passing in zip(bodies, (0, 1), strict=True):
+        along = [unit * (step + passing * row) for step in steps for row in rows]
+        speeds.append(np.mean(along, 0))
+        if not body.material.deforms:
+            moduli.append(None)
+            continue
+        modulus = np.mean([_modulus_along(body.material, qx * velocity, temperature) for qx in along], 0)
+        if body.layer is not None:
+            thick = body.layer.stiffening(poisson_of(body.material), jnp.asarray(np.maximum(q, unit)))
+            modulus = modulus * np.asarray(thick)
+        moduli.append(modulus)
+    shares = [0.0 if modulus is None else 1.0 for modulus in moduli]
+    if all(shares):
+        shares = [moduli[1] / (moduli[0] + moduli[1]), moduli[0] / (moduli[0] + moduli[1])]
+    stiffness, loss = np.zeros(()), np.zeros(())
+    for modulus, speed, share in zip(moduli, speeds, shares, strict=True):
+        if modulus is not None:
+            stiffness = 0.5 * q * modulus * share
+            loss = loss + 0.5 * q * speed * modulus.imag * np.abs(share) ** 2
+    return _Modes(unit * np.mean(signs, 0)[:, None], q, stiffness, loss, shares[0])
+
+
+def _result(lower, heights, length, modes, pressure, scale, tolerance, found):
     """Convert the result of `solve_contact` to a `SlidingContact`.
 
     `found` has pressures in units of `pressure`, and gaps in units of `pressure / scale`.
     """
-    qx, q = wavevectors
-    n = heights.shape[0]
+    n = lower.shape[0]
     p, gap = pressure * np.asarray(found.pressure), pressure / scale * np.asarray(found.gap)
-    count = np.where(np.arange(n // 2 + 1) % (n // 2) == 0, 1, 2)  # rfft2 has half of the modes
-    modes = np.fft.rfft2(heights, norm="forward")
-    moved = np.fft.rfft2(gap + heights, norm="forward")
-    heat = count * qx * stiffness.imag * np.abs(moved) ** 2 / pressure
-    slope = np.fft.irfft2(1j * qx * modes, heights.shape, norm="forward")
-    ring = np.rint(q * (length / (2 * np.pi))).astype(int).ravel()
+    count = np.where(np.arange(n // 2 + 1) % (n // 2) == 0, 1, 2)  # rfftn has half of the modes
+    moved = np.fft.rfftn(gap + heights, norm="forward")
+    heat = count * modes.loss * np.abs(moved) ** 2 / pressure
+    surface = np.fft.rfftn(np.broadcast_to(lower, heights.shape), norm="forward") - modes.lower * moved
+    slope = np.fft.irfftn(1j * modes.qx * surface, heights.shape, range(heights.ndim), norm="forward")
+    ring = np.rint(modes.q * (length / (2 * np.pi))).astype(int).ravel()
 
     def by_ring(values):
-        return np.bincount(ring, values.ravel())[1:]
+        return np.bincount(ring, values.reshape(-1, ring.size).sum(0))[1:]
 
     touching = p > 0
-    border = sum(np.sum(touching != np.roll(touching, 1, axis)) for axis in (0, 1))
+    border = sum(np.sum(touching != np.roll(touching, 1, axis)) for axis in (-2, -1))
     # Pixels overestimate the area of smooth patches by half a pixel of border, averaged over its directions
     # [Yastrebov, Anciaux & Molinari, Tribol. Int. 114 (2017) 161, arXiv:1701.02727].
-    jagged = (math.pi - 1 + math.log(2)) / 24 * border / n**2
+    jagged = (math.pi - 1 + math.log(2)) / 24 * border / p.size
     return SlidingContact(
         area=float(np.mean(touching) - jagged),
         pixel_area=float(np.mean(touching)),
@@ -222,7 +280,7 @@ def _result(heights, length, wavevectors, stiffness, pressure, scale, tolerance,
         wavevector=2 * np.pi / length * np.arange(1, ring.max() + 1),
         friction_by_wavevector=by_ring(heat),
         displacement=by_ring(count * np.abs(moved) ** 2),
-        roughness=by_ring(count * np.abs(modes) ** 2),
+        roughness=by_ring(count * np.abs(np.fft.rfftn(heights, norm="forward")) ** 2),
         iterations=int(found.iterations),
         residual=float(found.residual),
         converged=bool(found.residual <= tolerance),
@@ -242,29 +300,25 @@ def _modulus_along(material, omega, temperature):
     return np.where(omega < 0, np.conj(modulus), modulus)
 
 
-def _rough_and_smooth(scene):
-    """Return the spectrum of the rigid body and the material of the other body.
+def _rough_first(scene):
+    """Return the bodies of a scene; the first one is rough.
 
     A ValueError is raised if `boundary_element` does not cover the scene.
     """
     if not isinstance(scene, Scene):
         raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
-    rough = [body for body in (scene.lower, scene.upper) if not body.material.deforms]
-    if not rough:
-        raise ValueError("boundary_element: both solids deform; one must be Rigid")
-    smooth = scene.upper if rough[0] is scene.lower else scene.lower
-    if rough[0].spectrum is None:
-        raise ValueError("boundary_element: the rigid body is smooth; it must have a spectrum")
-    if smooth.spectrum is not None:
-        raise ValueError("boundary_element: the deformable body is rough; it must be smooth")
-    if smooth.layer is not None:
-        kind = type(smooth.layer).__name__
-        raise ValueError(f"boundary_element: the deformable body is a {kind}; it must be a half-space")
+    bodies = scene.lower, scene.upper
+    if not any(body.spectrum is not None for body in bodies):
+        raise ValueError("boundary_element: both solids are smooth; one must have a spectrum")
+    for body in bodies:
+        if body.layer is not None and not body.layer.multiplies:
+            kind = type(body.layer).__name__
+            raise ValueError(f"boundary_element: a solid has a {kind}; use a half-space or a Slab")
     parts = optional_parts(scene)
-    for name in ("heating", "softening", "adhesion"):
+    for name in ("heating", "softening", "adhesion", "correlation"):
         if name in parts:
             raise ValueError(f"boundary_element: the scene has {name}; it must have none")
-    return rough[0].spectrum, smooth.material
+    return bodies if bodies[0].spectrum is not None else bodies[::-1]
 
 
 _HISTORY = 5  # steps of Anderson's method
@@ -288,8 +342,8 @@ def solve_contact(
 
     Parameters
     ----------
-    heights : shape (n, n)
-    stiffness : K of the modes of `rfft2`, shape (n, n/2 + 1), complex; the mean mode is ignored
+    heights : shape (n, n), or (times, n, n)
+    stiffness : K of the modes of `rfftn`, complex, 0 at q = 0
         Choose units in which the dominant stiffness is 1, because the number of steps depends on the units.
     tolerance : largest residual, which is rms step / rms pressure
     most_steps : static
@@ -299,12 +353,12 @@ def solve_contact(
     GridContact. After `most_steps` steps the result is the last iterate. Pressure and gap are >= 0, and at
     every point one of the two is 0. Pressure and gap match the heights except for the residual.
     """
-    pull = jnp.fft.rfft2(heights)
+    pull, mean = jnp.fft.rfftn(heights), (0,) * heights.ndim
     share = stiffness / (1 + stiffness)
 
     def relaxed(z):
-        modes = share * (jnp.fft.rfft2(z) + pull)
-        return jnp.fft.irfft2(modes.at[0, 0].set(z.size), s=z.shape)
+        modes = share * (jnp.fft.rfftn(z) + pull)
+        return jnp.fft.irfftn(modes.at[mean].set(z.size), s=z.shape)
 
     def change_at(row):
         z = row.reshape(heights.shape)
@@ -324,61 +378,3 @@ def solve_contact(
     z = z.reshape(heights.shape)
     reflected = 2 * relaxed(z) - z
     return GridContact(jnp.maximum(reflected, 0.0), jnp.maximum(-reflected, 0.0), steps, residual[0])
-
-
-_COARSEST = 4  # least points per shortest wavelength. The error of friction is 5 %, with eight points 1 %
-
-
-class Surface(NamedTuple):
-    """One period of a rough surface."""
-
-    heights: np.ndarray  # [m], (grid, grid); sliding is along the first axis
-    length: float  # of the period along either axis [m]
-
-
-def random_surface(spectrum: Spectrum, key: jax.Array, grid: int = 512, periods: float = 4.0) -> Surface:
-    """Generate a periodic surface with a given spectrum and random phases, in double precision.
-
-    Parameters
-    ----------
-    spectrum : Spectrum, isotropic
-    key : jax.random key; a key gives the same surface on every grid
-    grid : points along each side, even; at least 4 per shortest wavelength
-    periods : number of longest wavelengths along each side, >= 1; with few periods there are few
-        long-wavelength modes and more scatter between surfaces
-
-    Returns
-    -------
-    Surface
-
-    Raises
-    ------
-    ValueError : an anisotropic spectrum; a grid that does not resolve it.
-    """
-    check_kind("spectrum", spectrum, Spectrum)
-    if spectrum.harmonic_count():
-        raise ValueError(f"spectrum is a {type(spectrum).__name__}: must be isotropic")
-    if not periods >= 1:
-        raise ValueError(f"periods = {shown(periods)}: must be >= 1")
-    q0, q1 = (float(spectrum.power_law().q[i]) for i in (0, -1))
-    length, most = 2 * math.pi * periods / q0, periods * q1 / q0
-    needed = 2 * math.ceil(_COARSEST / 2 * most * (1 - 1e-9))
-    if not isinstance(grid, int) or grid % 2 or grid < needed:
-        raise ValueError(
-            f"grid = {shown(grid)}: must be even and >= {needed}, so that the shortest wavelength has"
-            f" {_COARSEST} points in a period of {periods:g} times the longest wavelength (q1 / q0 ="
-            f" {q1 / q0:g}); {2 * needed} reduces the error of friction to 1 %"
-        )
-    # Modes are drawn independently of the grid.
-    reach = math.floor(most * (1 + 1e-9))
-    kx, ky = np.arange(-reach, reach + 1)[:, None], np.arange(reach + 1)
-    # Include the first and the last wavevector despite rounding.
-    q = np.clip(np.hypot(kx, ky) / periods, 1 - 1e-9, q1 / q0 * (1 + 1e-9))
-    inside = np.abs(q * periods - np.hypot(kx, ky)) < 1e-6
-    C = np.asarray(power_spectrum(spectrum, np.clip(q * q0, q0, q1)), float)
-    phase = 2 * np.pi * np.asarray(jax.random.uniform(key, (2 * reach + 1, reach + 1)), float)
-    mode = np.where(inside, 2 * np.pi / length * np.sqrt(C), 0.0) * np.exp(1j * phase)
-    mode[:reach, 0] = np.conj(mode[:reach:-1, 0])  # heights are real
-    modes = np.zeros((grid, grid // 2 + 1), complex)
-    modes[kx[:, 0] % grid, : reach + 1] = mode
-    return Surface(np.fft.irfft2(modes, (grid, grid), norm="forward"), length)

@@ -67,7 +67,7 @@ import pytest
 from support.oracles.adhesive_elements import adhesive_contact, energy_of, slopes_of
 
 import rubberfric as rf
-from rubberfric.analysis.boundary_elements import random_surface
+from rubberfric.analysis import random_surface
 
 MODULUS = 1e7
 
