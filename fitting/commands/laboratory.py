@@ -154,15 +154,14 @@ def _measured_spectrum(arguments):
         surface = rf.io.read_heights(arguments.data, _one_or_two(arguments.spacing), arguments.unit)
         found = rf.roughness.spectrum_of_topography(surface.heights, surface.dx, surface.dy, per_decade=_BINS)
         size = " x ".join(map(str, surface.heights.shape))
-        text = f"{size} heights, rms {found.h_rms:.3g} m, {surface.holes:.1%} of them filled"
+        text = f"{size} heights, {surface.holes:.1%} of them filled\n{found.report()}"
         return SpectrumData(found.q, found.C, relative=found.relative), None, text
     x, traces = rf.io.read_traces(arguments.data)
-    lines = [rf.roughness.spectrum_of_profile(x, trace, per_decade=_BINS) for trace in traces]
-    C = rf.roughness.areal_spectrum(lines[0].q, np.mean([line.C for line in lines], axis=0))
-    rms = np.sqrt(np.mean([line.h_rms**2 for line in lines]))
-    text = f"{len(traces)} traces of {x.size} heights, rms {rms:.3g} m; the surface is taken as isotropic"
+    found = rf.roughness.spectrum_of_profile(x, traces, per_decade=_BINS)
+    C = rf.roughness.areal_spectrum(found.q, found.C)
+    text = f"{len(traces)} traces of {x.size} heights; the surface is taken as isotropic\n{found.report()}"
     # The tilt of the traces affects the lowest wavevector.
-    return SpectrumData(lines[0].q[1:], np.asarray(C)[1:]), float(lines[0].q[0]), text
+    return SpectrumData(found.q[1:], np.asarray(C)[1:]), float(found.q[0]), text
 
 
 def _of_slope(spectrum):

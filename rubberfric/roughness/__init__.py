@@ -2,6 +2,7 @@
 
 from rubberfric.roughness.anisotropy import Anisotropic, TabulatedAnisotropic, from_grid, harmonics_left_out
 from rubberfric.roughness.joining import JoinedSpectra, Joint, join_spectra, resample
+from rubberfric.roughness.measured import MeasuredSpectrum, ResolvedRange
 from rubberfric.roughness.moments import cutoff, moment, rms_height, rms_slope, with_cutoff
 from rubberfric.roughness.normalisation import (
     LINES,
@@ -15,7 +16,7 @@ from rubberfric.roughness.normalisation import (
 from rubberfric.roughness.spectra import SelfAffine, log_power_spectrum, power_spectrum
 from rubberfric.roughness.surface_objects import spectrum_of_surface
 from rubberfric.roughness.tabulated import TabulatedSpectrum
-from rubberfric.roughness.topography import MeasuredSpectrum, spectrum_of_profile, spectrum_of_topography
+from rubberfric.roughness.topography import spectrum_of_profile, spectrum_of_topography
 
 __all__ = [
     "LINES",
@@ -24,6 +25,7 @@ __all__ = [
     "JoinedSpectra",
     "Joint",
     "MeasuredSpectrum",
+    "ResolvedRange",
     "SelfAffine",
     "TabulatedAnisotropic",
     "TabulatedSpectrum",

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from rubberfric.base.checks import shown
-from rubberfric.roughness.topography import MeasuredSpectrum, spectrum_of_profile, spectrum_of_topography
+from rubberfric.roughness.measured import MeasuredSpectrum
+from rubberfric.roughness.topography import spectrum_of_profile, spectrum_of_topography
 
 # Units of lengths and heights [m].
 LENGTH_UNITS = {

@@ -17,105 +17,19 @@ each mode over its neighbours, so the first two or three modes are unreliable. D
 the same modes. The spectrum contains the instrument's resolution and noise.
 """
 
-from typing import NamedTuple
-
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from rubberfric.base.checks import shown
-from rubberfric.roughness.normalisation import spectrum_from
-from rubberfric.roughness.tabulated import TabulatedSpectrum
+from rubberfric.roughness.measured import MeasuredSpectrum
 
 WINDOWS = ("hann", "none")
 # Highest degree of detrending polynomials in x (and y); more would remove roughness.
 _DEGREES = (None, 0, 1, 2)
+# Smallest number of points along an axis.
+_LEAST = 8
 # Largest distance of a position from an even grid, over the spacing.
 _EVEN = 0.05
-
-
-class MeasuredSpectrum(NamedTuple):
-    """A binned power spectrum of measured heights.
-
-    The arrays have one entry for each bin that contains modes.
-
-    Attributes
-    ----------
-    q : geometric mean of the modes' wavevectors [1/m]
-    C : mean over the modes of a bin: C of a map [m^4], C_1D of a profile [m^3] (h_rms^2 = 2 int C_1D dq)
-    modes : number of modes, counting q and -q
-    relative : standard error of ln C for a Gaussian surface, from the number of independent modes [-]
-        `fitting.SpectrumData` accepts this standard error, which is too small for bins of a few modes.
-    cell : area dq_x dq_y of a mode [1/m^2], or length dq of a mode in a profile [1/m]
-    left_out : mean square height [m^2] of the modes outside all bins, in the corners of a map
-    h_rms : rms of the detrended heights in the window [m]; h_rms^2 = cell sum(modes C) + left_out
-    dimensions : 2 for a map, 1 for a profile
-    """
-
-    q: np.ndarray
-    C: np.ndarray
-    modes: np.ndarray
-    relative: np.ndarray
-    cell: float
-    left_out: float
-    h_rms: float
-    dimensions: int = 2
-
-    def knots(self) -> tuple[np.ndarray, np.ndarray]:
-        r"""Return entries (q, C) of a log-log linear table with the mean square height of all bins.
-
-        .. math:: 2\pi\int q\, C\, dq \;\text{ or }\; 2\int C_\mathrm{1D}\, dq
-                  = \text{cell} \sum \text{modes}\; C
-
-        The table covers the cells of all modes. Below the first bin C is constant, down to the border of the
-        cell of q = 0. C continues above the last bin with the slope of the last octave, up to the outer
-        border of the bin. The integral of the log-log line differs from the sum over a few long waves.
-        Therefore ln C is changed by an amount proportional to C, which is the smallest possible change in
-        units of `relative`. Bins near the maximum of C change by less than their standard error (by more in a
-        map much longer than wide). Bins with a small C hardly change.
-
-        Returns
-        -------
-        arrays q [1/m] and C [m^4] (profile: [m^3]), with an entry for each bin and one or two ends
-        """
-        q, C = self.q, self.C
-        if not (C > 0).all():
-            i = int(np.argmin(C))
-            raise ValueError(f"C[{i}] = {C[i]:g} at q = {q[i]:g} 1/m: must be > 0; use fewer bins per_decade")
-        # The cells of n modes and of q = 0 fill a circle of radius q, or a line from -q to q.
-        cells = np.array([1.0, 1.0 + self.modes.sum()]) * self.cell
-        low, high = np.sqrt(cells / np.pi) if self.dimensions == 2 else cells / 2
-        # In a map that is much longer than wide, the first modes lie inside the circle.
-        low = min(low, q[0] / np.sqrt(np.pi))
-        log_q, log_C = np.log(np.append(low, q)), np.log(np.append(C[0], C))
-        if high > q[-1] * (1 + 1e-9):
-            # Neighbours may be close and scatter, so use the slope of the last octave.
-            last = min(int(np.searchsorted(q, q[-1] / 2)), q.size - 2) + 1
-            slope = np.polyfit(log_q[last:], log_C[last:], 1)[0] if q.size > 1 else 0.0
-            log_C = np.append(log_C, log_C[-1] + slope * (np.log(high) - log_q[-1]))
-            log_q = np.append(log_q, np.log(high))
-        share = np.exp(log_C - log_C.max())
-        target = np.log(self.cell * np.sum(self.modes * C))
-
-        def miss(change):
-            return _log_mean_square(log_q, log_C + change * share, self.dimensions) - target
-
-        change = scipy.optimize.brentq(miss, -30.0, 30.0, xtol=1e-13, rtol=1e-14)
-        return np.exp(log_q), np.exp(log_C + change * share)
-
-    def table(self, hurst: float | None = None) -> TabulatedSpectrum:
-        """Return the TabulatedSpectrum with the entries of `knots`.
-
-        For a map, the rms height of the table is (h_rms^2 - left_out)^(1/2).
-
-        Parameters
-        ----------
-        hurst : H [-], 0 ... 1, only for a profile. C_1D is converted by the factor of a self-affine surface
-            (`spectrum_from`). The rms height of the table is then larger than the rms height of the profile,
-            by a factor of 1.36 at H = 0.8.
-        """
-        q, C = self.knots()
-        return TabulatedSpectrum(q, spectrum_from("C_1D" if self.dimensions == 1 else "C", q, C, hurst))
 
 
 def spectrum_of_profile(
@@ -133,7 +47,8 @@ def spectrum_of_profile(
     Parameters
     ----------
     x : spacing of the heights, > 0 [m], or positions [m], shape (n,), even to within 5 % of the spacing
-    height : heights [m], shape (n,), n >= 8; finite
+    height : heights [m], shape (n,), n >= 8, or (m, n) for m profiles of the same spacing; finite
+        Profiles may also be segments of a long profile. C is the mean over all profiles.
     window : "hann", or "none" for a profile with the period n times the spacing
     detrend : degree of the polynomial that is subtracted first, 0, 1 or 2, or None
     per_decade : bins per decade, > 0, or None for every mode separately
@@ -149,15 +64,17 @@ def spectrum_of_profile(
 
     Notes
     -----
-    The function runs on the host and is not differentiable.
+    The function runs on the host and is not differentiable. Standard errors of several profiles are too small
+    if the profiles are closer to each other than the longest waves.
 
     For a power law C ~ q^-s, the mean over a bin is 1 + (s ln r)^2/24 times C at the bin's q, where r is the
     ratio of the bin's borders: 1 % too large for s = 4 and 20 bins per decade.
     """
-    height = _heights(height, 1, 8)
-    spacing = _spacing(x, height.size)
-    kx = np.fft.fftfreq(height.size, spacing) * 2 * np.pi
-    return _spectrum(height, (spacing,), np.abs(kx), window, detrend, per_decade)
+    height = _heights(height, 1)
+    n = height.shape[-1]
+    spacing = _spacing(x, n)
+    kx = np.fft.fftfreq(n, spacing) * 2 * np.pi
+    return _spectrum(np.atleast_2d(height), (spacing,), np.abs(kx), window, detrend, per_decade)
 
 
 def spectrum_of_topography(
@@ -189,17 +106,17 @@ def spectrum_of_topography(
 
     Raises, Notes : as in `spectrum_of_profile`. Directions are averaged also for anisotropic maps.
     """
-    heights = _heights(heights, 2, 8)
+    heights = _heights(heights, 2)
     dx = _spacing(dx, None, "dx")
     dy = dx if dy is None else _spacing(dy, None, "dy")
     kx, ky = (np.fft.fftfreq(n, d) * 2 * np.pi for n, d in zip(heights.shape, (dx, dy), strict=True))
-    return _spectrum(heights, (dx, dy), np.hypot(kx[:, None], ky), window, detrend, per_decade)
+    return _spectrum(heights[None], (dx, dy), np.hypot(kx[:, None], ky), window, detrend, per_decade)
 
 
-def _spectrum(height, spacings, q, window, detrend, per_decade):
-    """Return the `MeasuredSpectrum` of heights on a grid.
+def _spectrum(heights, spacings, q, window, detrend, per_decade):
+    """Return the `MeasuredSpectrum` of one or more samples of heights on a grid, as the mean over samples.
 
-    `q` holds the absolute wavevector of every mode.
+    `heights` has the shape (samples, *grid). `q` holds the absolute wavevector of every mode.
     """
     if not isinstance(window, str) or window not in WINDOWS:
         raise ValueError(f"window = {shown(window)}: must be one of {', '.join(WINDOWS)}")
@@ -207,15 +124,17 @@ def _spectrum(height, spacings, q, window, detrend, per_decade):
         raise ValueError(f"detrend = {shown(detrend)}: must be 0, 1, 2 or None")
     if per_decade is not None and not (isinstance(per_decade, int | float) and 0 < per_decade <= 1e4):
         raise ValueError(f"per_decade = {shown(per_decade)}: must be a number > 0 or None")
-    height = _detrended(height, detrend)
+    heights = np.stack([_detrended(height, detrend) for height in heights])
+    samples, grid = len(heights), heights.shape[1:]
+    axes = tuple(range(1, heights.ndim))
     w = np.ones(())
-    for n in height.shape:
+    for n in grid:
         # Periodic window, whose transform is exactly three modes.
         side = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n) if window == "hann" else np.ones(n)
         w = w[..., None] * side
     power = np.mean(w**2)
-    cell = float(np.prod([2 * np.pi / (n * d) for n, d in zip(height.shape, spacings, strict=True)]))
-    mean_square = np.abs(np.fft.fftn(w * height)) ** 2 / (height.size**2 * power)
+    cell = float(np.prod([2 * np.pi / (n * d) for n, d in zip(grid, spacings, strict=True)]))
+    mean_square = np.abs(np.fft.fftn(w * heights, axes=axes)) ** 2 / (q.size**2 * power)
     # Modes q and -q of a real field are equal, and a window correlates neighbours.
     dependent = 2 * np.mean(w**4) / power**2
     index, inside = _bins(q, np.pi / max(spacings), per_decade)
@@ -226,28 +145,27 @@ def _spectrum(height, spacings, q, window, detrend, per_decade):
     def mean(values):
         return np.bincount(index, values[inside])[kept] / count
 
-    C = mean(mean_square) / cell
+    each = np.stack([mean(one) for one in mean_square]) / cell
+    C, relative = each.mean(0), np.sqrt(dependent / (count * samples))
+    if samples > 1:
+        scatter = each.std(0, ddof=1) / np.sqrt(samples)
+        relative = np.maximum(relative, scatter / np.where(C > 0, C, 1.0))
     return MeasuredSpectrum(
         q=np.exp(mean(np.log(np.where(q > 0, q, 1.0)))),
         C=C,
         modes=count,
-        relative=np.sqrt(dependent / count),
+        relative=relative,
         cell=cell,
-        left_out=float(np.sum(mean_square[~inside])),
-        h_rms=float(np.sqrt(np.sum(mean_square))),
-        dimensions=height.ndim,
+        left_out=float(np.sum(mean_square[:, ~inside])) / samples,
+        h_rms=float(np.sqrt(np.sum(mean_square) / samples)),
+        dimensions=len(grid),
+        rms_height=float(np.sqrt(np.mean((heights - heights.mean(axes, keepdims=True)) ** 2))),
+        rms_slope=float(
+            np.sqrt(
+                sum(np.mean((np.diff(heights, axis=k) / d) ** 2) for k, d in zip(axes, spacings, strict=True))
+            )
+        ),
     )
-
-
-def _log_mean_square(log_q, log_C, dimensions):
-    """Return ln(2 pi int q C dq) of a log-log linear C, or ln(2 int C dq) if `dimensions` is 1."""
-    width, log_term = np.diff(log_q), log_C + dimensions * log_q
-    growth = np.diff(log_term)
-    near = np.abs(growth) < 1e-8  # (e^x - 1)/x is 0/0 at x = 0
-    mean = np.where(near, 1 + growth / 2, np.expm1(growth) / np.where(near, 1.0, growth))
-    top = log_term.max()
-    total = np.sum(np.exp(log_term[:-1] - top) * mean * width)
-    return top + np.log((2 * np.pi if dimensions == 2 else 2.0) * total)
 
 
 def _bins(q, highest, per_decade):
@@ -272,17 +190,18 @@ def _detrended(height, degree):
     return height - (basis @ np.linalg.lstsq(basis, height.ravel())[0]).reshape(height.shape)
 
 
-def _heights(height, ndim, least):
+def _heights(height, dimensions):
     array = np.asarray(height)
+    several = dimensions == 1 and array.ndim == 2 and len(array) > 0
     if (
         array.dtype.kind not in "fiu"
-        or array.ndim != ndim
-        or min(array.shape) < least
+        or not (array.ndim == dimensions or several)
+        or min(array.shape[-dimensions:]) < _LEAST
         or np.ma.is_masked(height)
     ):
         raise ValueError(
-            f"heights of shape {array.shape}, type {array.dtype}: must be real, {ndim}-dimensional, without"
-            f" masked points, at least {least} along each axis"
+            f"heights of shape {array.shape}, type {array.dtype}: must be real, {dimensions}-dimensional,"
+            f" without masked points, at least {_LEAST} along each axis"
         )
     array = array.astype(float)
     if not np.isfinite(array).all():

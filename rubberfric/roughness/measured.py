@@ -1,0 +1,268 @@
+r"""Power spectra of measured heights: tables for scenes, and the range in which the surface was resolved.
+
+A self-affine surface has C ~ q^-2(1 + H) and C_1D ~ q^-(1 + 2 H), with 0 < H < 1. Instruments change the
+spectrum at its upper end. White noise adds a constant to C. A filter, an optical resolution or a blunt tip
+removes short waves, and C falls more steeply: behind a tip it approaches C_1D ~ q^-4
+[Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001].
+"""
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+import scipy
+
+from rubberfric.roughness.moments import cutoff, rms_slope
+from rubberfric.roughness.normalisation import spectrum_from
+from rubberfric.roughness.tabulated import TabulatedSpectrum
+
+# Slopes d ln C / d ln q are fitted over one to four octaves, and at least five bins.
+_OCTAVE, _MOST_OCTAVES, _LEAST = np.log(2), 4, 5
+# C decreases more steeply than for this H where short waves were removed.
+_STEEPEST = 1.1
+# Standard errors by which a slope must differ.
+_SIGNIFICANT = 2.0
+# Noise begins to flatten C where it is about half of C. At q1, C is this factor larger.
+_ABOVE_NOISE = 2.5
+# Usual rms slope at the cutoff for rubber on roads.
+_USUAL_SLOPE = 1.3
+
+Limit = Literal["grid", "noise", "smoothing", "no surface"]
+_TEXT = {
+    "grid": "C falls like the C of a rough surface (0 < H < 1) up to the spacing of the points",
+    "noise": "noise above q1: C falls more slowly than for H = 0 (at q1, noise is about a fifth of C)",
+    "smoothing": f"short waves are smoothed by a tip or filter above q1: C falls more steeply than for"
+    f" H = {_STEEPEST:g}",
+    "no surface": "C does not fall like the C of a rough surface (0 < H < 1) in any range",
+}
+
+
+class ResolvedRange(NamedTuple):
+    """Upper end of the range in which a measured spectrum is the spectrum of the surface.
+
+    Attributes
+    ----------
+    q1 : proposed cutoff [1/m]; nan if no range is resolved
+    limit : reason for the end
+        "grid": the spacing of the points. "noise": above, C is noise. "smoothing": above, a tip or filter has
+        removed short waves. "no surface": C never falls like the C of a rough surface, or has fewer than five
+        bins.
+    """
+
+    q1: float
+    limit: Limit
+
+
+class MeasuredSpectrum(NamedTuple):
+    """A binned power spectrum of measured heights.
+
+    The arrays have one entry for each bin that contains modes.
+
+    Attributes
+    ----------
+    q : geometric mean of the modes' wavevectors [1/m]
+    C : mean over the modes of a bin: C of a map [m^4], C_1D of a profile [m^3] (h_rms^2 = 2 int C_1D dq)
+    modes : number of modes, counting q and -q
+    relative : standard error of ln C for a Gaussian surface, from the number of independent modes [-]
+        `fitting.SpectrumData` accepts this standard error, which is too small for bins of a few modes. For
+        several profiles it is at least the standard error from the scatter between the profiles.
+    cell : area dq_x dq_y of a mode [1/m^2], or length dq of a mode in a profile [1/m]
+    left_out : mean square height [m^2] of the modes outside all bins, in the corners of a map
+    h_rms : rms of the detrended heights in the window [m]; h_rms^2 = cell sum(modes C) + left_out
+    dimensions : 2 for a map, 1 for a profile
+    rms_height : rms of the detrended heights without a window [m], Sq or Rq
+    rms_slope : rms gradient of a map, or rms slope along a profile [-], from differences of the detrended
+        heights of neighbouring points (Sdq, Rdq). It includes noise. An isotropic surface has sqrt(2) times
+        the rms slope of its profiles.
+    """
+
+    q: np.ndarray
+    C: np.ndarray
+    modes: np.ndarray
+    relative: np.ndarray
+    cell: float
+    left_out: float
+    h_rms: float
+    dimensions: int
+    rms_height: float
+    rms_slope: float
+
+    def knots(self) -> tuple[np.ndarray, np.ndarray]:
+        r"""Return entries (q, C) of a log-log linear table with the mean square height of all bins.
+
+        .. math:: 2\pi\int q\, C\, dq \;\text{ or }\; 2\int C_\mathrm{1D}\, dq
+                  = \text{cell} \sum \text{modes}\; C
+
+        The table covers the cells of all modes. Below the first bin C is constant, down to the border of the
+        cell of q = 0. C continues above the last bin with the slope of the last octave, up to the outer
+        border of the bin. The integral of the log-log line differs from the sum over a few long waves.
+        Therefore ln C is changed by an amount proportional to C, which is the smallest possible change in
+        units of `relative`. Bins near the maximum of C change by less than their standard error (by more in a
+        map much longer than wide). Bins with a small C hardly change.
+
+        Returns
+        -------
+        arrays q [1/m] and C [m^4] (profile: [m^3]), with an entry for each bin and one or two ends
+        """
+        q, C = self.q, self.C
+        if not (C > 0).all():
+            i = int(np.argmin(C))
+            raise ValueError(f"C[{i}] = {C[i]:g} at q = {q[i]:g} 1/m: must be > 0; use fewer bins per_decade")
+        # The cells of n modes and of q = 0 fill a circle of radius q, or a line from -q to q.
+        cells = np.array([1.0, 1.0 + self.modes.sum()]) * self.cell
+        low, high = np.sqrt(cells / np.pi) if self.dimensions == 2 else cells / 2
+        # In a map that is much longer than wide, the first modes lie inside the circle.
+        low = min(low, q[0] / np.sqrt(np.pi))
+        log_q, log_C = np.log(np.append(low, q)), np.log(np.append(C[0], C))
+        if high > q[-1] * (1 + 1e-9):
+            # Neighbours may be close and scatter, so use the slope of the last octave.
+            last = min(int(np.searchsorted(q, q[-1] / 2)), q.size - 2) + 1
+            slope = np.polyfit(log_q[last:], log_C[last:], 1)[0] if q.size > 1 else 0.0
+            log_C = np.append(log_C, log_C[-1] + slope * (np.log(high) - log_q[-1]))
+            log_q = np.append(log_q, np.log(high))
+        share = np.exp(log_C - log_C.max())
+        target = np.log(self.cell * np.sum(self.modes * C))
+
+        def miss(change):
+            return _log_mean_square(log_q, log_C + change * share, self.dimensions) - target
+
+        change = scipy.optimize.brentq(miss, -30.0, 30.0, xtol=1e-13, rtol=1e-14)
+        return np.exp(log_q), np.exp(log_C + change * share)
+
+    def table(self, hurst: float | None = None) -> TabulatedSpectrum:
+        """Return the TabulatedSpectrum with the entries of `knots`.
+
+        For a map, the rms height of the table is (h_rms^2 - left_out)^(1/2).
+
+        Parameters
+        ----------
+        hurst : H [-], 0 ... 1, only for a profile. C_1D is converted by the factor of a self-affine surface
+            (`spectrum_from`). The rms height of the table is then larger than the rms height of the profile,
+            by a factor of 1.36 at H = 0.8.
+        """
+        q, C = self.knots()
+        return TabulatedSpectrum(q, spectrum_from("C_1D" if self.dimensions == 1 else "C", q, C, hurst))
+
+    def resolved(self) -> ResolvedRange:
+        """Return the upper end of the range in which the spectrum is the spectrum of the surface.
+
+        The slope d ln C / d ln q is fitted over an octave about every bin, or over up to four octaves if
+        one octave is not significant. From the largest wavevector downwards, bins are left out while C falls
+        significantly more slowly than for H = 0 (noise), or more steeply than for H = 1.1 (smoothing). At the
+        border to noise, about half of C is noise. There, q1 is lowered until C is 2.5 times larger, so that
+        noise is about a fifth of C. At the border to smoothing, q1 is half an octave lower.
+
+        Coloured noise that falls like a rough surface is not found. Without a window (`window="none"`), the
+        edges of a surface that is not periodic hide smoothing.
+        """
+        if self.q.size < _LEAST:
+            return ResolvedRange(np.nan, "no surface")
+        log_q, log_C = np.log(self.q), np.log(np.maximum(self.C, np.finfo(float).tiny))
+        states, falling, level = _states(log_q, log_C, self.relative**-2.0, self.dimensions)
+        last = _last_rough(states, log_q)
+        if last < 0 or not falling[: last + 1].any():
+            return ResolvedRange(np.nan, "no surface")
+        if last == self.q.size - 1:
+            return ResolvedRange(float(self.q[-1]), "grid")
+        if states[last + 1] == _SMOOTHED:
+            return ResolvedRange(float(max(self.q[last] / np.sqrt(2), self.q[0])), "smoothing")
+        above = np.flatnonzero(level[: last + 1] > level[last] + np.log(_ABOVE_NOISE))
+        return ResolvedRange(float(self.q[above[-1] if above.size else 0]), "noise")
+
+    def report(self) -> str:
+        """Return a text with rms height and slope, the range without noise and smoothing, and proposed q1."""
+        kind = ("profile", "map")[self.dimensions - 1]
+        along = " along the profile" * (self.dimensions == 1)
+        found, lines = self.resolved(), [f"Spectrum of a {kind}, {self.q[0]:.4g} ... {self.q[-1]:.4g} 1/m"]
+        lines.append(f"rms height {self.rms_height:.4g} m")
+        lines.append(f"rms slope{along} {self.rms_slope:.4g}, from neighbouring points")
+        lines.append(_TEXT[found.limit])
+        if np.isfinite(found.q1):
+            table = self._isotropic()
+            to_q1 = float(rms_slope(table, found.q1))
+            lines.append(f"proposed q1 = {found.q1:.4g} 1/m: rms slope of the surface up to q1 {to_q1:.4g}")
+            if to_q1 > _USUAL_SLOPE:
+                usual = float(cutoff(table, _USUAL_SLOPE))
+                lines.append(
+                    f"rms slope {_USUAL_SLOPE:g}, as usual for rubber on roads, at q1 = {usual:.4g} 1/m"
+                )
+        return "\n    ".join(lines) + "\n"
+
+    def _isotropic(self):
+        """Return a table with the rms slope of the surface; C of a profile is taken along one line."""
+        q, C = self.knots()
+        # 2 int q^2 C_1D dq, times 2 for both directions, as 2 pi int q^3 C dq.
+        return TabulatedSpectrum(q, C if self.dimensions == 2 else 2 * C / (np.pi * q))
+
+
+_ROUGH, _NOISE, _SMOOTHED = range(3)
+
+
+def _states(log_q, log_C, weight, dimensions):
+    """Return the states of all bins, a mask of significantly falling bins, and a smoothed ln C.
+
+    A bin whose slope is not significant over four octaves counts as rough.
+    """
+    states = np.full(log_q.size, _ROUGH)
+    falling, undecided = np.zeros(log_q.size, bool), np.ones(log_q.size, bool)
+    level = log_C
+    for octaves in range(1, _MOST_OCTAVES + 1):
+        fall, error, line = _falls(log_q, log_C, weight, octaves * _OCTAVE)
+        low, high = fall - _SIGNIFICANT * error, fall + _SIGNIFICANT * error
+        noise, smoothed = high < dimensions, low > dimensions + 2 * _STEEPEST
+        states = np.where(undecided & noise, _NOISE, np.where(undecided & smoothed, _SMOOTHED, states))
+        falling |= undecided & (low > 0.5 * dimensions)
+        level = np.where(undecided, line, level)
+        undecided &= ~(noise | smoothed | ((low > dimensions) & (high < dimensions + 2 * _STEEPEST)))
+    return states, falling, level
+
+
+def _last_rough(states, log_q):
+    """Return the index of the last rough bin, -1 if there is none.
+
+    C changes gradually from smoothing to noise. Rough bins over less than an octave, with smoothing below,
+    belong to this change.
+    """
+    last = states.size - 1
+    while last >= 0 and states[last] != _ROUGH:
+        last -= 1
+    if last in (-1, states.size - 1):
+        return last
+    below = np.flatnonzero(states[: last + 1] != _ROUGH)
+    if below.size and states[below[-1]] == _SMOOTHED and log_q[last] - log_q[below[-1]] < _OCTAVE:
+        return _last_rough(states[: below[-1] + 1], log_q)
+    return last
+
+
+def _falls(log_q, log_C, weight, width):
+    """Return -d ln C / d ln q about every bin, its error, and the value of a weighted line over `width`.
+
+    The error is the larger of the standard errors from the weights and from the scatter about the line.
+    """
+    n = log_q.size
+    first = np.minimum(np.searchsorted(log_q, log_q - width / 2 - 1e-9), np.arange(n) - _LEAST // 2)
+    first = np.clip(first, 0, n - _LEAST)
+    end = np.maximum(np.searchsorted(log_q, log_q + width / 2 + 1e-9), first + _LEAST)
+    x, y = log_q - log_q.mean(), log_C - log_C.mean()
+
+    def total(values):
+        sums = np.append(0.0, np.cumsum(values))
+        return sums[end] - sums[first]
+
+    w, wx, wy = total(weight), total(weight * x), total(weight * y)
+    xx, xy = total(weight * x * x) - wx**2 / w, total(weight * x * y) - wx * wy / w
+    yy = total(weight * y * y) - wy**2 / w
+    slope = xy / xx
+    scatter = np.maximum(yy - slope * xy, 0) / np.maximum(end - first - 2, 1)
+    line = log_C.mean() + wy / w + slope * (x - wx / w)
+    return -slope, np.sqrt(np.maximum(scatter, 1.0) / xx), line
+
+
+def _log_mean_square(log_q, log_C, dimensions):
+    """Return ln(2 pi int q C dq) of a log-log linear C, or ln(2 int C dq) if `dimensions` is 1."""
+    width, log_term = np.diff(log_q), log_C + dimensions * log_q
+    growth = np.diff(log_term)
+    near = np.abs(growth) < 1e-8  # (e^x - 1)/x is 0/0 at x = 0
+    mean = np.where(near, 1 + growth / 2, np.expm1(growth) / np.where(near, 1.0, growth))
+    top = log_term.max()
+    total = np.sum(np.exp(log_term[:-1] - top) * mean * width)
+    return top + np.log((2 * np.pi if dimensions == 2 else 2.0) * total)
