@@ -9,7 +9,7 @@ from fitting.fit import fit
 from fitting.results.hdf5 import save
 from fitting.results.plot import save_plot
 from fitting.results.result import FitResult
-from fitting.uncertainty.profile import LikelihoodProfile
+from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 from rubberfric.base import Progress, StrPath
 from rubberfric.commands import Interrupts, complain, write_outputs
 

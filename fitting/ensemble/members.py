@@ -34,7 +34,7 @@ from fitting.solvers.problem import Problem, Targets, make_problem
 from fitting.solvers.runs import Runs
 from fitting.solvers.search import random_starts
 from fitting.uncertainty.intervals import Bootstrap, SolvedProblem
-from fitting.uncertainty.profile import LikelihoodProfile
+from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 from rubberfric.base import StrPath, check_writable, replacing
 from rubberfric.io import hdf5
 

@@ -20,6 +20,8 @@ from rubberfric.plot import style
 _CURVES = 10
 # Number of points of a line.
 _POINTS = 120
+# Share of white in the colour of the highest pressure of a temperature.
+_LIGHTER = 0.5
 # Marks a missing temperature or pressure.
 _ABSENT = -1.0
 # Largest number of parameters with a number in every cell, and with signs in cells of large correlations.
@@ -111,6 +113,25 @@ def fitted_curves(points: PlottedPoints) -> list[PlottedCurve]:
             name = ("$E''$" if part else "$E'$") if points.part.any() else ""
             curves.append(PlottedCurve(", ".join(filter(None, (text, name))), key, part, look, where))
     return curves
+
+
+def curve_colours(curves: list[PlottedCurve]) -> np.ndarray:
+    """Return the RGBA colour of every `look`, shape (looks, 4).
+
+    With several temperatures and pressures, each temperature has its own tone, and higher pressures are
+    lighter.
+    """
+    conditions = {curve.look: curve.conditions for curve in curves}
+    keys = [None if key is None else key[:3] for key in conditions.values()]
+    families = list(dict.fromkeys(keys))
+    if None in keys or len(families) in (0, 1, len(keys)):
+        return style.colours(max(len(keys), 1))
+    colours = style.colours(len(families))[[families.index(key) for key in keys]]
+    for look, key in enumerate(keys):
+        members = [k for k, other in enumerate(keys) if other == key]
+        share = members.index(look) / max(len(members) - 1, 1)
+        colours[look, :3] += _LIGHTER * share * (1 - colours[look, :3])
+    return colours
 
 
 def _text(key, several):

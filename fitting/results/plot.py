@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from fitting.results.pictures import fitted_curves, lines, measured_points, plot_correlation
+from fitting.results.pictures import curve_colours, fitted_curves, lines, measured_points, plot_correlation
 from fitting.results.record import FitRecord
-from fitting.uncertainty.profile import LikelihoodProfile
+from fitting.uncertainty.likelihood_profile import plot_profile
 from rubberfric.base import StrPath
 from rubberfric.plot import save_figure, style
 
@@ -18,6 +18,8 @@ LABELS = {
     "spectrum": ("wavenumber $q$ [1/m]", "power spectrum\n$C$ [m$^4$]"),
 }
 _LEVEL = 0.95
+# A residual is drawn at the edge of the axes if it exceeds this multiple of the median, and the rest by half.
+_OUTLYING = 8.0
 
 
 def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
@@ -59,49 +61,11 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
         points = measured_points(result, quantity)
         curves = fitted_curves(points)
         fitted = lines(result, quantity, points, curves, _LEVEL)
-        _draw(quantity, points, curves, fitted, upper, lower)
-        _dress(quantity, points, upper, lower)
+        handles = _draw(quantity, points, curves, fitted, upper, lower)
+        handles += _dress(quantity, points, upper, lower)
+        if handles:
+            upper.legend(handles=handles, fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.02))
     return ax
-
-
-def plot_profile(profile: LikelihoodProfile, ax: style.Panels | None = None) -> style.Panels:
-    """Draw a likelihood profile: the rise of chi-square, and the other parameters in a panel below.
-
-    The other parameters are drawn relative to their values at the lowest cost. Vertical lines show the ends
-    of the confidence interval.
-
-    Parameters
-    ----------
-    profile : LikelihoodProfile, from `FitResult.profile` or `FitResult.profile_cutoff`
-    ax : two matplotlib axes, or None
-        If None, the axes belong to a new figure, `ax[0].figure`.
-
-    Returns
-    -------
-    the two axes
-    """
-    panels: style.Panels = style.new_figure((7.0, 6.0), "").subplots(2, 1, sharex=True) if ax is None else ax
-    upper, lower = panels
-    upper.plot(profile.values, profile.rise, "o-", markersize=3.5)
-    upper.axhline(profile.threshold, color="0.5", linestyle="--", linewidth=0.8)
-    for end in (profile.low, profile.high):
-        if np.isfinite(end) and end > 0:
-            upper.axvline(end, color="0.5", linewidth=0.8)
-    upper.set_ylabel("rise of chi-square [-]")
-    if profile.parameters is not None and np.isfinite(profile.rise).any():
-        best = profile.parameters[np.nanargmin(profile.rise)]
-        drawn = style.looks(len(profile.names), profile.values.size)
-        for name, values, at_best, look in zip(profile.names, profile.parameters.T, best, drawn, strict=True):
-            if name != profile.name:
-                lower.plot(profile.values, values / at_best, label=name, linewidth=1.2, **look)
-        style.legend(lower)
-    lower.set_ylabel("others, by their best [-]")
-    lower.set_xlabel(profile.name)
-    if (profile.values > 0).all():
-        lower.set_xscale("log")
-    for axes in (upper, lower):
-        axes.grid(alpha=0.3)
-    return panels
 
 
 def save_plot(path: StrPath, result: FitRecord, title: str = "") -> None:
@@ -127,9 +91,7 @@ def _new_axes(present, title=""):
 def _draw(quantity, points, curves, fitted, upper, lower):
     from matplotlib.patches import Patch
 
-    count = max((curve.look for curve in curves), default=0) + 1
-    tones = style.colours(count)
-    scaled = np.log10 if quantity in ("friction", "area") else np.asarray
+    tones, scaled = curve_colours(curves), _scale(quantity)
     handles = []
     for curve, line in zip(curves, fitted, strict=True):
         colour, where = tones[curve.look], curve.where
@@ -155,29 +117,29 @@ def _draw(quantity, points, curves, fitted, upper, lower):
         handles.append(upper.plot([], [], label=curve.text or "data, fit", **look)[0])
     if any(fitted):
         handles.append(Patch(color="0.75", label=f"{100 * _LEVEL:g} % band"))
-    if handles:
-        upper.legend(handles=handles, fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.02))
+    return handles
+
+
+def _scale(quantity):
+    """Return the function of x that is drawn."""
+    return np.log10 if quantity in ("friction", "area") else np.asarray
 
 
 def _dress(quantity, points, upper, lower):
+    """Set scales, limits and labels, and return a legend entry if outliers lie beyond the axes."""
     logarithmic = quantity in ("modulus", "spectrum")
     if logarithmic:
         for axes in (upper, lower):
             axes.set_xscale("log")
         upper.set_yscale("log")
-    ends = np.concatenate([points.measured - points.below, points.measured + points.above, points.fitted])
-    if logarithmic:
-        ends = ends[ends > 0]
-    # The limits follow from measured and fitted values, because bands may be extremely wide.
-    if ends.size:
-        low, high = ends.min(), ends.max()
-        if logarithmic:
-            upper.set_ylim(low / (high / low) ** 0.05, high * (high / low) ** 0.05)
-        else:
-            upper.set_ylim(min(low - 0.05 * (high - low), 0.0), high + 0.05 * (high - low))
+    size = np.abs(points.residual)
+    reach = np.max(size, initial=3.0)
+    usual = max(3.0, _OUTLYING * np.median(size)) if size.size else 3.0
+    near = np.full(size.shape, True) if reach < 1.5 * usual else size <= usual
+    reach = np.max(size[near], initial=3.0)
+    _limit(points, near, logarithmic, upper)
     for level in (-2, 0, 2):
         lower.axhline(level, color="0.5", linewidth=0.8, linestyle="--" if level else "-")
-    reach = np.max(np.abs(points.residual), initial=3.0)
     lower.set_ylim(-1.15 * reach, 1.15 * reach)
     if reach < 5:
         lower.set_yticks([-2, 0, 2])
@@ -186,3 +148,29 @@ def _dress(quantity, points, upper, lower):
     lower.set_xlabel(LABELS[quantity][0])
     for axes in (upper, lower):
         axes.grid(alpha=0.3)
+    return [] if near.all() else [_mark_outliers(quantity, points, ~near, upper, lower)]
+
+
+def _limit(points, near, logarithmic, upper):
+    """Set the limits of y from measured and fitted values, because bands may be extremely wide."""
+    measured = np.concatenate([points.measured - points.below, points.measured + points.above])
+    ends = np.append(measured[np.tile(near, 2)], points.fitted)
+    if logarithmic:
+        ends = ends[ends > 0]
+    if ends.size:
+        low, high = ends.min(), ends.max()
+        if logarithmic:
+            upper.set_ylim(low / (high / low) ** 0.05, high * (high / low) ** 0.05)
+        else:
+            upper.set_ylim(min(low - 0.05 * (high - low), 0.0), high + 0.05 * (high - low))
+
+
+def _mark_outliers(quantity, points, outlying, upper, lower):
+    """Draw arrows at the edge of the axes for points beyond, and return a legend entry."""
+    x, look = _scale(quantity)(points.x), {"color": "C3", "markersize": 6, "linestyle": "none"}
+    for axes, y in ((upper, points.measured), (lower, points.residual)):
+        inside = axes.get_ylim()
+        for marker, beyond, height in (("v", y < inside[0], 0.06), ("^", y > inside[1], 0.94)):
+            at = x[outlying & beyond]
+            axes.plot(at, np.full(at.size, height), marker, transform=axes.get_xaxis_transform(), **look)
+    return upper.plot([], [], "^", label="outlier, beyond the axes", **look)[0]

@@ -19,8 +19,8 @@ from fitting.results.record import FitRecord
 from fitting.results.report import headlines, report, tied_lines, variable_rows
 from fitting.results.samples import Samples, drawn
 from fitting.solvers.runs import Callback
+from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 from fitting.uncertainty.posterior import DrawProgress, log_density, prior_of
-from fitting.uncertainty.profile import LikelihoodProfile
 from rubberfric.analysis import friction_table as table_of_scene
 from rubberfric.base import StrPath, html, object_html
 from rubberfric.io import FrictionTable

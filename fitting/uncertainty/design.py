@@ -14,6 +14,7 @@ from jax.typing import ArrayLike
 import rubberfric as rf
 from fitting.parameters.constraints import Constraint
 from fitting.parameters.priors import Prior
+from fitting.parameters.variables import slopes, to_values
 from fitting.uncertainty.information import Conditions, exchange, gain, information, known_of, variance
 from fitting.uncertainty.intervals import SolvedProblem
 from rubberfric.base import POSITIVE, StrPath, as_leaf, check_values, shown
@@ -57,6 +58,7 @@ class Design:
     names : key path of every free element
     before, after : standard deviations of x without and with the measurements, shape (size,); for Positive
         parameters these are relative errors
+    rate : |d ln value / dx| of every element, shape (size,); `rate * before` are relative errors of values
     predicted : (before, after) root mean square relative error of the prediction of the criterion, or None
     candidates : conditions of all candidates, each of shape (candidates,)
     gain : gain of one measurement at each candidate, shape (candidates,): for D in nats, for A and
@@ -72,6 +74,7 @@ class Design:
     names: tuple[str, ...]
     before: np.ndarray
     after: np.ndarray
+    rate: np.ndarray
     predicted: tuple[float, float] | None
     candidates: Conditions
     gain: np.ndarray
@@ -90,9 +93,9 @@ class Design:
         if self.predicted is not None:
             old, new = self.predicted
             lines.append(f"error of the prediction: {_percent(old)} before, {_percent(new)} after")
-        lines.append("expected errors (of x; of Positive parameters relative), before and after")
+        lines.append("expected relative errors of the parameters, before and after")
         width = max(map(len, self.names))
-        for name, old, new in zip(self.names, self.before, self.after, strict=True):
+        for name, old, new in zip(self.names, self.rate * self.before, self.rate * self.after, strict=True):
             lines.append(f"  {name:<{width}}  {_percent(old):>10}  {_percent(new):>10}")
         return "\n".join(lines) + "\n"
 
@@ -195,6 +198,8 @@ def design(
     if isinstance(criterion, prediction) and target is not None:
         errors = [float(np.sqrt(variance(one, target[:1])[0])) for one in (old, new)]
         predicted = errors[0], errors[1]
+    values = np.asarray(to_values(known.variables, known.constants, known.x))
+    rate = np.abs(slopes(known.variables, known.constants, known.x) / np.where(values == 0, np.nan, values))
     single = gain(rows, np.broadcast_to(base, (draws, *base.shape)), target)
     return Design(
         velocity=at[0][index],
@@ -204,6 +209,7 @@ def design(
         names=known.names,
         before=before,
         after=after,
+        rate=rate,
         predicted=predicted,
         candidates=at,
         gain=single if target is None else -np.expm1(-single),
@@ -252,8 +258,8 @@ def _target(known, xs, criterion):
         conditions = (criterion.velocity, criterion.pressure)
         conditions += () if criterion.temperature is None else (criterion.temperature,)
         at = _points(conditions)
-        slopes = np.stack([known.rows(x, at, criterion.quantity) for x in xs])
-        return np.swapaxes(slopes, 1, 2) @ slopes / at[0].size
+        each = np.stack([known.rows(x, at, criterion.quantity) for x in xs])
+        return np.swapaxes(each, 1, 2) @ each / at[0].size
     if not isinstance(criterion, str) or criterion not in _CRITERIA:
         raise ValueError(f"criterion = {shown(criterion)}: must be 'D', 'A' or fitting.prediction(...)")
     # Variances of x, not of x / stretch.
@@ -261,7 +267,7 @@ def _target(known, xs, criterion):
 
 
 def _percent(error: float) -> str:
-    return f"{100 * error:.3g} %" if error < 10 else "open"
+    return "value is 0" if np.isnan(error) else f"{100 * error:.3g} %" if error < 10 else "open"
 
 
 def plot_design(design: Any, ax: style.Panels | None = None) -> style.Panels:

@@ -38,7 +38,8 @@ from fitting.solvers.problem import CURVE_QUANTITIES, Problem, Targets
 from fitting.solvers.residuals import forward, padded
 from fitting.solvers.runs import Callback, Runs, run_fits
 from fitting.uncertainty.covariance import OPEN, Uncertainty
-from fitting.uncertainty.profile import Anchor, LikelihoodProfile, profile_from
+from fitting.uncertainty.likelihood_profile import LikelihoodProfile
+from fitting.uncertainty.profile import Anchor, profile_from
 from rubberfric.base import quick_jit
 
 # Correlation above which a pair's error bars are checked, their confidence level, and the number of pairs.

@@ -21,6 +21,7 @@ from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import loss_of, padded
 from fitting.solvers.runs import FIT_BATCH, Runs, run_fits
+from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 
 # How far in x a profile goes: a factor of a million, or to a millionth of the range of a Bounded parameter.
 FARTHEST = np.log(1e6)
@@ -34,49 +35,6 @@ _ROUNDS, _NEARER = 4, 10
 _JUMP = 0.1
 # Accuracy of an end of the interval, relative to its distance from the minimum.
 _CLOSE = 0.005
-
-
-class LikelihoodProfile(NamedTuple):
-    """Profile likelihood: cost against one parameter, with all other parameters fitted again."""
-
-    name: str
-    values: np.ndarray  # of the parameter, increasing
-    rise: np.ndarray  # twice the cost above the lowest found; NaN where a fit did not converge
-    low: float  # ends of the interval; an open end is the limit of the parameter's rule: -inf or inf, 0 if
-    high: float  # Positive, a bound if Bounded; NaN if the profile ends below the threshold
-    threshold: float  # `rise` at the ends of the interval
-    names: tuple[str, ...] = ()  # of all free elements
-    parameters: np.ndarray | None = None  # their values, fitted again, shape (values, elements)
-    ends: tuple[str, str] = ("reached", "reached")  # for each end "reached", or the reason if not
-    better: dict[str, float] | None = None  # values of a minimum below the fit, by name
-    warning: str = ""  # on such a minimum, or on an interval of several parts
-
-    def __repr__(self) -> str:
-        return f"LikelihoodProfile({self.name}: {self._interval()}, {self.values.size} values)"
-
-    def _interval(self):
-        ends = [f"{end:.6g}" if np.isfinite(end) else _OPEN.get(end, "?") for end in (self.low, self.high)]
-        return f"{ends[0]} ... {ends[1]}"
-
-    def report(self) -> str:
-        """Return the interval, and a line for every value, as text."""
-        lines = [
-            f"[[Profile of {self.name}]]",
-            f"    {self._interval()}, where chi-square rises by {self.threshold:.4g}",
-        ]
-        named = zip(("lower", "upper"), self.ends, strict=True)
-        lines += [f"    {side} end {text}" for side, text in named if text != "reached"]
-        lines += [f"    {self.warning}"] * bool(self.warning)
-        lines.append(f"    {'value':>12s} {'rise':>10s}  others, fitted again")
-        parameters = np.zeros((self.values.size, 0)) if self.parameters is None else self.parameters
-        for value, rise, row in zip(self.values, self.rise, parameters, strict=True):
-            pairs = zip(self.names, row, strict=False)
-            others = ", ".join(f"{name} = {number:.4g}" for name, number in pairs if name != self.name)
-            lines.append(f"    {value:12.6g} {rise:10.4g}  {others}")
-        return "\n".join(lines) + "\n"
-
-
-_OPEN = {np.inf: "inf", -np.inf: "-inf"}
 
 
 class Anchor(NamedTuple):

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import scipy
 from jax.typing import ArrayLike
 
 from rubberfric.analysis.profiles import Profile
@@ -32,6 +33,8 @@ PARTS = {
     "viscoelastic_friction": ("--", "s", "viscoelastic"),
     "shear_friction": (":", "^", "contact shear"),
 }
+# Curves of at least this number of points are drawn smooth, with this number of points.
+_SMOOTH, _DRAWN = 8, 400
 
 
 def plot_result(
@@ -214,14 +217,27 @@ def _draw(axes: Axes, result: Curves, name: str, named: bool = True) -> None:
 
 def _lines(axes, velocity, curves, labels, shown, quantity):
     label, scale, offset = PANELS[quantity]
-    drawn = looks(len(labels), shown.size)
+    log_v = np.log10(velocity[shown])
+    drawn = [_without_kinks(log_v, scale * curve[shown] + offset) for curve in curves]
+    styles = looks(len(labels), max((x.size for x, _ in drawn), default=0))
     handles = [
-        axes.plot(np.log10(velocity[shown]), scale * curve[shown] + offset, label=text, **look)[0]
-        for curve, text, look in zip(curves, labels, drawn, strict=True)
+        axes.plot(x, y, label=text, **look)[0]
+        for (x, y), text, look in zip(drawn, labels, styles, strict=True)
     ]
     axes.set_ylabel(label)
     axes.grid(alpha=0.3)
     return handles
+
+
+def _without_kinks(log_v, values):
+    """Return points of a monotone cubic curve through the given points, or few points unchanged.
+
+    Between two points the curve stays between their values, also where a heated branch jumps.
+    """
+    if log_v.size < _SMOOTH or not (np.diff(log_v) > 0).all() or not np.isfinite(values).all():
+        return log_v, values
+    dense = np.union1d(np.linspace(log_v[0], log_v[-1], _DRAWN), log_v)
+    return dense, scipy.interpolate.PchipInterpolator(log_v, values)(dense)
 
 
 def _from_zero(axes: Axes, quantity: str) -> None:
@@ -242,7 +258,7 @@ def _parts(axes: Axes, result: Curves, shown: np.ndarray, lines: list[Line2D]) -
         look: dict[str, Any] = {"linestyle": style, "linewidth": 1.2, "marker": point}
         for (i, j), line in zip(labels, lines, strict=True):
             part = np.asarray(getattr(result.solution, name))[i, j, shown]
-            axes.plot(log_v, part, color=line.get_color(), **look)
+            axes.plot(*_without_kinks(log_v, part), color=line.get_color(), **look)
         handles.append(Line2D([], [], color="0.3", label=label, **look))
     return handles
 

@@ -46,7 +46,7 @@ def test_a_free_cutoff_is_found_again():
     there = friction_of(CUT.replace({Q1: 0.8e5, E + "[0]": modulus})).friction
     off = np.log(there / friction_of(truth).friction) / 0.01
     assert rise == pytest.approx(np.sum(off**2), rel=1e-4)
-    upper, lower = fitting.plot.plot_profile(profile)
+    upper, lower = rf.plot.auto(profile)
     assert repr(profile).startswith("LikelihoodProfile(lower.spectrum.q1: ") and len(repr(profile)) < 90
     assert upper.get_ylabel() == "rise of chi-square [-]" and lower.get_xlabel() == Q1
     with pytest.raises(ValueError, match=r"must be the q1 of a spectrum: lower\.spectrum\.q1"):

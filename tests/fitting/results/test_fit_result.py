@@ -13,12 +13,14 @@ from support.scenes.fits import FAST
 import fitting
 import rubberfric as rf
 from fitting.results.hdf5 import GROUPS, save
+from fitting.results.pictures import PlottedCurve, curve_colours
 from fitting.results.plot import plot_fit, save_plot
 from fitting.results.record import Minimum
 from fitting.results.report import LISTED, unit
 from fitting.solvers.iterate import INTERRUPTED, OUT_OF_STEPS
 from rubberfric.base.objects.physical import PhysicalObject
 from rubberfric.io.hdf5 import read_object
+from rubberfric.plot import style
 
 RUBBER = rf.Prony(
     1e6, np.array([1e8, 1e7, 3e6]), np.array([1e-6, 1e-4, 1e-2]), shift=rf.WLF(8.0, 100.0, 293.15)
@@ -310,6 +312,48 @@ def test_plot_draws_data_fit_band_and_residuals(joint):
     (spectrum,) = (line for line in axes[4].lines if line.get_xdata().size > 8)
     C = rf.power_spectrum(joint.scene.lower.spectrum, spectrum.get_xdata()[1:-1])
     np.testing.assert_allclose(spectrum.get_ydata()[1:-1], C, rtol=1e-9)
+
+
+def test_an_outlier_does_not_squeeze_the_plot(quick):
+    """It is an arrow at the edge; the limits are those without it."""
+    data = quick.data[0]
+    outlier = dataclasses.replace(data, storage=data.storage * np.where(np.arange(12) == 5, 1e4, 1))
+    spoiled = plot_fit(fitting.fit(SCENE, outlier, quick.free, loss="huber", quadrature=FAST))
+    plain = plot_fit(quick)
+    assert spoiled[0].get_ylim()[1] < 2 * plain[0].get_ylim()[1]
+    assert spoiled[1].get_ylim()[1] < 2 * plain[1].get_ylim()[1]
+    arrows = [
+        [line.get_xdata().tolist() for line in panel.lines if line.get_marker() == "^"] for panel in spoiled
+    ]
+    assert arrows[0][:2] == [[data.omega[5]], []] and arrows[1] == [[data.omega[5]]]
+    texts = [text.get_text() for text in spoiled[0].get_legend().get_texts()]
+    assert "outlier, beyond the axes" in texts
+    assert "outlier, beyond the axes" not in [text.get_text() for text in plain[0].get_legend().get_texts()]
+
+
+def test_colours_of_temperatures_and_pressures():
+    """One tone for each temperature, and lighter colours for higher pressures."""
+    keys = [("", "", T, p) for T in (263.15, 293.15) for p in (1e5, 5e5, 2e6)]
+    curves = [PlottedCurve("", key, 0, look, np.arange(1)) for look, key in enumerate(keys)]
+    colours = curve_colours(curves)[:, :3]
+    assert (np.diff(colours.sum(1).reshape(2, 3)) > 0.3).all()
+    paint = (1 - colours) / (1 - colours).sum(1, keepdims=True)  # a mixture with white keeps these shares
+    np.testing.assert_allclose(paint[:3], paint[:1].repeat(3, 0))
+    assert np.abs(paint[0] - paint[3]).max() > 0.05
+    one = [PlottedCurve("", ("", "", 293.15, p), 0, k, np.arange(1)) for k, p in enumerate((1e5, 2e6))]
+    np.testing.assert_array_equal(curve_colours(one), style.colours(2))
+    np.testing.assert_array_equal(curve_colours([one[0]._replace(conditions=None)]), style.colours(1))
+
+
+def test_a_design_states_the_relative_errors_of_the_fit():
+    """Errors of x / value for Positive and Bounded parameters, as in the report of the fit."""
+    free = {"upper.material.E[0]": fitting.Bounded(1e7, 1e9)}
+    result = fitting.fit(SCENE, modulus(relative=0.03), free, quadrature=FAST)
+    designed = fitting.design(result, candidates=(np.array([1e-2, 1.0]), 1e5, 293.15), n=1)
+    assert designed.rate * designed.before == pytest.approx(result.stderr / result.values, rel=1e-9)
+    assert designed.before[0] > 1.05 * result.stderr[0] / result.values[0]
+    share = 100 * result.stderr[0] / result.values[0]
+    assert f"upper.material.E[0]  {f'{share:.3g} %':>10}" in designed.report()
 
 
 def test_plot_into_given_axes(quick):

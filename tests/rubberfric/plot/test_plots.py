@@ -76,6 +76,26 @@ def test_curves_of_a_result(draw):
     assert not given.figure.get_suptitle()
 
 
+def test_curves_of_many_points_have_no_kinks():
+    """They pass through all points, stay between neighbours, and have a continuous slope."""
+    v = np.logspace(-6, 2, 33)
+    for mu, kinked in ((np.log10(v) ** 2, False), (np.where(v < 1e-2, 0.2, 0.5), False), (v * np.nan, True)):
+        (line,) = drawn(plot.plot_curve(v, mu)).lines
+        x, y = line.get_data()
+        assert (x.size < 40) == kinked
+        if kinked:
+            continue
+        at = np.searchsorted(x, np.log10(v))
+        np.testing.assert_allclose(x[at], np.log10(v), atol=1e-12)
+        np.testing.assert_allclose(y[at], mu, atol=1e-9)
+        place = np.clip(np.searchsorted(np.log10(v), x) - 1, 0, 31)
+        low, high = np.sort([mu[place], mu[place + 1]], 0)
+        assert (y >= low - 1e-9).all() and (y <= high + 1e-9).all()
+    x, y = drawn(plot.plot_curve(v, np.log10(v) ** 2)).lines[0].get_data()
+    slope = np.diff(y) / np.diff(x)
+    assert np.abs(np.diff(slope)).max() < 0.2  # straight lines between the points have kinks of 0.5
+
+
 def test_solutions_are_drawn():
     """Conditions may have any arrangement; labels name pressure and temperature."""
     v, p, T = V[[2, 4, 0]], np.array([5e5, 1e5])[:, None], 283.15
