@@ -1,5 +1,7 @@
 """A layer on a deformable half-space: its stiffness from Navier's equations, scenes against the oracle."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import mpmath as mp
@@ -131,6 +133,29 @@ def test_factor_solves_the_equations_of_elasticity(nu1):
         assert float(of_springs(x, nu1, nu0, rho, 1.0)) == pytest.approx(float(exact), rel=1e-13)
 
 
+def test_limits():
+    q, layer = jnp.logspace(-3, 2, 11), rf.Elastic(2e6, 0.4)
+
+    def spring(thickness, base, factor=1.0):
+        body = rf.Body(layer, None, rf.Coating(thickness, base))
+        springs = (m.reduced_series(1.0)[0] for m in (layer, base))
+        return coated_spring(bonded(body), *springs, q) * factor
+
+    own = layer.reduced_series(1.0)[0]
+    soft = rf.Elastic(3e5, 0.2)
+    np.testing.assert_allclose(spring(1e6, soft), own, rtol=1e-15)
+    np.testing.assert_allclose(spring(1e-12, soft), soft.reduced_series(1.0)[0], rtol=1e-9)
+    np.testing.assert_allclose(spring(0.3, layer), own, rtol=1e-14)
+    slab = rf.Slab(0.3).stiffening(layer.poisson, q)
+    np.testing.assert_allclose(spring(0.3, rf.Elastic(1e25, 0.1)), own * slab, rtol=1e-12)
+    # A liquid below leaves the free plate, a liquid on top nothing.
+    body = rf.Body(layer, None, rf.Coating(0.3, soft))
+    free = coated_spring(bonded(body), own, 0.0, q)
+    np.testing.assert_allclose(free, coated_spring(bonded(body), own, 1e-30 * own, q), rtol=1e-12)
+    assert (coated_spring(bonded(body), 0.0, own, q) == 0).all()
+    assert (coated_spring(bonded(body), 0.0, 0.0, q) == 0).all()
+
+
 RUBBER = rf.Prony(3.6e6, [1e9, 1e8, 2e7, 5e6, 1e6], [1e-8, 1e-6, 1e-4, 1e-2, 1.0])
 OTHER = rf.Prony(2e5, [3e7, 5e6, 5e6], [1e-6, 1e-2, 3.0], 0.3)
 LIQUID = rf.Prony(0.0, [1e7, 1e5], [1e-5, 1.0], 0.45)
@@ -214,6 +239,53 @@ def test_scenes(name):
     np.testing.assert_allclose(found, [exact[quantity] for quantity in QUANTITIES], rtol=1e-9)
 
 
+def put(given, path, factor):
+    """A copy of a case with one number multiplied."""
+    *above, last = path
+    copy = inner = dict(given)
+    for name in above:
+        inner[name] = dict(inner[name])
+        inner = inner[name]
+    inner[last] = np.multiply(inner[last], factor).tolist()
+    return copy
+
+
+NUMBERS = {
+    "lower.material.E_inf": ("solid1", "E_inf"),
+    "lower.material.poisson": ("solid1", "nu"),
+    "lower.layer.thickness": ("solid1", "coating", "thickness"),
+    "lower.layer.base.poisson": ("solid1", "coating", "base", "nu"),
+    "lower.layer.base.E": ("solid1", "coating", "base", "E"),
+    "lower.layer.base.tau": ("solid1", "coating", "base", "tau"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["both relax", "shared times", "facing elastic"])
+def test_gradients(name):
+    """Forward equals reverse mode and differences of the oracle; the times of both solids scale together."""
+    given = CASES[name]
+    arguments = as_arrays((scene(given), given["v"], given["pressure"]))
+    reverse = jax.jit(jax.jacrev(quantities))(arguments)
+    forward = jax.jit(jax.jacfwd(quantities))(arguments)
+    value = np.asarray(quantities(arguments))
+    for a, b, x in zip(*map(jax.tree.leaves, (reverse, forward, arguments)), strict=True):
+        a, b = (np.asarray(z) * np.maximum(np.abs(x), 1e-3) for z in (a, b))
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-11)
+    for path, where in NUMBERS.items():
+        slope, number = reverse[0], arguments[0]
+        for field in path.split("."):
+            slope, number = getattr(slope, field), getattr(number, field)
+        found = np.sum((np.asarray(slope) * np.asarray(number)).reshape(3, -1), -1)
+        # An incompressible solid has no ratio above: one-sided, of second order as the other.
+        steps = (-2e-4, -1e-4, 0.0) if path.endswith("poisson") else (-1e-4, 1e-4)
+        ends = [oracle.solve(put(given, where, 1 + h), halvings=60, order=10) for h in steps]
+        ends = np.array([[end[quantity] for quantity in QUANTITIES] for end in ends])
+        weights = (0.5, -2.0, 1.5) if len(steps) == 3 else (-0.5, 0.5)
+        exact = np.array(weights) @ ends / 1e-4
+        np.testing.assert_allclose(found, exact, rtol=2e-6, atol=2e-6 * value.max(), err_msg=path)
+
+
 def test_elastic_layer_on_rubber_dissipates():
     def body(layer, base, spectrum=None):
         return rf.Body(layer, spectrum, rf.Coating(1e-3, base))
@@ -250,6 +322,18 @@ def test_extremes_are_finite():
                 value, slopes = both(*as_arrays((rf.Scene(*bodies), v)))
                 assert np.isfinite(value) and value >= 0, (d, E_inf, soft)
                 assert all(np.isfinite(x).all() for x in jax.tree.leaves(slopes)), (d, E_inf, soft)
+
+
+@pytest.mark.slow
+def test_temperature_moves_layer_and_base_as_one():
+    law = rf.WLF(8.86, 101.6, 293.15)
+    shifted = dataclasses.replace(RUBBER, shift=law)
+    rigid = rf.Body(rf.Rigid(), rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4))
+    plain, warm = (
+        rf.Scene(rf.Body(material, None, rf.Coating(1e-3, OTHER)), rigid) for material in (RUBBER, shifted)
+    )
+    moved = 0.1 * np.exp(float(law.log_factor(320.0)))
+    np.testing.assert_allclose(rf.friction(warm, 0.1, 1e5, 320.0), rf.friction(plain, moved, 1e5), rtol=1e-12)
 
 
 @pytest.mark.slow

@@ -86,6 +86,16 @@ def test_derivative_by_poisson_of_a_thin_slab_in_series(mode):
 
 
 @pytest.mark.parametrize("base", ["bonded", "frictionless"])
+def test_thick_is_half_space(base):
+    assert factor(1e8, 0.4, base) == 1.0
+    assert jax.grad(factor)(1e8, 0.4, base) == 0.0
+
+
+def test_thin_incompressible():
+    np.testing.assert_allclose(factor(1e-8, 0.5), 1.5e24, rtol=1e-12)
+
+
+@pytest.mark.parametrize("base", ["bonded", "frictionless"])
 def test_single_precision(base):
     x = np.logspace(-6, 8, 57)
     single = rf.Slab(jnp.float32(1.0), base).stiffening(jnp.float32(0.45), jnp.asarray(x, jnp.float32))

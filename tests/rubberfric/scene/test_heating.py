@@ -105,6 +105,56 @@ def test_kernel_is_its_quadrature(decades):
                 np.testing.assert_allclose(found[1][j], surface, rtol=1e-9)
 
 
+@pytest.mark.parametrize(("q", "source_q", "v"), [(1e2, 1e4, 1e-3), (3e4, 5e2, 10.0), (1e3, 1e3, 1e7)])
+def test_brute_force_kernel_in_15_digits(q, source_q, v):
+    borders = sorted({0.0, 1 / np.sqrt(D * R / v), q, source_q})
+    borders = [*borders, 100 * borders[-1], mp.inf]
+
+    def integral(source):
+        def f(k):
+            return -mp.expm1(-D * k * k * (R / v)) / (D * k * k) * source(k) * 4 * q**2 / (k * k + 4 * q**2)
+
+        return float(mp.quad(f, borders) / mp.pi)
+
+    inside, surface = integral(lambda k: 4 * source_q / (k * k + 4 * source_q**2)), integral(lambda _: 2)
+    found = oracle_heating.kernel(LAW, v, np.array([q]), np.array([source_q]))[0, 0]
+    assert found == pytest.approx(inside, rel=1e-12)
+    assert oracle_heating.surface_kernel(LAW, v, np.array([q]))[0] == pytest.approx(surface, rel=1e-10)
+    wanted = closed_form(D, R / v, np.array([q, source_q]))
+    np.testing.assert_allclose([inside, surface], [wanted[0][0, 1], wanted[1][0]], rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_more_decades_need_more_nodes():
+    q = np.geomspace(1.0, 1e12, 5)
+    found = {count: kernels(heating(D), q, q, VELOCITIES, count)[0] for count in (160, 240)}
+    for j, v in enumerate(VELOCITIES):
+        wanted = oracle_heating.kernel(LAW, v, q, q)
+        np.testing.assert_allclose(found[160][j], wanted, rtol=3e-8)
+        np.testing.assert_allclose(found[240][j], wanted, rtol=3e-11)
+
+
+def test_no_heat_diffuses():
+    """Then g = t_0 q / (q + q'), and of heat at the surface 2 q t_0: the energy stays where it is."""
+    q = np.array([1e2, 1e3, 5e3, 7e4, 1e6])
+    inside, surface = kernels(heating(1e-48), q, q, VELOCITIES)
+    t0 = R / VELOCITIES[:, None, None]
+    np.testing.assert_allclose(inside, t0 * q[:, None] / (q[:, None] + q), rtol=1e-9)
+    np.testing.assert_allclose(surface, t0[..., 0] * 2 * q, rtol=1e-9)
+
+
+def test_energy_of_the_kernel():
+    """For q -> 0 all heat is near the surface, int T dz = T_q / 2q: the heat generated until t_0."""
+    q, all_of_it = np.geomspace(1e2, 1e5, 5), 1e-6 * np.ones(5)
+    inside, surface = kernels(heating(D), all_of_it, q, np.logspace(-5, 9, 9))
+    t0 = R / np.logspace(-5, 9, 9)[:, None, None]
+    # Heat beyond a depth of 1e-3 / q is missing: 1e-3 of the depths, mostly of the slowest.
+    depth = 0.5 / q + np.sqrt(D * t0)
+    error = np.abs(inside / (2 * all_of_it[:, None]) / (t0 / (2 * q)) - 1)
+    assert (error < 4e-6 * depth).all()
+    assert (np.abs(surface / (2 * all_of_it) / t0[..., 0] - 1) < 4e-6 * depth[..., 0]).all()
+
+
 def conduction(t, q, source_q):
     r"""Temperatures seen by q after a time t of heating exp(-2 q' z), or the surface, by elements.
 

@@ -9,8 +9,9 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from support.cases.stored import paths, slow_if
-from support.counting.operations import primitives
+from support.cases.extremes import changed
+from support.cases.stored import arguments, leaf_value, paths, reference, slow_if
+from support.counting.operations import primitives, work
 from support.scenes.common import ROAD, SHEAR, TREAD, WORN
 from support.scenes.shifts import ARRHENIUS, TABLE, WLF
 
@@ -223,6 +224,17 @@ def test_parts_add_up(s):
     np.testing.assert_allclose(found.friction[0], -found.friction[3], rtol=1e-12)  # odd
 
 
+@pytest.mark.parametrize("name", ["case-I", "case-II"])
+def test_one_part_alone(name):
+    """A call for one part returns the same value as a call for all, and None for the rest."""
+    whole = parts(SCENES[name], 0.1, 3e5)
+    assert float(rf.friction(SCENES[name], 0.1, 3e5)) == pytest.approx(float(whole.friction), rel=1e-12)
+    for part in PARTS[2:]:
+        alone = parts(SCENES[name], 0.1, 3e5, quantities=part)
+        np.testing.assert_allclose(getattr(alone, part), getattr(whole, part), rtol=1e-12)
+        assert [n for n, x in alone._asdict().items() if x is not None] == [part]
+
+
 def test_scenes_without_viscoelastic_friction_still_resist_shear():
     for name in ("case-II", "case-III", "smooth"):
         found = parts(SCENES[name], 0.1, 3e5)
@@ -231,6 +243,71 @@ def test_scenes_without_viscoelastic_friction_still_resist_shear():
     with mp.workdps(30):
         full = float(exact(as_mp((SHEAR, 1.0, 0.1, 3e5))))
     assert found.friction == pytest.approx(full, rel=1e-14)  # nothing rough: A = A0
+
+
+DERIVATIVES = reference("derivative_cases")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "one-rubber",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("corrected", "light", "wlf-hot")),
+    ],
+)
+def test_scene_against_the_oracle(name):
+    """mu and slopes: area and viscoelastic friction by brute force, tau_f exact."""
+    case = DERIVATIVES[name]
+    at_scene, v, p, *T = arguments(case)
+    at = (replace(at_scene, shear=jax.tree.map(jnp.asarray, SHEAR)), v, p, *T)
+    value, slopes = jax.jit(jax.value_and_grad(lambda at: rf.friction(*at)))(at)
+    with mp.workdps(60):
+        point = (SHEAR, case["area"], *map(float, (v, p, *T)))
+        shear, direct = float(exact(as_mp(point))), exact_slopes(point)
+    assert value == pytest.approx(case["friction"] + shear, rel=1e-9)
+    names = [*paths(SHEAR), "area", "v", "pressure", *(["temperature"] if T else [])]
+    direct = dict(zip(names, direct, strict=True))
+    for parameter, expected in case["derivatives"].items():
+        path = parameter.split(".")
+        kind = case[path[0]]["kind"] if path[0].startswith("solid") else None
+        found = leaf_value(slopes, path, kind) * leaf_value(at, path, kind)
+        total = expected["friction"] + expected["area"] / case["area"] * shear + direct.get(parameter, 0.0)
+        scale = abs(value) + abs(expected["friction"]) + abs(direct.get(parameter, 0.0))
+        assert abs(found - total) <= 1e-6 * scale, parameter
+    for path, slope, leaf in zip(
+        paths(SHEAR), jax.tree.leaves(slopes[0].shear), jax.tree.leaves(SHEAR), strict=True
+    ):
+        assert slope * leaf == pytest.approx(direct[path], rel=1e-9, abs=1e-15), path
+
+
+CORNERS = {
+    "at-rest": {"v": 0.0},
+    "backwards": {"v": -0.1},
+    "slowest": {"v": 1e-30},
+    "fastest": {"v": 1e12},
+    "lightest": {"pressure": 1e-6},
+    "heaviest": {"pressure": 1e12},
+    "liquid-at-rest": {"solid1.E_inf": 0.0, "v": 0.0},
+    "no-roughness": {"psd1.h_rms": 0.0, "psd2.h_rms": 0.0},
+}
+
+
+@pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", CORNERS)
+def test_extreme_scenes(name, dtype):
+    case = changed("one", CORNERS[name])
+    at_scene, v, p = arguments(case, dtype)
+    shear = jax.tree.map(lambda x: jnp.asarray(x, dtype), SHEAR)
+    at = (replace(at_scene, shear=shear), v, p)
+    value, slopes = gradient(at)
+    assert value.dtype == dtype
+    assert np.isfinite(value)
+    for path, slope in zip(paths(slopes), jax.tree.leaves(slopes), strict=True):
+        assert slope.dtype == dtype, path
+        assert np.isfinite(slope).all(), path
+
+
+gradient = jax.jit(jax.value_and_grad(lambda at: rf.friction(*at)))
 
 
 @pytest.mark.parametrize("shift", [ARRHENIUS, WLF, TABLE, None], ids=lambda shift: type(shift).__name__)
@@ -256,7 +333,55 @@ def test_single_precision_is_accurate():
     np.testing.assert_allclose(found.friction, exact.friction, rtol=2e-5)
 
 
+@pytest.mark.slow
+def test_jit_vmap_loop_and_blocks():
+    s = SCENES["case-I"]
+    v, T = np.logspace(-7, 2, 1030), 300.0
+    whole = parts(s, v, 3e5, T)
+    some = slice(None, None, 103)
+    mapped = jax.jit(jax.vmap(lambda v: parts(s, v, 3e5, T)))(v[some])
+    loop = [parts(s, x, 3e5, T) for x in v[some]]
+    grid = parts(s, v[some][:, None], np.array([1e5, 3e5]), T)
+    for name in PARTS:
+        expected = np.array([getattr(point, name) for point in loop])
+        np.testing.assert_allclose(getattr(whole, name)[some], expected, rtol=1e-12)
+        np.testing.assert_allclose(getattr(mapped, name), expected, rtol=1e-12)
+        np.testing.assert_allclose(getattr(grid, name)[:, 1], expected, rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_share_from_outside_the_table_is_that_of_the_viscoelastic_friction():
+    omega = np.logspace(1, 5, 20)
+    rubber = rf.TabulatedModulus(omega, 1e6 * omega**0.2, 3e5 * omega**0.2)
+    s = scene((rubber,), (STEEL, ROAD))
+    v = np.array([1e-6, 1e-2])
+    found = rf.analysis.friction_outside_table(s, v, 3e5)
+    assert found[0] > 0.1
+    np.testing.assert_allclose(
+        found, rf.analysis.friction_outside_table(replace(s, shear=None), v, 3e5), rtol=1e-9
+    )
+
+
 # --- Temperatures
+
+
+@pytest.mark.slow
+def test_shear_alone_makes_a_temperature_meaningful():
+    s = SCENES["case-I"]
+    cold, middle, warm = rf.friction(s, 0.1, 3e5, np.array([283.15, 293.15, 303.15]))
+    assert cold < middle < warm  # past the maximum, where warming is slowing down
+    assert rf.friction(s, 0.1, 3e5) == pytest.approx(float(middle), rel=1e-12)
+    unshifted = replace(s, shear=replace(SHEAR, shift=None))
+    with pytest.raises(
+        ValueError, match=r"^temperature is given, but nothing in the scene has a shift: it must be"
+    ):
+        rf.friction(unshifted, 0.1, 3e5, 293.15)
+    material = replace(TREAD, shift=WLF)
+    both = scene((material,), (STEEL, ROAD), shear=unshifted.shear)
+    of_material, of_both = parts(both, 0.1, 3e5, 320.0), parts(replace(both, shear=SHEAR), 0.1, 3e5, 320.0)
+    assert of_material.viscoelastic_friction == of_both.viscoelastic_friction
+    expected = shear_friction(unshifted.shear, of_material.area, 0.1, 3e5)
+    assert of_material.shear_friction == pytest.approx(float(expected), rel=1e-13)
 
 
 @pytest.mark.parametrize(
@@ -322,3 +447,32 @@ def test_a_scene_without_shear_traces_nothing_new():
         plumbing = {"convert_element_type", "broadcast_in_dim", "reshape", "squeeze"}
         bare = [name for name in primitives(integral, s, VELOCITY) if name not in plumbing]
         assert [name for name in friction if name not in plumbing] == bare
+
+
+def test_shear_alone_costs_little_more_than_the_area():
+    s = SCENES["case-I"]
+
+    def cost(quantities, s=s):
+        return work(lambda s, v: parts(s, v, 1e5, quantities=quantities), s, VELOCITY)
+
+    per_point = VELOCITY.size
+    assert cost("shear_friction") <= cost("area") + 8 * per_point
+    assert cost("shear_friction") < 0.75 * cost("viscoelastic_friction")
+    assert cost("area") == cost("area", replace(s, shear=None))
+    assert cost("viscoelastic_friction") == cost("friction", replace(s, shear=None))
+    # The sum shares G and the stiffness: the friction's cost, and the last panel border per point.
+    assert cost("friction") <= cost("viscoelastic_friction") + 16 * per_point
+    assert cost(PARTS) == cost("friction")
+
+
+@pytest.mark.parametrize("name", ["case-II", "case-III", "smooth"])
+def test_no_graded_panels_where_only_the_shear_dissipates(name):
+    names = primitives(lambda s, v: rf.friction(s, v, 1e5), SCENES[name], VELOCITY)
+    area = primitives(lambda s, v: rf.contact_area(s, v, 1e5), SCENES[name], VELOCITY)
+    assert len(names) <= len(area) + 30
+
+
+def test_shear_of_a_scene_without_it_is_a_constant():
+    s = replace(SCENES["two-rubbers"], shear=None)
+    names = primitives(lambda s, v: parts(s, v, 1e5, quantities="shear_friction"), s, VELOCITY)
+    assert not {"erf", "exp", "log", "sqrt", "sort", "dot_general"} & set(names)

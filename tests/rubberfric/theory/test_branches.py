@@ -217,6 +217,21 @@ def test_random_scenes():
 
 
 @pytest.mark.slow
+def test_ten_thousand_random_scenes():
+    rng = np.random.default_rng(11)
+    for k in range(100):
+        cases = [random_case(rng) for _ in range(100)]
+        at_once = vmapped(*stacked(cases))
+        assert at_once[2].all()
+        for i in range(0, 100, 1 if k < 5 else 10):
+            scene, *where = cases[i]
+            others = [np.append(x, y) for x, y in zip(where, ([1e-3, 1.0], 3e5, 265.0), strict=True)]
+            others = [np.resize(x, 3) for x in others]
+            for together, one in zip(at_once, solved(scene, *others), strict=True):
+                np.testing.assert_allclose(one[0], together[i], rtol=1e-9)
+
+
+@pytest.mark.slow
 def test_random_scenes_by_damped_brute_force():
     """Followed in small steps of v by damped iteration, which shares no code of the solver."""
     rng = np.random.default_rng(3)

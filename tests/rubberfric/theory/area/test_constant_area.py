@@ -1,5 +1,6 @@
 """Adhesion of short range by its energy: contact that is held while the load falls."""
 
+import itertools
 import math
 
 import jax
@@ -75,6 +76,37 @@ def test_area_separation_and_friction_are_those_of_the_load_that_the_formula_has
     wanted = float(pressed.viscoelastic_friction) * held / load
     assert float(found.viscoelastic_friction) == pytest.approx(wanted, rel=1e-9)
     assert float(found.shear_friction) == pytest.approx(1e6 / load * float(found.area), rel=1e-12)
+
+
+@pytest.mark.slow
+def test_what_the_load_does_is_stored_or_comes_of_adhesion():
+    """-p du = dU - work dA, U by a sum over the separations without adhesion."""
+    work = 0.2 * FULL
+    scene, plain = _scene(work), _scene()
+    pressure = 1e5 * np.geomspace(0.9, 1.1, 21)
+
+    def state(p):
+        found = rf.solve(scene, 0.0, p)
+        held = np.array([_held(scene, work, one) for one in p])
+        compliance = np.asarray(_compliance(plain, 0.0, held))
+        node, weight = np.polynomial.legendre.leggauss(12)
+        stored = []
+        for low, high in itertools.pairwise(held):
+            at = 0.5 * (low + high) + 0.5 * (high - low) * node
+            stored.append(0.5 * (high - low) * np.sum(weight * at * np.asarray(_compliance(plain, 0.0, at))))
+        stored = np.append(0.0, np.cumsum(stored)) - 0.5 * compliance * (held**2 - p**2)
+        return np.asarray(found.area), np.asarray(found.separation), stored
+
+    area, gap, stored = state(pressure)
+    # Simpson's rule over all of the loads.
+    done = -pressure * np.gradient(gap, pressure, edge_order=2)
+    weights = np.tile([2.0, 4.0], 10)
+    weights = np.append(weights, 1.0)
+    weights[0] = 1.0
+    log_step = math.log(pressure[1] / pressure[0])
+    total = np.sum(weights * done * pressure) * log_step / 3
+    change = (stored[-1] - stored[0]) - work * (area[-1] - area[0])
+    assert total == pytest.approx(change, rel=2e-4)
 
 
 def test_light_loads_have_an_area_that_is_larger_by_one_share():

@@ -111,6 +111,27 @@ def test_the_load_agrees_with_brute_force(pressure, share, reach):
 
 
 @pytest.mark.slow
+def test_area_and_separation_are_those_without_adhesion_under_the_load():
+    """The same value for both, also with S in G."""
+    for options in ({}, {"area_correction": True}):
+        found = _solve(_scene(1e-2, 1e-7, **options), 0.0, 1e5)
+        plain = _scene(**options)
+        area = float(found.area)
+        load = _load_of(plain, area)
+        assert load > 1.2e5
+        assert float(found.separation) == pytest.approx(float(rf.separation(plain, 0.0, load)), rel=1e-8)
+
+
+@pytest.mark.slow
+def test_a_range_beyond_all_gaps_is_a_load():
+    pressure = np.array([1e3, 3e4, 1e5])
+    found = rf.solve(_scene(2e4 * 1e2, 1e2), 0.0, pressure, quantities=AREA)
+    pressed = rf.solve(_scene(), 0.0, pressure + 2e4, quantities=AREA[:2])
+    np.testing.assert_allclose(found.area, pressed.area, rtol=1e-7)
+    np.testing.assert_allclose(found.separation, pressed.separation, rtol=1e-7)
+
+
+@pytest.mark.slow
 def test_a_vanishing_work_is_contact_without_adhesion():
     pressure = np.array([1e3, 1e5, 1e6])
     for spectrum in (FINE, ROLLING):
@@ -118,6 +139,31 @@ def test_a_vanishing_work_is_contact_without_adhesion():
         usual = [_solve(scene, 0.0, p).area for p in pressure]
         np.testing.assert_allclose(usual, plain, rtol=1e-9)
         np.testing.assert_allclose(_fine_area(scene, 0.0, pressure), plain, rtol=1e-13)
+
+
+@pytest.mark.slow
+def test_nodes_are_enough():
+    """Twice as many change areas by 3e-5 at most, at very light load by 2e-3."""
+    cases = [(1e5, 1e-2, 1e-7), (1e3, 1e-3, 1e-8), (1e5, 1e-3, 1e-9), (1e2, 1e-4, 1e-7)]
+    for pressure, work, reach in cases:
+        scene = _scene(work, reach, ROLLING)
+        usual, fine = (
+            float(rf.contact_area(scene, 0.0, pressure, quadrature=rf.Quadrature(order=order)))
+            for order in (13, 26)
+        )
+        assert usual == pytest.approx(fine, rel=3e-5 if pressure > 1e2 else 2e-3)
+
+
+@pytest.mark.slow
+def test_attraction_enlarges_the_area_and_brings_the_solids_together():
+    works = [1e-6, 1e-4, 1e-3, 1e-2, 0.1, 10.0]
+    found = [
+        rf.solve(_scene(w, 1e-7), 0.0, [1e4, 1e5], quadrature=QUADRATURE, quantities=AREA) for w in works
+    ]
+    areas, gaps = (np.array([getattr(one, name) for one in found]) for name in ("area", "separation"))
+    assert np.all(np.diff(areas, axis=0) >= 0) and np.all(np.diff(gaps, axis=0) <= 0)
+    np.testing.assert_allclose(areas[-1], 1.0, atol=1e-12)
+    assert np.all([one.converged for one in found])
 
 
 def _plateau(work=None, reach=1.5e-6):
@@ -195,6 +241,19 @@ def test_areas_grow_with_load_and_work():
     assert np.all(converged)
     for part in np.split(np.asarray(areas), [18, 25], axis=1):
         assert np.all(np.diff(part, axis=1) >= -1e-9 * part[:, 1:])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("share", "reach"), [(30.0, 1e-8), (300.0, 3e-9), (10.0, 1e-7)])
+def test_no_lesser_load_is_a_solution(share, reach):
+    """Below it the attraction always exceeds the missing load."""
+    scene, pressure = _scene(share * 1e3 * reach, reach), 1e3
+    found = _solve(scene, 0.0, pressure)
+    area = float(found.area)
+    load = _load_of(_scene(), area)
+    for less in np.geomspace(pressure, 0.998 * load, 12):
+        assert less - pressure < share * pressure * _Theory(less, count=1000).attraction(reach)
+    assert found.converged
 
 
 @pytest.mark.slow
@@ -323,6 +382,12 @@ def test_limits_of_the_work_of_separation():
         assert full - 2e-6 <= left < 1  # near full contact <e^-u/r> is 1e-6 off
     # If the range exceeds all gaps, only the range determines the separation.
     assert _work_left(1e-2, 1e-3) == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_a_work_beyond_all_others_has_a_derivative():
+    slope = jax.grad(lambda work: rf.analysis.pull_off_force(_scene(work, 1e-7), 1e-2, 1e5))(1e6)
+    assert float(slope) == pytest.approx(2 * math.pi * 1e-2, rel=1e-9)
 
 
 @pytest.mark.slow

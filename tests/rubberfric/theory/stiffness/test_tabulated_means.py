@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.cases.stored import slow_if
-from support.oracles.tables import by_quadrature, law, random_table
+from support.oracles.tables import by_quadrature, contact, law, random_table
 
 import rubberfric as rf
 from rubberfric.theory.stiffness.means_table import means_table
@@ -212,3 +212,40 @@ def test_widths_that_are_refused(smoothing):
 def test_a_table_that_is_too_long():
     with pytest.raises(ValueError, match="omega spans 30 decades: must be at most 26"):
         rf.TabulatedModulus([1e-15, 1e15], [1.0, 2.0], [1.0, 2.0])
+
+
+ROAD = rf.SelfAffine(200.0, 1500.0, 5e4, 0.8, 4e-4)
+
+
+def on_the_road(seed):
+    """A random table of a rubber and the velocities that have ROAD excite it at its middle."""
+    table = np.array(random_table(seed))
+    table[1:] += np.log(1e7)
+    return table, np.exp(np.quantile(table[0], [0.2, 0.7]) - 8)
+
+
+@jax.jit
+def area_and_friction(table, v):
+    rubber = rf.TabulatedModulus(*map(jnp.exp, table))
+    found = rf.solve(rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(rubber)), v, 2e5)
+    return jnp.stack([found.area, found.friction])
+
+
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=[pytest.mark.slow] * (k != 1)) for k in range(20)])
+def test_contact_and_friction_by_brute_force(seed):
+    """E in every direction at every wavevector: no table of means, and no interpolation over q."""
+    table, v = on_the_road(seed)
+    np.testing.assert_allclose(area_and_friction(table, v), contact(table, "fall", ROAD, v, 2e5), rtol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
+def test_derivatives_by_brute_force(seed):
+    """Along a direction of all entries, ln omega, ln E' and ln E''."""
+    table, v = on_the_road(seed)
+    rng, h = np.random.default_rng(2), 1e-3
+    along = np.array([0.1 * np.diff(table[0]).min(), 1, 1])[:, None] * rng.uniform(-1, 1, table.shape)
+    weights = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
+    known = sum(w / h * contact(table + k * h * along, "fall", ROAD, v, 2e5) for k, w in weights.items())
+    values, slopes = jax.jvp(lambda t: area_and_friction(t, v), (table,), (along,))
+    assert (np.abs(slopes - known) <= 1e-7 * np.maximum(values, np.abs(known))).all()
