@@ -5,7 +5,6 @@ import pytest
 from support.folders import PUBLIC
 
 import fitting
-import rubberfric as rf
 
 
 def test_columns_with_units_behind_underscores():
@@ -59,23 +58,3 @@ def test_a_melt_of_low_modulus_is_no_unit_slip():
     """E' of an unvulcanised polyisoprene falls to 67 Pa."""
     data = fitting.read(PUBLIC / "polyisoprene" / "PI_raw_isotherms.csv", poisson=0.5)
     assert data.storage.min() == pytest.approx(3 * 22.232)
-
-
-@pytest.mark.parametrize(("station", "share", "depth"), [(0, "8.6%", 3.42), (1, "9.4%", 3.033)])
-def test_a_road_profile_with_dropouts(station, share, depth):
-    """Depths and mean profile depth of a chip-seal road [ISO 13473-1] against the published value."""
-    path = PUBLIC / "road_profiles" / f"aylesbury_station_{station}.dat"
-    with pytest.warns(UserWarning, match=f"{share} of the heights are dropouts and are interpolated"):
-        x, (height,) = rf.io.read_traces(path)
-    inside = (x > 0.15) & (x < 1.75)
-    x, height = x[inside], height[inside]
-    depths = []
-    for left in np.arange(0.15, 1.7, 0.1):
-        at = (x >= left) & (x < left + 0.1)
-        level = height[at] - np.polyval(np.polyfit(x[at], height[at], 1), x[at])
-        half = level.size // 2
-        depths.append((level[:half].max() + level[half:].max()) / 2)
-    # The published analysis filters spikes and waves first.
-    assert 1e3 * np.mean(depths) == pytest.approx(depth, rel=0.07)
-    found = rf.roughness.spectrum_of_profile(x, height, per_decade=10)
-    assert found.h_rms == pytest.approx(2.3e-3, rel=0.03)
