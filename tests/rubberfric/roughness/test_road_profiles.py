@@ -5,6 +5,8 @@ deviation of 0.4497 mm between segments for station 1, 3.2778 and 0.8531 mm for 
 results begins with station 10 (3.420 mm).
 """
 
+import functools
+
 import numpy as np
 import pytest
 import scipy.signal
@@ -17,6 +19,7 @@ pytestmark = pytest.mark.skipif(not FOLDER.exists(), reason="the public data are
 SEGMENTS = 16
 
 
+@functools.cache
 def read(station):
     share = ("8.6%", "9.4%")[station]
     with pytest.warns(UserWarning, match=f"{share} of the heights are dropouts and are interpolated"):
@@ -75,7 +78,7 @@ def test_mean_profile_depth(station, depth, deviation):
     depths = 1e3 * segment_depths(x, height, lost)
     assert depths.mean() == pytest.approx(depth, rel=5e-3)
     assert depths.std(ddof=1) == pytest.approx(deviation, rel=0.02)
-    spacing, height = road(station)
+    _, height = road(station)
     simple = []
     for level in np.split(height[: height.size // SEGMENTS * SEGMENTS], SEGMENTS):
         at = np.arange(level.size)
@@ -109,7 +112,7 @@ def test_height_and_hurst_exponent(station, h_rms, H):
     cell = np.digitize(q, borders)
     q, C = (np.array([a[cell == k].mean() for k in range(1, 27)]) for a in (q, C))
     assert hurst(found.q, found.C) == pytest.approx(hurst(q, C), rel=0.05)
-    # Error bars from segments: a fifth of both error bars is by the scatter about the line.
+    # The error bar of H is the standard error of the mean over segments.
     each = [hurst(one.q, one.C) for one in (rf.roughness.spectrum_of_profile(spacing, s) for s in segments)]
     error = np.std(each, ddof=1) / np.sqrt(SEGMENTS)
     print(
