@@ -13,7 +13,7 @@ import pytest
 from support.folders import PUBLIC, REFERENCE
 from support.public_sweeps import KELVIN, NAMES, PASCAL, columns_of
 
-from fitting import ModulusData, fit_master_curve
+from fitting import ModulusData, fit_master_curve, kramers_kronig
 from fitting.characterise.sweeps import sweeps_of
 
 pytestmark = pytest.mark.skipif(not PUBLIC.is_dir(), reason="the public data are not beside the project")
@@ -118,6 +118,20 @@ def test_shifts_of_the_instrument_do_not_superpose_its_warm_sweeps():
     alike, off = (apart(ours, other, curve)[warm] for other in (pyvisco("Eplexor"), published))
     print(f"\nEplexor above 25 °C: rms {rms(alike):.3f} to pyvisco, {rms(off):.3f} to the instrument")
     assert rms(alike) < 0.15 and rms(off) > 0.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mass", [94.9, 634.5, 1131])
+def test_the_contradiction_chooses_the_vertical_shift(mass):
+    """The published b_T of the polyisoprenes is that of rubber elasticity within the errors."""
+    data, published = sweeps_and_shifts(f"polyisoprene {mass:g}")
+    reference = known_sweep(data, published)
+    without, entropic, free = (
+        kramers_kronig(fit_master_curve(data, reference, vertical=how).data).rms
+        for how in (False, "entropic", True)
+    )
+    print(f"\n{mass:g} kg/mol: {without:.1%} without, {entropic:.1%} entropic, {free:.1%} free")
+    assert without > 0.03 and entropic < 0.02 and free < 0.02
 
 
 @pytest.mark.slow
