@@ -19,7 +19,7 @@ from fitting.data.fields import (
     numbers,
     unit_rule,
 )
-from rubberfric.base import POSITIVE, StrPath, check_values, check_writable, replacing, shown
+from rubberfric.base import POSITIVE, StrPath, check_values, check_writable, closest, replacing, shown
 from rubberfric.io import hdf5, write_table
 
 DATA_FORMAT = "rubberfric data"
@@ -192,6 +192,44 @@ class Measured:
             raise ValueError(f"{kind}.measured has shape {values.shape}: must be ({len(self)},)")
         parts = zip(self.values, np.split(values, len(self.values)), strict=True)
         return dataclasses.replace(self, **dict(parts), check_units=False)
+
+    def selected(self, **ranges: tuple[float | None, float | None]) -> Self:
+        """Return the points whose conditions are in given ranges.
+
+        Parameters
+        ----------
+        ranges : (lowest, highest) for each condition, in SI units; both ends are included
+            None stands for no limit. An example is temperature=(283.15, None), omega=(1.0, 100.0).
+
+        Raises
+        ------
+        ValueError : the data lack the condition, a range is invalid, or no point is left.
+        """
+        kind = type(self).__name__
+        known = [name for name in self.conditions if getattr(self, name) is not None]
+        keep = np.ones(getattr(self, self.values[0]).shape, bool)
+        for name, limits in ranges.items():
+            if name not in known:
+                raise ValueError(f"{kind} has no {name}: {closest(name, known)}")
+            try:
+                low, high = (
+                    float(default if x is None else x)
+                    for x, default in zip(limits, (-np.inf, np.inf), strict=True)
+                )
+                if not low <= high:
+                    raise ValueError
+            except (TypeError, ValueError):
+                raise ValueError(
+                    f"{name} = {shown(limits)}: must be (lowest, highest), with lowest <= highest"
+                ) from None
+            values = getattr(self, name)
+            keep &= (values >= low) & (values <= high)
+        if not keep.any():
+            own = ", ".join(f"{x} {getattr(self, x).min():g} ... {getattr(self, x).max():g}" for x in ranges)
+            raise ValueError(f"{kind}: no point is in these ranges; must overlap with {own}")
+        arrays = {name: getattr(self, name) for name in self.fields()}
+        own = {name: values[keep] for name, values in arrays.items() if values is not None}
+        return dataclasses.replace(self, **own, check_units=False)
 
     @classmethod
     def from_frame(cls, frame: Any, units: Mapping[str, str] | None = None, **given: Any) -> Self:

@@ -6,11 +6,12 @@ import importlib
 import os
 import stat
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
 
 StrPath = str | os.PathLike[str]
+Rows = list[tuple[Any, ...]]  # cells of a sheet
 
 # Suffixes of the tables of measured data that are read.
 TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".xlsx")
@@ -200,8 +201,9 @@ def read_text(path: StrPath, exports: bool = False) -> str:
     """Return the text of a UTF-8 file.
 
     If `exports` is True, files in UTF-16, files in Latin-1 with signs such as ° and µ, and Excel workbooks
-    (.xlsx) are read too. A workbook requires openpyxl. The first sheet that contains numbers becomes lines of
-    cells separated by tabs.
+    (.xlsx) are read too. A workbook requires openpyxl. The first sheet with rows of numbers becomes lines of
+    cells separated by tabs. Sheets with equal titles follow, and a warning names these and the other sheets
+    with numbers. A formula whose value is not stored becomes the text of the formula.
 
     Raises
     ------
@@ -234,16 +236,59 @@ def _sheet(path: StrPath) -> str:
     try:
         with open(path, "rb") as file:
             _check_unpacked(file)
-            book = openpyxl.load_workbook(file, read_only=True, data_only=True)
-            sheets = _rows(book.worksheets)
+            sheets = _rows(openpyxl.load_workbook(file, read_only=True, data_only=True).worksheets)
+            name, *others = _sheets_to_read(path, sheets)
+            rows = [row for each in (name, *others) for row in sheets[each]]
+            if any(cell is None for row in rows for cell in row):
+                book = openpyxl.load_workbook(file, read_only=True)
+                formulas = [row for each in (name, *others) for row in book[each].iter_rows(values_only=True)]
+                rows = [_with_formulas(*pair) for pair in zip(rows, formulas, strict=True)]
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
     except _damages() as error:
         raise ValueError(f"{path}: cannot be read as .xlsx: {error}") from None
-    for rows in sheets:
-        if any(isinstance(cell, int | float) for row in rows for cell in row):
-            return "\n".join("\t".join(map(_cell, row)) for row in rows) + "\n"
-    raise ValueError(f"{path}: cannot be read: no sheet has numbers")
+    return "\n".join("\t".join(map(_cell, row)) for row in rows) + "\n"
+
+
+def _sheets_to_read(path: StrPath, sheets: Mapping[str, Rows]) -> list[str]:
+    """Return the names of the first sheet with rows of numbers, and of the sheets with equal titles."""
+    starts = {name: _first_numbers(rows, 2) for name, rows in sheets.items()}
+    with_numbers = [name for name, start in starts.items() if start is not None]
+    if not with_numbers:
+        with_numbers = [name for name, rows in sheets.items() if _first_numbers(rows, 1) is not None][:1]
+    if not with_numbers:
+        raise ValueError("no sheet has numbers; formulas must have stored values")
+    heads = {name: _titles(sheets[name], starts[name]) for name in with_numbers}
+    read = [name for name, head in heads.items() if head == heads[with_numbers[0]]]
+    if len(with_numbers) > 1:
+        from rubberfric.base.checks import warn_caller  # imports JAX
+
+        left = [name for name in with_numbers if name not in read]
+        warn_caller(
+            f"{path}: the sheets {', '.join(read)} are read{' as one table' if read[1:] else ''}"
+            f"{', and not ' * bool(left) + ', '.join(left)}; delete sheets to change this",
+            UserWarning,
+        )
+    return read
+
+
+def _titles(rows: Rows, start: int | None) -> Rows:
+    """Return the last two rows above the row `start` in which most columns have a cell."""
+    return [row for row in rows[:start] if 2 * sum(cell is not None for cell in row) > len(row)][-2:]
+
+
+def _first_numbers(rows: Rows, count: int) -> int | None:
+    """Return the index of the first row with at least `count` numbers, or None."""
+    return next(
+        (i for i, row in enumerate(rows) if sum(isinstance(cell, int | float) for cell in row) >= count), None
+    )
+
+
+def _with_formulas(values: tuple[Any, ...], formulas: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the values of a row, with the text of formulas for missing values."""
+    return tuple(
+        f if v is None and str(f).startswith("=") else v for v, f in zip(values, formulas, strict=True)
+    )
 
 
 def _check_unpacked(file: IO[bytes]) -> None:
@@ -258,15 +303,15 @@ def _check_unpacked(file: IO[bytes]) -> None:
     file.seek(0)
 
 
-def _rows(sheets: Iterable[Any]) -> list[list[tuple[Any, ...]]]:
-    """Return the rows of each sheet of a workbook.
+def _rows(sheets: Iterable[Any]) -> dict[str, Rows]:
+    """Return the rows of each sheet of a workbook, by name.
 
     A ValueError is raised if the workbook has more than `MOST_CELLS` cells. A single distant cell can cause
     this error because empty cells are counted.
     """
-    found, cells = [], 0
+    found, cells = {}, 0
     for sheet in sheets:
-        found.append([])
+        found[sheet.title] = []
         for row in sheet.iter_rows(values_only=True):
             cells += len(row)
             if cells > MOST_CELLS:
@@ -274,7 +319,7 @@ def _rows(sheets: Iterable[Any]) -> list[list[tuple[Any, ...]]]:
                     f"the workbook has more than {MOST_CELLS} cells up to sheet {sheet.title!r}, including "
                     "empty cells; delete distant cells, or save the sheet as .csv"
                 )
-            found[-1].append(row)
+            found[sheet.title].append(row)
     return found
 
 

@@ -27,10 +27,11 @@ WAIT = "interrupted; stopping after this step (a second signal stops at once)"
 # Windows has no SIGHUP, which a terminal sends when it closes.
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
-# Function of JAX that waits for XLA's compiler and calls signal handlers meanwhile. An exception would leave
-# the compiler running, and the process would end with a segmentation fault.
-_COMPILING = "backend_compile_and_load"
-_AGAIN = 0.02  # seconds after which a signal during compilation is raised again
+# Functions in which an exception would do damage. JAX waits for XLA's compiler in the first one: the compiler
+# would keep running, and the process would end with a segmentation fault. A partly imported extension module
+# cannot be imported again. Python ignores exceptions in callbacks of the garbage collector.
+_DELAYING = ("backend_compile_and_load", "_find_and_load", "_xla_gc_callback", "__del__")
+_AGAIN = 0.02  # seconds after which a signal in these functions is raised again
 
 
 def leave_at_once(program: str) -> None:
@@ -82,6 +83,7 @@ class Interrupts:
         import socket  # imported late: a signal must be answered before
         import threading
 
+        self._entry = sys._getframe(1)
         if threading.current_thread() is threading.main_thread():  # others cannot set handlers
             if self.process:
                 hear, self._tell = socket.socketpair()  # Windows does not accept a pipe here
@@ -109,12 +111,20 @@ class Interrupts:
         first, self.asked, self.which = not self.asked, True, which
         if self.process or (self._holding and first):
             return
-        if not _compiles(frame):
+        if not self._is_delayed(frame):
             raise KeyboardInterrupt
         import threading
 
         self._again = threading.Timer(_AGAIN, _raise_in_main, (threading.get_ident(), which))
         self._again.start()
+
+    def _is_delayed(self, frame: FrameType | None) -> bool:
+        """Return True if a frame or one of its callers in the command must not be interrupted."""
+        while frame is not None and frame is not self._entry:
+            if frame.f_code.co_name in _DELAYING:
+                return True
+            frame = frame.f_back
+        return False
 
     def _wait(self, hear: Any) -> None:
         """End the process at the first signal that is not held back.
@@ -176,12 +186,3 @@ def _raise_in_main(thread: int, which: int) -> None:
         signal.pthread_kill(thread, which)
     else:  # Windows
         signal.raise_signal(which)
-
-
-def _compiles(frame: FrameType | None) -> bool:
-    """Return True if a frame or one of its callers waits for XLA's compiler."""
-    while frame is not None:
-        if frame.f_code.co_name == _COMPILING:
-            return True
-        frame = frame.f_back
-    return False

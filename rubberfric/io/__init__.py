@@ -2,7 +2,6 @@
 
 from rubberfric.io import hdf5, toml
 from rubberfric.io.columns import COLUMNS, known_name, known_unit
-from rubberfric.io.exports import read_traces
 from rubberfric.io.files import (
     load_result,
     load_scene,
@@ -14,7 +13,7 @@ from rubberfric.io.files import (
 from rubberfric.io.friction_files import read_friction, write_friction
 from rubberfric.io.friction_tables import FrictionTable
 from rubberfric.io.hdf5 import read_object, write_object
-from rubberfric.io.height_maps import HeightMap, read_heights
+from rubberfric.io.height_maps import HeightMap, read_heights, read_traces
 from rubberfric.io.prony_cards import read_prony, write_prony
 from rubberfric.io.results import Curves, Result, curves_of
 from rubberfric.io.tables import column_hint, read_columns, read_names, read_table, write_table

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from rubberfric.base.units import ZERO_CELSIUS, hertz
@@ -19,8 +19,7 @@ class Column(NamedTuple):
 
     def value(self, number: float, unit: str) -> float:
         """Convert a number in a file to SI."""
-        offset = ZERO_CELSIUS if unit in ("C", "°C") else 0.0
-        return self.units[unit] * (10.0**number if self.log10 else number) + offset
+        return self.units[unit] * (10.0**number if self.log10 else number) + _OFFSETS.get(unit, 0.0)
 
     def read(self, where: str, text: str, unit: str) -> float:
         """Convert the text of a field to a number in SI.
@@ -32,7 +31,8 @@ class Column(NamedTuple):
                 raise ValueError
             value = float(text)
         except ValueError:
-            raise ValueError(f"{where}: must be a number") from None
+            advice = "; save the formula's value in the file" if text.startswith("=") else ""
+            raise ValueError(f"{where}: must be a number{advice}") from None
         if not math.isfinite(value):
             raise ValueError(f"{where}: must be finite")
         try:
@@ -66,10 +66,15 @@ def _log10(name: str, units: Mapping[str, float], offered: bool = False) -> Colu
 
 _ONE = {"-": 1.0}
 _RATIO = {"-": 1.0, "%": 1e-2}
-_FREQUENCY = {"Hz": hertz(1.0), "kHz": hertz(1e3), "MHz": hertz(1e6)}
+_FREQUENCY = {"Hz": hertz(1.0), "kHz": hertz(1e3), "MHz": hertz(1e6), "mHz": hertz(1e-3)}
 _ANGULAR = {"rad/s": 1.0}
+_PSI = 6894.757293168361  # lbf/in^2 [Pa]
 _PRESSURE = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5}
+_PRESSURE |= {"psi": _PSI, "ksi": 1e3 * _PSI, "dyn/cm2": 0.1}
 _SPEED = {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6}
+_SPEED |= {"cm/s": 1e-2, "mm/min": 1e-3 / 60, "m/min": 1.0 / 60, "km/h": 1 / 3.6}
+_TEMPERATURE = {"K": 1.0, "C": 1.0, "°C": 1.0, "°F": 5 / 9}
+_OFFSETS = {"C": ZERO_CELSIUS, "°C": ZERO_CELSIUS, "°F": 459.67 * 5 / 9}  # [K]
 _WAVEVECTOR = {"1/m": 1.0, "1/mm": 1e3, "1/um": 1e6, "1/nm": 1e9}
 _SPECTRUM = {"m^4": 1.0, "mm^4": 1e-12, "um^4": 1e-24, "nm^4": 1e-36}
 _LINE = {"m^3": 1.0, "mm^3": 1e-9, "um^3": 1e-18, "nm^3": 1e-27}
@@ -89,7 +94,7 @@ COLUMNS = {
     "log10_C_1D": _log10("C_1D", _LINE, offered=True),
     "phi": Column("phi", {"rad": 1.0}, positive=False),
     "phi_deg": Column("phi", {"deg": math.pi / 180}, positive=False),
-    "T": Column("T", {"K": 1.0, "C": 1.0, "°C": 1.0}),
+    "T": Column("T", _TEMPERATURE),
     "aT": Column("aT", _ONE),
     "bT": Column("bT", _ONE),
     "strain": Column("strain", _RATIO),
@@ -125,33 +130,34 @@ SPELLINGS = {
         "E_stor": "E'; e storage",
         "E_loss": "E''; e loss",
         "E_comp": "|E*|; E*",
-        "G_stor": "G'; g storage",
-        "G_loss": "G''; g loss",
-        "G_comp": "|G*|; G*",
-        "M_stor": "storage modulus; speichermodul; module de conservation; module de stockage",
-        "M_loss": "loss modulus; verlustmodul; module de perte; module de dissipation",
+        "G_stor": "G'; g storage; shear modulus (elastic component)",
+        "G_loss": "G''; g loss; shear modulus (viscous component)",
+        "G_comp": "|G*|; G*; complex shear modulus",
+        "M_stor": "M'; storage modulus; speichermodul; module de conservation; module de stockage",
+        "M_loss": "M''; loss modulus; verlustmodul; module de perte; module de dissipation",
         "M_comp": "complex modulus; komplexer modul; betrag komplexer modul; module complexe",
         "tan_del": (
-            "tan(delta); tan delta; tan(\u03b4); tan \u03b4; tan d; loss factor; verlustfaktor; "
-            "facteur de perte"
+            "tan(delta); tan delta; tan(\u03b4); tan \u03b4; tan d; tan(d); tand; loss factor; "
+            "damping factor; verlustfaktor; dämpfungsfaktor; facteur de perte"
         ),
         "omega": "angular frequency; \u03c9; kreisfrequenz; winkelfrequenz; pulsation; fréquence angulaire",
         "f": "frequency; freq; frequenz; prüffrequenz; fréquence",
-        "T": "temperature; temp; temperatur; probentemperatur; température",
+        "T": "temperature; temp; Ts; sample temperature; temperatur; probentemperatur; température",
         "aT": "shift factor; verschiebungsfaktor; facteur de translation",
         "bT": "vertical shift factor; vertikaler verschiebungsfaktor; facteur de translation verticale",
         "strain": (
-            "strain; strain amplitude; strain dyn; dynamic strain; oscillation strain; shear strain; "
-            "dehnung; dehnungsamplitude; deformation; deformationsamplitude; scherdeformation; déformation; "
-            "amplitude de déformation"
+            "strain; strain amplitude; strain dyn; dyn strain; dynamic strain; oscillation strain; "
+            "shear strain; dehnung; dyn dehnung; dehnungsamplitude; deformation; deformationsamplitude; "
+            "scherdeformation; déformation; amplitude de déformation"
         ),
         "v": (
             "velocity; sliding velocity; speed; sliding speed; geschwindigkeit; gleitgeschwindigkeit; "
             "vitesse; vitesse de glissement"
         ),
         "mu": (
-            "friction coefficient; coefficient of friction; cof; mu_visc; \u03bc; reibwert; reibbeiwert; "
-            "reibungskoeffizient; reibungszahl; coefficient de frottement; coefficient de friction"
+            "friction coefficient; friction coeff; friction factor; coefficient of friction; cof; mu_visc; "
+            "\u03bc; reibwert; reibbeiwert; reibungskoeffizient; reibungszahl; coefficient de frottement; "
+            "coefficient de friction"
         ),
         "p": (
             "pressure; contact pressure; druck; kontaktdruck; anpressdruck; flächenpressung; pression; "
@@ -169,8 +175,9 @@ _UNUSED = ("Set", "t", "t_set", *(f"{m}_{n}" for m in "EG" for n in ("relax", "s
 
 # Other spellings of units; signs such as µ, ², ⁻¹ and · are recognised in all of them.
 UNIT_SPELLINGS = {
-    "C": ("°C", "\u00baC", "℃", "degC", "deg C", "° C", "Grad C"),
+    "C": ("°C", "\u00baC", "℃", "degC", "deg C", "° C", "Grad C", "Cel"),
     "K": ("Kelvin",),
+    "°F": ("degF", "deg F", "° F", "F"),
     "rad/s": ("rad/sec", "rad s-1", "s-1", "1/s"),
     "MPa": ("N/mm2", "N mm-2", "MN/m2"),
     "kPa": ("kN/m2",),
@@ -183,6 +190,7 @@ UNIT_SPELLINGS = {
 }
 # Plain spelling of units: u for micro, digits for exponents.
 _PLAIN = str.maketrans("\u00b5\u03bc⁻¹²³⁴·\u22c5", "uu-1234  ", "^")
+_AROUND = re.compile(r"^[\[(]([^\[\]()]*)[\])]$")  # brackets around a unit
 _LOG_UNIT = re.compile(r"log_?10\((.+)\)")
 _KNOWN_UNITS = {unit for column in COLUMNS.values() for unit in column.units}
 _UNITS = {spelling: unit for unit, spellings in UNIT_SPELLINGS.items() for spelling in spellings}
@@ -191,7 +199,7 @@ _PRIMES, _DOUBLE = "\u00b4\u0060\u2018\u2019\u2032\u02b9", '"\u2033\u201d'
 _ONE_SIGN = str.maketrans({p: "'" for p in _PRIMES} | {d: "''" for d in _DOUBLE} | {"\u00b5": "\u03bc"})
 _LOGARITHM = re.compile(r"(?:log_?10|log|lg)[ _(]\s*(.+?)\s*\)?")
 # Longer texts are no titles; the patterns take seconds on a file without line ends.
-_LONGEST_TITLE = 1000
+LONGEST_TITLE = 1000
 # Units behind an underscore, as in "freq_hz".
 _SUFFIXES = {
     **{text.lower(): text for text in ("Hz", "kHz", "Pa", "kPa", "MPa", "GPa", "C", "K")},
@@ -199,6 +207,18 @@ _SUFFIXES = {
 }
 _SUFFIX = re.compile(rf"(.+?)_({'|'.join(_SUFFIXES)})", re.IGNORECASE)
 _BRACKETS = re.compile(r"(.+?)\s*[\[(]([^\[\]()]*(?:\([^()]*\))?)[\])]")
+# Between a name and a unit, as in "E'/MPa", "Temp., °C", "E' in MPa" and "Freq Hz".
+_BETWEEN = re.compile(r"\s*/\s*|,\s*|\s+in\s+|\s+")
+
+
+def quantities_of(names: Iterable[str | None]) -> list[str]:
+    """Return the quantities of columns with the given names; None stands for an unknown column."""
+    return [COLUMNS[SET_VALUES.get(name, name)].name for name in names if name is not None]
+
+
+def si_unit(name: str) -> str:
+    """Return the SI unit of a column."""
+    return next(iter(COLUMNS[name].units))
 
 
 def is_foreign(title: str, name: str | None) -> bool:
@@ -213,8 +233,8 @@ def is_foreign(title: str, name: str | None) -> bool:
 def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:
     """Return the name and the unit in the title of a column.
 
-    For example, "Temperature (°C)" gives ("T", "°C"). A unit may stand behind an underscore: "freq_hz" gives
-    ("f", "Hz").
+    For example, "Temperature (°C)", "Temp./°C" and "Temp °C" give ("T", "°C"). A unit may stand behind an
+    underscore: "freq_hz" gives ("f", "Hz").
 
     Parameters
     ----------
@@ -227,29 +247,38 @@ def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:
     unit. An unknown title gives (None, None).
     """
     title = title.strip()
-    if len(title) > _LONGEST_TITLE:
+    if len(title) > LONGEST_TITLE:
         return None, None
     bracket, suffix = _BRACKETS.fullmatch(title), _SUFFIX.fullmatch(title)
     candidates = [(title, None)]
     candidates += [(bracket[1], bracket[2])] if bracket else []
     candidates += [(suffix[1], _SUFFIXES[suffix[2].lower()])] if suffix else []
+    for between in _BETWEEN.finditer(title):
+        unit = title[between.end() :]
+        if _is_unit(unit) and ("/" in between[0] or not is_number(unit)):
+            candidates.append((title[: between.start()], unit))
     for text, unit in candidates:
         known = _known(text)
         if known is not None:
             return (generic + known[1:] if known.startswith("M_") else known), unit
+    logarithm = _LOGARITHM.fullmatch(title)  # such as lg(f/Hz)
+    if logarithm:
+        known, unit = known_name(logarithm[1], generic)
+        if f"log10_{known}" in COLUMNS:
+            return f"log10_{known}", unit
     return None, None
 
 
 def known_unit(unit: str | None, name: str | None) -> str:
     """Return a unit in the spelling of `COLUMNS[name]`.
 
-    For example, "N/mm²" becomes "MPa", and "um/s" of the column log10_v becomes "log10(um/s)".
+    For example, "N/mm²" and "[N/mm²]" become "MPa", and "um/s" of the column log10_v becomes "log10(um/s)".
 
     Parameters
     ----------
     unit, name : results of `known_name`. A missing unit becomes "-".
     """
-    unit = (unit or "").strip()
+    unit = _AROUND.sub(r"\1", (unit or "").strip()).strip()
     units = COLUMNS[name].units if name in COLUMNS else ()
     logarithm = _LOG_UNIT.fullmatch(unit)
     if unit in units:
@@ -262,6 +291,20 @@ def known_unit(unit: str | None, name: str | None) -> str:
 def plain_unit(unit: str) -> str:
     """Return a unit in plain spelling, with u for micro, digits for exponents and single blanks."""
     return " ".join(unit.translate(_PLAIN).split())
+
+
+def is_number(field: str) -> bool:
+    """Return True if a text is a number with a decimal point or comma."""
+    try:
+        float(field.replace(",", ".", 1))
+    except ValueError:
+        return False
+    return True
+
+
+def _is_unit(text: str) -> bool:
+    plain = plain_unit(text)
+    return plain in _KNOWN_UNITS or _UNITS.get(plain, "") in _KNOWN_UNITS
 
 
 def _known(text: str) -> str | None:

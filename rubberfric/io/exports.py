@@ -9,29 +9,38 @@
     rad/s               MPa               ...
     0.1                 8.97              ...
 
-A text has a preamble, a row of names, a row of units (or units in brackets behind the names) and numbers.
-Commas, semicolons or tabs separate fields; decimals have points or commas. More blocks with the same columns
-may follow. Names are spelled as in `rubberfric.io.columns`.
+A text has a preamble, a row of names, a row of units (or units behind the names) and numbers. Commas,
+semicolons, tabs or several blanks separate fields; decimals have points or commas. More blocks with the same
+columns may follow below, or side by side (`rubberfric.io.wide_sheets`). Names are spelled as in
+`rubberfric.io.columns`. A line of names may begin with ##.
 """
 
 import csv
 import json
 import re
+from collections.abc import Callable, Collection
 from typing import NamedTuple
 
-import numpy as np
-
-from rubberfric.base.atomic import StrPath, read_text
-from rubberfric.base.checks import closest, warn_caller
-from rubberfric.io.columns import COLUMNS, SET_VALUES, is_foreign, known_name, known_unit, plain_unit
+from rubberfric.base.atomic import StrPath
+from rubberfric.io.columns import (
+    COLUMNS,
+    SET_VALUES,
+    is_foreign,
+    is_number,
+    known_name,
+    known_unit,
+    quantities_of,
+    si_unit,
+)
+from rubberfric.io.wide_sheets import Label, LabelledTitle, blocks_of, labels_above, long_rows, read_title
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
-# A spectrum of interpolated heights is too low. Above this share of holes it says little about the surface.
-MOST_HOLES = 0.25
-LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
-_LENGTH_IN_BRACKETS = re.compile(r".*[\[(]([^\[\]()]+)[\])]\s*")
 
 TextRows = list[tuple[int, list[str]]]  # (line, fields)
+TextLines = list[tuple[int, str]]
+# Several blanks separate columns of a fixed width.
+SEPARATORS = ("\t", ";", ",", "  ")
+_SEPARATOR = re.compile(r"[\t;,]")
 
 
 class TextTable(NamedTuple):
@@ -55,20 +64,46 @@ def find_table(path: StrPath, text: str, generic: str = "E", incomplete: bool = 
     generic : "E" or "G", the meaning of "storage modulus"
     incomplete : if True, rows in which some cells are not numbers are returned too
     """
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if has_fields(line)]
-    for place, (_, line) in enumerate(lines):
-        for separator in "\t;,":
-            titles = _split(line, separator)
-            known = [known_name(title, generic) for title in titles]
+    lines = [
+        (number, line.removeprefix("##"))
+        for number, line in enumerate(text.splitlines(), start=1)
+        if has_fields(line) or (line.startswith("##") and len(_SEPARATOR.split(line)) > 1)
+    ]
+    first = next((number for number, line in enumerate(text.splitlines(), start=1) if has_fields(line)), 0)
+    for place, (number, _) in enumerate(lines):
+        for separator in SEPARATORS:
+            titles, known = _titles(lines, place, separator, generic)
+            count = sum(title.name is not None for title in known)
             below = [_split(row, separator) for _, row in lines[place + 1 : place + 3]]
-            if sum(name is not None for name, _ in known) < 2 or not any(map(_any_number, below)):
+            if count < 2 or not any(map(_any_number, below)):
                 continue
-            own = place == 0 and separator == ","
-            if own and not any(is_foreign(t, name) for t, (name, _) in zip(titles, known, strict=True)):
+            following = _titles(lines, place + 1, separator, generic)[1]
+            if sum(title.name is not None for title in following) >= count:
+                continue  # this line has titles of groups of columns
+            own = number == first and separator == ","
+            if own and not any(is_foreign(t, k.name) for t, k in zip(titles, known, strict=True)):
                 return None
-            names, units = ([pair[i] for pair in known] for i in (0, 1))
-            return _export(path, lines[place:], separator, titles, names, units, incomplete)
+            return _export(path, lines[place:], separator, titles, known, incomplete)
     return None
+
+
+def _titles(
+    lines: TextLines, place: int, separator: str, generic: str
+) -> tuple[list[str], list[LabelledTitle]]:
+    """Return the titles in a line as written and as known.
+
+    An empty title is in the line above if cells of a spreadsheet were merged.
+    """
+    if place >= len(lines):
+        return [], []
+    titles = _split(lines[place][1], separator)
+    above = _split(lines[place - 1][1], separator) if place else []
+    if _any_number(above) or _any_number(titles):
+        above = []
+    for i, (title, text) in enumerate(zip(titles, above, strict=False)):
+        if not title and known_name(text)[0] is not None:
+            titles[i] = text
+    return titles, labels_above([read_title(title, generic) for title in titles], above)
 
 
 def headless(path: StrPath, text: str, titles: list[str]) -> TextTable:
@@ -96,77 +131,10 @@ def headless(path: StrPath, text: str, titles: list[str]) -> TextTable:
             rows.append((number, fields))
     if not rows:
         raise ValueError(f"{path}: must have rows that begin with a number")
-    return TextTable(f"{path}: columns", list(titles), names, units, _checked(path, len(titles), rows))
-
-
-def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
-    """Read the traces of a profilometer, for `rubberfric.roughness.spectrum_of_profile`.
-
-    ::
-
-        x,trace 1,trace 2            Weg [mm];Spur 1 [µm];Spur 2 [µm]
-        mm,um,um                     0,00;-60,2;522,5
-        0.00,-60.2,522.5             ...
-
-    Parameters
-    ----------
-    path : text table or .xlsx with positions in the first column, and one trace of heights in each further
-        column. Titles are arbitrary. The unit of length is in brackets behind a title, or in the row below. A
-        column before the positions that counts the points is skipped. NaN is a dropout. Up to a quarter of
-        the heights of a trace may be dropouts, which are interpolated. A warning states their share.
-
-    Returns
-    -------
-    Tuple of the positions, shape (n,), and the heights, shape (traces, n) [m]
-
-    Raises
-    ------
-    ValueError : no numbers, fewer than two columns, a unit that is not a length, or an invalid number
-    """
-    text = read_text(path, exports=True)
-    found = _above_numbers(text)
-    if found is None:
-        raise ValueError(f"{path}: must have rows with a position and at least one height")
-    if not (titles := found[0]):
-        raise ValueError(f"{path}: begins with numbers: must have titles with length units, such as x [mm]")
-    if all(map(_LENGTH_IN_BRACKETS.fullmatch, titles[-1][1:])):
-        titles = titles[-1:]  # the line above belongs to a preamble
-    lines, rows = text.splitlines(), headless(path, text, ["-"] * len(titles[0])).rows
-    if len(titles[0]) > 2 and [fields[0].rstrip("0").rstrip(".") for _, fields in rows[:2]] == ["1", "2"]:
-        # The first column counts the points.
-        titles, rows = [row[1:] for row in titles], [(line, fields[1:]) for line, fields in rows]
-    scales = []
-    for number, (title, *below) in enumerate(zip(*titles, strict=True), start=1):
-        bracket = _LENGTH_IN_BRACKETS.fullmatch(title)
-        given = below[0] if below else bracket[1] if bracket else title
-        unit = plain_unit(given)
-        if unit not in LENGTHS:
-            known = closest(unit, tuple(LENGTHS))
-            raise ValueError(f"{path}: column {number} {title!r}: unit {given!r}: {known}")
-        scales.append(LENGTHS[unit])
-    values = np.empty((len(rows), len(scales)))
-    for row, (line, fields) in zip(values, rows, strict=True):
-        try:
-            row[:] = [float(field) for field in fields]
-        except ValueError:
-            raise ValueError(f"{path}: line {line}: {lines[line - 1][:60]!r}: must be numbers") from None
-        if not np.isfinite(row[0]) or np.isinf(row).any():
-            raise ValueError(f"{path}: line {line}: must be finite")
-    x, *heights = (values * scales).T
-    return x, _bridged(path, x, np.array(heights))
-
-
-def _bridged(path, x, heights):
-    """Interpolate dropouts (NaN) along each trace, and return the heights."""
-    hole = np.isnan(heights)
-    if not hole.any():
-        return heights
-    if (share := hole.mean(1).max()) > MOST_HOLES:
-        raise ValueError(f"{path}: {share:.0%} of a trace are dropouts: must be at most {MOST_HOLES:.0%}")
-    warn_caller(f"{path}: {hole.mean():.1%} of the heights are dropouts and are interpolated", UserWarning)
-    for height, missing in zip(heights, hole, strict=True):
-        height[missing] = np.interp(x[missing], x[~missing], height[~missing])
-    return heights
+    unread = [place for place, name in enumerate(names) if name is None] if any(names) else []
+    return TextTable(
+        f"{path}: columns", list(titles), names, units, _checked(path, len(titles), rows, unread)
+    )
 
 
 def suggested_columns(text: str) -> str:
@@ -174,13 +142,15 @@ def suggested_columns(text: str) -> str:
 
     An unknown name or unit is shown as "?". The result is "" for a text without rows of numbers.
     """
-    found = _above_numbers(text)
+    found = above_numbers(text) or above_numbers(text, lambda cells: sum(map(is_number, cells)) > 1)
     if found is None:
         return ""
     above, numbers = found
     titles, *below = above or [numbers]
     suggestions = []
-    for title, unit in zip(titles, below[0] if below else [None] * len(titles), strict=True):
+    titles = titles + [""] * (len(numbers) - len(titles))
+    units: list[str | None] = [*below[0], *[""] * len(titles)] if below else [None] * len(titles)
+    for title, unit in zip(titles, units, strict=False):
         name, own = known_name(title)
         column = COLUMNS.get(name or "")
         unit = known_unit(own if own is not None else unit, name)
@@ -206,7 +176,8 @@ def pick(table: TextTable, quantities: tuple[str, ...]) -> TextTable:
         if len(places) > 1 and not _agree(table, places):
             both = " and ".join(repr(table.titles[place]) for place, _ in places)
             raise ValueError(
-                f"{table.where}: columns {both}: both hold {quantity}: must be only one; remove the other"
+                f"{table.where}: columns {both}: both hold {quantity}: must be only one; remove the other,"
+                " or write what differs, such as 20 °C or run 1, above the columns of each block"
             )
     places, names = zip(*(columns[0] for columns in found.values()), strict=True) if found else ((), ())
     titles, units = ([values[i] for i in places] for values in (table.titles, table.units))
@@ -231,14 +202,18 @@ def _agree(table: TextTable, places: list[tuple[int, str]]) -> bool:
     return True
 
 
-def _export(path, lines, separator, titles, names, units, incomplete):
+def _export(path, lines, separator, titles, known, incomplete):
     """Read the table whose titles are in the first line of `lines`."""
     (number, _), *below = lines
     where = f"{path}: line {number}"
+    blocks = blocks_of(known)
+    names = [title.name if blocks or title.label is None else None for title in known]
+    units = [title.unit for title in known]
     first = _split(below[0][1], separator)
     if not _any_number(first):
         below = below[1:]
-        first += [""] * (len(titles) - len(first))
+        missing = [""] * (len(titles) - len(first))
+        first = missing + first if separator == "  " else first + missing
         units = [own if own is not None else given for own, given in zip(units, first, strict=False)]
     elif all(unit is None for unit in units):
         columns = suggested_columns("\n".join(text for _, text in lines))
@@ -251,7 +226,7 @@ def _export(path, lines, separator, titles, names, units, incomplete):
         fields = _split(text, separator)
         cells = [field for field, name in zip(fields, names, strict=False) if name is not None]
         numbers = [is_number(cell) for cell in cells]
-        enough = any(numbers) if incomplete else all(numbers)
+        enough = any(numbers) if incomplete or blocks else all(numbers)
         if is_number(fields[0]) or (len(cells) == count and enough):
             rows.append((place, fields))
         elif len(cells) == count and any(numbers):
@@ -263,16 +238,40 @@ def _export(path, lines, separator, titles, names, units, incomplete):
     if not rows:
         raise ValueError(f"{path}: must have numbers below line {number}")
     spelled = [known_unit(unit, name) for unit, name in zip(units, names, strict=True)]
-    return TextTable(where, titles, names, spelled, _checked(path, len(titles), rows))
+    table = TextTable(where, titles, names, spelled, _checked(path, len(titles), rows))
+    return _long(table, blocks) if blocks else table
 
 
-def _checked(path: StrPath, count: int, rows: TextRows) -> TextRows:
-    """Convert decimal commas to points, and raise ValueError for a row without `count` fields."""
+def _long(table: TextTable, blocks: dict[Label, list[int]]) -> TextTable:
+    """Return a table with blocks of columns below each other, and the label as a column."""
+    inside = {place for places in blocks.values() for place in places}
+    shared = [i for i, name in enumerate(table.names) if name is not None and i not in inside]
+    (label, places), *others = blocks.items()
+    for _, other in others:
+        if [table.units[i] for i in other] != [table.units[i] for i in places]:
+            raise ValueError(f"{table.where}: all blocks of columns must have the same units")
+    columns = [*shared, *places]
+    names = [table.names[i] for i in columns]
+    units = [table.units[i] for i in columns]
+    titles = [table.titles[i] for i in columns]
+    own = label.name is not None and label.name not in quantities_of(names)
+    if label.name is not None and own:
+        titles, names, units = [*titles, "label"], [*names, label.name], [*units, si_unit(label.name)]
+    return TextTable(table.where, titles, names, units, long_rows(table.rows, shared, blocks, own))
+
+
+def _checked(path: StrPath, count: int, rows: TextRows, unread: Collection[int] = ()) -> TextRows:
+    """Convert decimal commas to points, and raise ValueError for a row without `count` fields.
+
+    The columns `unread` may lack fields at the end of a row.
+    """
     commas = any(_DECIMAL_COMMA.fullmatch(field) for _, fields in rows for field in fields)
     checked = []
     for line, fields in rows:
         while len(fields) > count and not fields[-1]:
             fields = fields[:-1]
+        if all(place in unread for place in range(len(fields), count)):
+            fields = [*fields, *[""] * (count - len(fields))]
         if len(fields) != count:
             raise ValueError(f"{path}: line {line}: has {len(fields)} fields: must have {count}")
         if commas:
@@ -287,18 +286,22 @@ def _checked(path: StrPath, count: int, rows: TextRows) -> TextRows:
     return checked
 
 
-def _above_numbers(text: str) -> tuple[list[list[str]], list[str]] | None:
-    """Return the rows of titles and the first row of numbers of a text, or None without numbers.
+def above_numbers(
+    text: str, are_numbers: Callable[[list[str]], bool] = lambda cells: all(map(is_number, cells))
+) -> tuple[list[list[str]], list[str]] | None:
+    """Return the rows of titles and the widest row of numbers of a text, or None without numbers.
 
     The rows of titles are the last two rows, or fewer, that precede the numbers and have as many fields as
-    the row of numbers.
+    the first row of numbers.
     """
-    lines = list(filter(has_fields, text.splitlines()))
+    lines = [line.removeprefix("##") for line in text.splitlines() if has_fields(line) or line[:2] == "##"]
     for separator in ("\t", ";", ",", None):
         rows = [_split(line, separator) for line in lines]
-        first = next((i for i, row in enumerate(rows) if len(row) > 1 and all(map(is_number, row))), None)
-        if first is not None:
-            return [row for row in rows[:first] if len(row) == len(rows[first])][-2:], rows[first]
+        numbers = [i for i, row in enumerate(rows) if len(row) > 1 and are_numbers(row)]
+        if numbers:
+            first = numbers[0]
+            titles = [row for row in rows[:first] if len(row) == len(rows[first])][-2:]
+            return titles, max((rows[i] for i in numbers), key=len)
     return None
 
 
@@ -310,6 +313,9 @@ def has_fields(line: str) -> bool:
 def _split(line: str, separator: str | None) -> list[str]:
     if separator is None:
         return line.split()
+    if separator == "  ":
+        fields = line.split()
+        return fields if all(map(is_number, fields)) else re.split(r"\s{2,}", line.strip())
     quotes = csv.QUOTE_NONE if separator == "\t" else csv.QUOTE_MINIMAL  # with tabs E" means E''
     reader = csv.reader([line.strip("\r\n")], delimiter=separator, quoting=quotes, skipinitialspace=True)
     try:
@@ -321,12 +327,3 @@ def _split(line: str, separator: str | None) -> list[str]:
 
 def _any_number(fields: list[str]) -> bool:
     return any(map(is_number, fields))
-
-
-def is_number(field: str) -> bool:
-    """Return True if a text is a number with a decimal point or comma."""
-    try:
-        float(field.replace(",", ".", 1))
-    except ValueError:
-        return False
-    return True

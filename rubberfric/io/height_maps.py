@@ -1,4 +1,4 @@
-"""Height maps of profilometers and microscopes, as text.
+"""Profiles and height maps of profilometers and microscopes, as text.
 
 ::
 
@@ -17,14 +17,88 @@ import numpy as np
 import scipy
 
 from rubberfric.base.atomic import StrPath, read_text
-from rubberfric.base.checks import closest, shown
-from rubberfric.io.columns import plain_unit
-from rubberfric.io.exports import LENGTHS, MOST_HOLES, has_fields, is_number
+from rubberfric.base.checks import closest, shown, warn_caller
+from rubberfric.io.columns import is_number, plain_unit
+from rubberfric.io.exports import above_numbers, has_fields, headless
 
+# A spectrum of interpolated heights is too low. Above this share of holes it says little about the surface.
+MOST_HOLES = 0.25
+LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
+_LENGTH_IN_BRACKETS = re.compile(r".*[\[(]([^\[\]()]+)[\])]\s*")
 _HOLES = frozenset(("", "nan", "n/a", "na", "bad", "no data", "null", "none", "-", "--", "---", "***"))
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]")
 # Positions of one row of points may differ by this share of the spacing.
 _SAME = 0.05
+
+
+def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
+    """Read the traces of a profilometer, for `rubberfric.roughness.spectrum_of_profile`.
+
+    ::
+
+        x,trace 1,trace 2            Weg [mm];Spur 1 [µm];Spur 2 [µm]
+        mm,um,um                     0,00;-60,2;522,5
+        0.00,-60.2,522.5             ...
+
+    Parameters
+    ----------
+    path : text table or .xlsx with positions in the first column, and one trace of heights in each further
+        column. Titles are arbitrary. The unit of length is in brackets behind a title, or in the row below. A
+        column before the positions that counts the points is skipped. NaN is a dropout. Up to a quarter of
+        the heights of a trace may be dropouts, which are interpolated. A warning states their share.
+
+    Returns
+    -------
+    Tuple of the positions, shape (n,), and the heights, shape (traces, n) [m]
+
+    Raises
+    ------
+    ValueError : no numbers, fewer than two columns, a unit that is not a length, or an invalid number
+    """
+    text = read_text(path, exports=True)
+    found = above_numbers(text)
+    if found is None:
+        raise ValueError(f"{path}: must have rows with a position and at least one height")
+    if not (titles := found[0]):
+        raise ValueError(f"{path}: begins with numbers: must have titles with length units, such as x [mm]")
+    if all(map(_LENGTH_IN_BRACKETS.fullmatch, titles[-1][1:])):
+        titles = titles[-1:]  # the line above belongs to a preamble
+    lines, rows = text.splitlines(), headless(path, text, ["-"] * len(titles[0])).rows
+    if len(titles[0]) > 2 and [fields[0].rstrip("0").rstrip(".") for _, fields in rows[:2]] == ["1", "2"]:
+        # The first column counts the points.
+        titles, rows = [row[1:] for row in titles], [(line, fields[1:]) for line, fields in rows]
+    scales = []
+    for number, (title, *below) in enumerate(zip(*titles, strict=True), start=1):
+        bracket = _LENGTH_IN_BRACKETS.fullmatch(title)
+        given = below[0] if below else bracket[1] if bracket else title
+        unit = plain_unit(given)
+        if unit not in LENGTHS:
+            known = closest(unit, tuple(LENGTHS))
+            raise ValueError(f"{path}: column {number} {title!r}: unit {given!r}: {known}")
+        scales.append(LENGTHS[unit])
+    values = np.empty((len(rows), len(scales)))
+    for row, (line, fields) in zip(values, rows, strict=True):
+        try:
+            row[:] = [float(field) for field in fields]
+        except ValueError:
+            raise ValueError(f"{path}: line {line}: {lines[line - 1][:60]!r}: must be numbers") from None
+        if not np.isfinite(row[0]) or np.isinf(row).any():
+            raise ValueError(f"{path}: line {line}: must be finite")
+    x, *heights = (values * scales).T
+    return x, _bridged(path, x, np.array(heights))
+
+
+def _bridged(path, x, heights):
+    """Interpolate dropouts (NaN) along each trace, and return the heights."""
+    hole = np.isnan(heights)
+    if not hole.any():
+        return heights
+    if (share := hole.mean(1).max()) > MOST_HOLES:
+        raise ValueError(f"{path}: {share:.0%} of a trace are dropouts: must be at most {MOST_HOLES:.0%}")
+    warn_caller(f"{path}: {hole.mean():.1%} of the heights are dropouts and are interpolated", UserWarning)
+    for height, missing in zip(heights, hole, strict=True):
+        height[missing] = np.interp(x[missing], x[~missing], height[~missing])
+    return heights
 
 
 class HeightMap(NamedTuple):

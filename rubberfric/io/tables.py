@@ -30,9 +30,9 @@ from rubberfric.io.exports import (
     find_table,
     headless,
     pick,
-    read_traces,
     suggested_columns,
 )
+from rubberfric.io.height_maps import read_traces
 
 BAD_ROWS = ("error", "drop")
 
@@ -186,7 +186,7 @@ def read_names(path: StrPath, columns: list[str] | None = None, generic: str = "
     Only the known names are returned for a table of another program.
     """
     text = read_text(path, exports=True)
-    export = _export(path, text, columns, generic)
+    export = _export(path, text, columns, generic, incomplete=True)
     if export is None:
         return _rows(path, text)[0][1]
     return [SET_VALUES.get(name, name) for name in export.names if name is not None]
@@ -273,17 +273,18 @@ def _without_redundant(table: TextTable) -> TextTable:
 
 def _without_bad_rows(path: StrPath, table: TextTable) -> TextTable:
     """Remove rows with an invalid value from a table, and warn about the removed rows."""
-    good, bad = [], []
+    good, bad, first = [], [], ""
     for line, row in table.rows:
         try:
-            for name, unit, text in zip(table.names, table.units, row, strict=True):
-                COLUMNS[name or ""].read("", text, unit)
-        except ValueError:
+            for title, name, unit, text in zip(table.titles, table.names, table.units, row, strict=True):
+                COLUMNS[name or ""].read(f"line {line}: {title} = {text!r}", text, unit)
+        except ValueError as error:
+            first = first or str(error)
             bad.append(line)
         else:
             good.append((line, row))
     if not good:
-        raise ValueError(f"{path}: must have a row of valid numbers; all {len(bad)} rows have bad values")
+        raise ValueError(f"{path}: must have a row of valid numbers; {first}")
     if bad:
         lines = ", ".join(map(str, bad[:5])) + ", ..." * (len(bad) > 5)
         of = len(bad) + len(good)
@@ -337,7 +338,8 @@ def _rows(path: StrPath, content: str) -> TextRows:
     if rows and all(word.lstrip("+-.")[:1].isdigit() for field in rows[0][1] for word in field.split()):
         raise ValueError(
             f"{path}: line {rows[0][0]}: begins with numbers: must have a row of names and a row of units,"
-            ' or columns must be given, such as ["f [Hz]", "E_stor [MPa]", "E_loss [MPa]"]'
+            ' or name the columns, such as "f [Hz]" or "E_stor [MPa]", and "-" for one not read: '
+            f"{suggested_columns(content)}"
         )
     if len(rows) < 3:
         raise ValueError(f"{path}: has {len(rows)} rows: must have a name row, a unit row and data")

@@ -66,7 +66,7 @@ def test_there_and_back():
     ("frame", "units", "message"),
     [
         ({"v": V}, None, r"^the frame has no column mu \[-\]; it has the columns v\. .* give friction="),
-        ({"v [km/h]": V, "mu": MU}, None, r"^column 'v \[km/h\]': unit 'km/h': "),
+        ({"v [knots]": V, "mu": MU}, None, r"^column 'v \[knots\]': unit 'knots': "),
         ({"v": V, "log10_v": V, "mu": MU}, None, r"^column 'log10_v': v is given twice$"),
         ({"v": V, "mu": ["a"] * 3}, None, r"^column 'mu': must be numbers$"),
         ({"v": V, "mu": MU}, {"T": "C"}, r"^units: 'T' is not a column that is read$"),

@@ -1,0 +1,114 @@
+"""Sheets with a block of columns for each temperature, pressure, frequency or run.
+
+::
+
+    f     20 °C         40 °C               v [mm/s]   µ, 0.2 MPa   µ, 0.4 MPa   µ, 0.8 MPa
+          E'     E''    E'     E''          0.5        0.61         0.58         0.55
+    Hz    MPa    MPa    MPa    MPa          ...
+
+The label of a block stands in the titles of its columns, or in the row above its first column. Conditions
+without a label belong to all blocks.
+"""
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from rubberfric.io.columns import COLUMNS, LONGEST_TITLE, is_number, known_name, known_unit, quantities_of
+
+# Quantities that a label can state, by the unit of the label.
+_LABELLED = {unit: COLUMNS[name] for name in ("v", "p", "omega", "f", "T") for unit in COLUMNS[name].units}
+_CONDITIONS = ("v", "p", "omega", "T", "strain", "q")
+_VALUE = re.compile(r"[\s_,;:@(\[]*(?:\b[TpvfF]\s*=\s*)?([+-]?\d+(?:[.,]\d+)?)\s*([^\s\d()\[\],;]+)[)\]]*")
+_RUN = re.compile(
+    r"[\s_,;:(\[]*(?:(?:\b|_)(?:run|trial|test|repeat|lauf|messung|versuch|essai|mesure)|#)[\s._]*(\d+)[)\]]*",
+    re.IGNORECASE,
+)
+
+
+class Label(NamedTuple):
+    """Label of a block of columns."""
+
+    name: str | None  # quantity in SI, or None for a run
+    value: str
+
+
+class LabelledTitle(NamedTuple):
+    """Name and unit of a column as from `known_name`, and the label in its title."""
+
+    name: str | None
+    unit: str | None
+    label: Label | None = None
+
+
+def read_title(title: str, generic: str = "E") -> LabelledTitle:
+    """Return name, unit and label in the title of a column.
+
+    For example, "E' 20 °C [MPa]" gives the name E_stor, the unit MPa, and the label T = 293.15 K.
+    """
+    if is_number(title):
+        return LabelledTitle(None, None)
+    name, unit = known_name(title, generic)
+    if name is None or known_unit(unit, name) not in getattr(COLUMNS.get(name), "units", ()):
+        rest, label = _split_label(title)
+        found, own = known_name(rest, generic) if label is not None else (None, None)
+        if found in COLUMNS and label is not None and COLUMNS[found].name != label.name:
+            return LabelledTitle(found, own, label)
+    return LabelledTitle(name, unit)
+
+
+def labels_above(titles: Sequence[LabelledTitle], above: Sequence[str]) -> list[LabelledTitle]:
+    """Return titles with labels from the row above, which stand above the first column of each block.
+
+    Only columns whose name occurs several times without a label get a label.
+    """
+    names = [title.name for title in titles]
+    labelled, label = [], None
+    for title, text in zip(titles, [*above, *[""] * len(titles)], strict=False):
+        label = _split_label(text)[1] if text else label
+        repeated = title.name is not None and title.label is None and names.count(title.name) > 1
+        labelled.append(title._replace(label=label) if repeated else title)
+    return labelled
+
+
+def blocks_of(titles: Sequence[LabelledTitle]) -> dict[Label, list[int]]:
+    """Return the places of the columns of each block, or {} if the titles do not describe equal blocks."""
+    blocks: dict[Label, list[int]] = {}
+    for place, title in enumerate(titles):
+        if title.name is not None and title.label is not None:
+            blocks.setdefault(title.label, []).append(place)
+    shared = quantities_of(title.name for title in titles if title.label is None)
+    columns = {tuple(titles[place].name for place in places) for places in blocks.values()}
+    kinds = {label.name for label in blocks}
+    return blocks if len(columns) == len(kinds) == 1 and set(shared) <= set(_CONDITIONS) else {}
+
+
+def long_rows(
+    rows: list[tuple[int, list[str]]], shared: Sequence[int], blocks: dict[Label, list[int]], with_label: bool
+) -> list[tuple[int, list[str]]]:
+    """Return a row for each row of each block: shared cells, cells of the block, and the label.
+
+    Rows of a block without any cell are left out.
+    """
+    return [
+        (line, [row[i] for i in (*shared, *places)] + [label.value] * with_label)
+        for label, places in blocks.items()
+        for line, row in rows
+        if any(row[i] for i in places)
+    ]
+
+
+def _split_label(text: str) -> tuple[str, Label | None]:
+    """Return a text without its label, and the label or None."""
+    if len(text) > LONGEST_TITLE:
+        return text, None
+    for match in _VALUE.finditer(text):
+        unit = known_unit(match[2], None)
+        if unit in _LABELLED:
+            column = _LABELLED[unit]
+            value = column.value(float(match[1].replace(",", ".")), unit)
+            return text[: match.start()] + text[match.end() :], Label(column.name, repr(value))
+    match = _RUN.search(text)
+    if match:
+        return text[: match.start()] + text[match.end() :], Label(None, match[1])
+    return text, None
