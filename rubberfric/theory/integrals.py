@@ -26,7 +26,7 @@ from rubberfric.scene.shear import ContactShear, shear_friction
 from rubberfric.scene.softening import knots
 from rubberfric.theory.adhesive_contact import adhesive_contact
 from rubberfric.theory.area.area_correction import correction_table
-from rubberfric.theory.area.boundary_elements_law import Law, law_at_points, prepare_law
+from rubberfric.theory.area.boundary_elements_law import Law, prepare_law, solve_law
 from rubberfric.theory.area.partial_contact import separation_weight
 from rubberfric.theory.contact import Contact, Roughness
 from rubberfric.theory.contributions import contribution, total
@@ -240,7 +240,7 @@ def evaluate(
     surface = temperature
     wanted = parts | {"area"} if sheared else parts
     if prepared.law is not None:
-        by_law = law_at_points(prepared.law, velocity, pressure, temperature)
+        by_law = solve_law(prepared.law, velocity, pressure, temperature)
         found |= {"area": by_law.area, "viscoelastic_friction": by_law.mu, "converged": by_law.converged}
         wanted = wanted & {"separation"}
     if prepared.integrated is not None:

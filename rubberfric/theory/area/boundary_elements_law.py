@@ -29,13 +29,14 @@ that mu does not depend on the load. The constants were fitted to one half of th
 """
 
 import dataclasses
+import functools
 import math
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import erf, erfc
+from jax.scipy.special import erf
 
 from rubberfric.base.fixed_points import implicit
 from rubberfric.base.quadrature import Quadrature, cumulative, gauss, typed
@@ -75,9 +76,13 @@ CONSTANTS = LawConstants()
 _END, _BEYOND = 6.0, 10
 
 # Step and end of the trapezoidal rule in t, cos(phi) = 1 / cosh(t): errors exp(-pi^2 / step) and exp(-end).
-_STEP, _LAST = 0.45, 13.0
+_STEP, _LAST = 0.45, 15.0
 
-_NEWTON_STEPS = 30
+# Smallest step of the grid of ln(q cos(phi)), and points of the polynomials that interpolate on it. The grid
+# has _ENTRIES entries for the angles and _PER_PANEL for each panel of the mesh.
+_GRID, _POINTS, _ENTRIES, _PER_PANEL = 0.22, 16, 110, 7
+
+_STEPS = 30
 
 
 class Shape(NamedTuple):
@@ -92,8 +97,10 @@ class Shape(NamedTuple):
     height2: jax.Array  # scale of the roughness [m^2]
     slope: jax.Array  # h'
     log_alpha: jax.Array
-    beyond: jax.Array  # q above q1 [1/m], (nodes,)
-    weight_beyond: jax.Array  # (q / q1)^-3 d ln q above q1, (nodes,)
+    weight_beyond: jax.Array  # (q / q1)^-3 d ln q above q1, (nodes beyond,)
+    grid: jax.Array  # q cos(phi) [1/m] at which E is evaluated, (grid,)
+    mean: jax.Array  # weights of means over the circle at the nodes and beyond, (all nodes, grid)
+    along: jax.Array  # weights of integrals over the circle with the factor cos(phi), (all nodes, grid)
 
 
 class Law(NamedTuple):
@@ -117,9 +124,9 @@ class State(NamedTuple):
 
 def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawConstants = CONSTANTS) -> Law:
     """Prepare the law for two half-spaces with one rough surface."""
-    # The law has no separation, and W is smooth near q0, so half the panels of the theory suffice.
+    # W is smooth near q0, so fewer nodes than in the theory suffice.
     quadrature = dataclasses.replace(
-        quadrature, order=min(quadrature.order, 8), panels=max(3, -(-quadrature.panels // 2)), graded=2
+        quadrature, order=min(quadrature.order, 10), panels=max(3, -(-3 * quadrature.panels // 4)), graded=2
     )
     law = surface.law._replace(height2=jnp.ones_like(surface.law.height2))
     mesh = build_mesh([law], quadrature, graded=True)
@@ -138,6 +145,8 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
     node, dln = (typed(np.append(0.0, table), weight) for table in gauss(_BEYOND))
     beyond = math.log(_END) * node
     height2 = surface.law.height2
+    log_q = jnp.concatenate([jnp.log(mesh.q).reshape(-1), jnp.log(q1) + beyond])
+    grid, mean, along = _circle(log_q, _ENTRIES + _PER_PANEL * quadrature.panels if surface.relaxes else 1)
     return Law(
         Shape(
             q=mesh.q,
@@ -149,28 +158,15 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
             height2=height2,
             slope=jnp.sqrt(2 * jnp.pi * total) * surface.spectrum.height_scale(),
             log_alpha=jnp.log(m0 / total) + jnp.log(m4 / total),
-            beyond=q1 * jnp.exp(beyond),
             weight_beyond=math.log(_END) * dln * jnp.exp(-3 * beyond),
+            grid=grid,
+            mean=mean,
+            along=along,
         ),
         surface.strained,
         surface.rough,
         constants,
     )
-
-
-def law_at_points(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None) -> State:
-    """Compute the `State` at points, one point after the other.
-
-    The arrays of a point fit into the processor's cache. Reverse mode computes a point again instead of
-    storing its modulus at every node and angle.
-    """
-
-    @jax.checkpoint
-    def at(point):
-        velocity, pressure, *T = (x[None] for x in point if x is not None)
-        return jax.tree.map(lambda x: x[0], solve_law(law, velocity, pressure, T[0] if T else None))
-
-    return jax.lax.map(at, (velocity, pressure, temperature))
 
 
 def _before(panels):
@@ -186,24 +182,18 @@ def _density(law: BrokenPowerLaw, q: jax.Array) -> jax.Array:
 def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None) -> State:
     """Return the `State` at points.
 
-    The conditions have the shape (points,).
+    The conditions have the shape (points,). The modulus is evaluated on the grid of ln(q cos(phi)), on which
+    the integrals over the circle are matrices.
     """
     shape, c = law.shape, law.constants
     panels, order = shape.q.shape
-    speed = jnp.abs(velocity)[:, None, None]
-    T = None if temperature is None else temperature[:, None, None]
-    cos_phi, dphi = _angles(pressure)
-    if not law.strained.material.relaxes:
-        cos_phi, dphi = cos_phi[:1], jnp.sum(dphi, keepdims=True)
-    q = jnp.concatenate([shape.q.reshape(-1), shape.beyond])
-    E = _modulus(law, q[:, None] * speed * cos_phi, T)  # (points, nodes, angles) [Pa]
-    scale = jax.lax.stop_gradient(jnp.max(jnp.abs(E), (1, 2)))
-    E = E / scale[:, None, None]
+    T = None if temperature is None else temperature[:, None]
+    E = _modulus(law, jnp.abs(velocity)[:, None] * shape.grid, T)  # (points, grid) [Pa]
+    scale = jax.lax.stop_gradient(jnp.max(jnp.abs(E), 1))
+    E = E / scale[:, None]
     log_abs2 = jnp.log(jnp.real(E) ** 2 + jnp.imag(E) ** 2)
-    mean = dphi / (2 * jnp.pi)
-    E2 = jnp.exp(log_abs2) @ mean
-    power = jnp.exp(c.b * log_abs2) @ mean
-    loss = jnp.imag(E) * (cos_phi * dphi)
+    E2 = jnp.exp(log_abs2) @ shape.mean.T  # (points, all nodes)
+    power = jnp.exp(c.b * log_abs2) @ shape.mean.T
     inside = panels * order
 
     # F_v and D_v, from the spectrum of stress.
@@ -223,7 +213,7 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
         some = B > 1e-8
         log_A = jnp.where(some, jnp.log(jnp.where(some, A, 0.5)) / jnp.where(some, B, 0.5), -1.0)
         log_W = log_A + B ** (c.c_A - 1) * bracket - c.c_F * A * log_F_star
-        z = B * jax.nn.softplus(-c.n * log_W) / c.n  # -ln W_m
+        z = B * _softplus(-c.n * log_W) / c.n  # -ln W_m
         return jnp.expm1(z), jnp.exp(-z)
 
     def tail(A, B):
@@ -241,15 +231,18 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     S_0 = 1 - 1 / (c.s_0 + c.s_alpha * shape.log_alpha)
     log_load = jnp.log(math.sqrt(2) * pressure / scale) - jnp.log(shape.slope)
 
+    def log_slope(A):
+        return 0.5 * jnp.log(S_0 + (1 - S_0) * A**c.s)
+
     def balance(y):
         # y is the logarithm of the argument of erf.
         A, B = _area(y)
-        return log_load - log_effective(A, B) - 0.5 * jnp.log(S_0 + (1 - S_0) * A**c.s)
+        return log_load - log_effective(A, B) - log_slope(A)
 
     y, converged = _fixed_point(balance, log_load)
     y = implicit(lambda y: balance(y[:, 0])[:, None], y[:, None])[:, 0]
     A, B = _area(y)
-    log_E_eff = log_effective(A, B)
+    log_E_eff = log_load - y - log_slope(A)
 
     m = -jnp.expm1(-c.a_m * A)[:, None]
     log_F_star = (1 - m) * log_F + m * log_F_v
@@ -257,11 +250,21 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     odds = share(A[:, None], B[:, None], log_F_star, log_D_star)[0]
     log_E_r = 0.5 * jnp.log(E2[:, :inside])
     odds = odds * jnp.exp(-c.c_v * (1 - m) * (log_E_eff[:, None] - log_E_r))  # (1 - W) / W
-    W = 1 / (1 + odds[..., None] * jnp.exp(c.c_phi * (0.5 * log_abs2[:, :inside] - log_E_r[..., None])))
+    odds = odds * jnp.exp(-c.c_phi * log_E_r)
+    stiff = jnp.exp(0.5 * c.c_phi * log_abs2)
+    loss = jnp.imag(E)
     factor = shape.height2 * scale / (2 * pressure)
-    mu_of_q = factor[:, None] * shape.weight.reshape(-1) * jnp.sum(loss[:, :inside] * W, -1)
-    stiff = jnp.exp(c.c_b * (log_E_eff[:, None, None] - 0.5 * log_abs2[:, inside:]))
-    beyond = jnp.sum(loss[:, inside:] * stiff, -1) @ shape.weight_beyond
+    along = shape.along[:inside]
+
+    # Point by point, because W has an entry for every node and grid point; computed again in reverse mode.
+    @jax.checkpoint
+    def ring(point):
+        loss, odds, stiff = point
+        return jnp.sum(along * (loss / (1 + odds[:, None] * stiff)), -1)
+
+    mu_of_q = factor[:, None] * shape.weight.reshape(-1) * jax.lax.map(ring, (loss, odds, stiff))
+    softened = loss * jnp.exp(-0.5 * c.c_b * log_abs2)
+    beyond = jnp.exp(c.c_b * log_E_eff) * (softened @ (shape.weight_beyond @ shape.along[inside:]))
     mu_beyond = factor * A * tail(A, B) * jnp.sum(shape.weight) * shape.D_end * beyond
     sign = jnp.sign(velocity)
     return State(
@@ -269,16 +272,57 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     )
 
 
-def _angles(like):
-    """Return cos(phi) and weights of the integral over the circle.
+def _circle(log_q, count):
+    """Return a grid of q cos(phi), and weights of integrals over the circle from values on this grid.
 
-    The weights hold for functions that are even in cos(phi).
+    The weights of the mean and of the integral with the factor cos(phi) have the shape (nodes, count). They
+    hold for functions of ln(q cos(phi)). `log_q` ends with the largest wavevector.
     """
+    if count == 1:  # nothing depends on the frequency
+        one = jnp.ones((log_q.size, 1), log_q.dtype)
+        return jnp.exp(log_q[-1:]), one, 0 * one
     t = _STEP * np.arange(int(_LAST / _STEP))
     dphi = 4 * _STEP / np.cosh(t)
     dphi[0] /= 2
     dphi[-1] += 2 * np.pi - dphi.sum()  # the rest of the circle is at rest
-    return typed(1 / np.cosh(t), like), typed(dphi, like)
+    s = np.log(np.cosh(t))
+    # The grid moves with q1, so that the error of the interpolation has no derivative.
+    top = log_q[-1]
+    step = jnp.maximum(_GRID, (top - log_q[0] + float(s[-1])) / (count - 2 * _POINTS))
+    step = jax.lax.stop_gradient(step)
+    to_nodes = _interpolation((top - log_q) / step + _POINTS, count)
+    to_angles = _interpolation(typed(s, top) / step + _POINTS, count + _POINTS)
+    at_zero = typed(np.stack([dphi / (2 * np.pi), dphi / np.cosh(t)]), top) @ to_angles
+    # Entries of the grid, from the high to the low frequencies, relative to the position of the integral.
+    later = np.arange(count) - np.arange(count)[:, None] + _POINTS
+    mean, along = to_nodes @ jnp.where(later >= 0, at_zero[:, np.maximum(later, 0)], 0.0)
+    return jnp.exp(top + step * (_POINTS - np.arange(count))), mean, along
+
+
+def _interpolation(position, count):
+    """Return weights of the interpolation to positions from `count` entries with the step 1.
+
+    The result has the shape (positions, count).
+    """
+    before = jnp.floor(position)
+    distance, powers = position - before - 0.5, [jnp.ones_like(position)]
+    for _ in range(1, _POINTS):
+        powers.append(powers[-1] * distance)
+    weights = jnp.stack(powers, -1) @ typed(_polynomials(), position)
+    which = np.arange(count) - before.astype(int)[:, None] + _POINTS // 2 - 1
+    inside = (which >= 0) & (which < _POINTS)
+    return jnp.where(inside, jnp.take_along_axis(weights, jnp.clip(which, 0, _POINTS - 1), 1), 0.0)
+
+
+@functools.cache
+def _polynomials():
+    """Return the coefficients of the Lagrange polynomials around the middle of the points.
+
+    The coefficients are ordered by ascending powers. Each column is a polynomial.
+    """
+    points = np.arange(_POINTS) - (_POINTS - 1) / 2
+    others = [(x, np.delete(points, i)) for i, x in enumerate(points)]
+    return np.stack([np.poly(rest)[::-1] / np.prod(x - rest) for x, rest in others], 1)
 
 
 def _modulus(law, omega, T):
@@ -308,28 +352,34 @@ def _strained_modulus(material, omega, T):
 
 def _area(y):
     # y is the logarithm of the argument of erf.
-    x = jnp.exp(jnp.minimum(y, 3.5))  # 1 - A = 0 from exp(3.3) on
-    return erf(x), erfc(x)
+    A = erf(jnp.exp(jnp.minimum(y, 3.5)))  # A = 1 to the last bit from exp(1.8) on
+    return A, 1 - A
 
 
 def _fixed_point(balance, start):
-    """Solve y = balance(y) by Newton steps, and return (y, converged).
+    """Solve y = balance(y) by secants, and return (y, converged).
 
     y and `converged` have the shape (points,). Derivatives are stopped.
     """
     tolerance = 1e-13 if start.dtype == jnp.float64 else 1e-5
 
     def step(progress):
-        k, y, _ = progress
-        value, slope = jax.jvp(balance, (y,), (jnp.ones_like(y),))
-        change = (value - y) / (1 - jnp.clip(slope, -5.0, 0.5))
-        return k + 1, y + change, jnp.abs(change)
+        k, y, before, residual_before, _ = progress
+        residual = balance(y) - y
+        moved = y != before
+        slope = (residual - residual_before) / jnp.where(moved, y - before, 1.0)
+        change = residual / jnp.where(moved, jnp.clip(-slope, 0.5, 6.0), 1.0)
+        return k + 1, y + change, y, residual, jnp.abs(change)
 
     def going(progress):
-        k, y, change = progress
-        return (k < _NEWTON_STEPS) & jnp.any(change > tolerance * (1 + jnp.abs(y)))
+        k, y, *_, change = progress
+        return (k < _STEPS) & jnp.any(change > tolerance * (1 + jnp.abs(y)))
 
-    begin = 0, jax.lax.stop_gradient(start), jnp.full_like(start, jnp.inf)
-    balance = jax.tree_util.Partial(balance)
-    _, y, change = jax.lax.while_loop(going, step, begin)
+    start = jax.lax.stop_gradient(start)
+    begin = 0, start, start, start, jnp.full_like(start, jnp.inf)
+    _, y, *_, change = jax.lax.while_loop(going, step, begin)
     return jax.lax.stop_gradient(y), change <= 10 * tolerance * (1 + jnp.abs(y))
+
+
+def _softplus(x):
+    return jnp.maximum(x, 0.0) + jnp.log1p(jnp.exp(-jnp.abs(x)))
