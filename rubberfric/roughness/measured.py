@@ -151,8 +151,8 @@ class MeasuredSpectrum(NamedTuple):
         border to noise, about half of C is noise. There, q1 is lowered until C is 2.5 times larger, so that
         noise is about a fifth of C. At the border to smoothing, q1 is half an octave lower.
 
-        Coloured noise that falls like a rough surface is not found. Without a window (`window="none"`), the
-        edges of a surface that is not periodic hide smoothing.
+        Coloured noise that falls like a rough surface is not found. With `window="none"`, the edges of
+        a surface that is not periodic hide smoothing.
         """
         if self.q.size < _LEAST:
             return ResolvedRange(np.nan, "no surface")
@@ -217,7 +217,7 @@ def _states(log_q, log_C, weight, dimensions):
 
 
 def _last_rough(states, log_q):
-    """Return the index of the last rough bin, -1 if there is none.
+    """Return the index of the last rough bin, or -1 without a rough bin.
 
     C changes gradually from smoothing to noise. Rough bins over less than an octave, with smoothing below,
     belong to this change.
