@@ -93,11 +93,13 @@ class Scene(PhysicalObject):
         correlation of the roughness of both solids, which must be at rest.
     contact_model : "paper" or "boundary_elements" (static)
         With "boundary_elements", area and friction follow a law that was fitted to boundary elements
-        (`rubberfric.theory.area.boundary_elements_law`), for one rough isotropic surface and half-spaces. In
-        301 cases with q1/q0 = 8 ... 64 that were not used for the fit, 90 % of the friction values and 96 %
-        of the areas are within 10 % of boundary elements (paper: 19 % and 22 %). The law is less accurate for
-        narrow spectra (q1/qr = 4: 67 % of the friction within 10 %) and for moduli that rise by a factor of
-        100 or more (66 %). The law is extrapolated beyond q1/q0 = 64. The separation is the paper's.
+        (`rubberfric.theory.area.boundary_elements_law`), for one rough isotropic surface. Both solids are
+        half-spaces, or one is a `Slab` and the other one is rigid. In 301 cases of half-spaces with q1/q0 =
+        8 ... 64 that were not used for the fit, 90 % of the friction values and 96 % of the areas are within
+        10 % of boundary elements (paper: 19 % and 22 %). The law is less accurate for narrow spectra (q1/qr =
+        4: 67 % of the friction within 10 %), for moduli that rise by a factor of 100 or more (66 %), and for
+        slabs whose stiffness at qr is over 4 times that of a half-space. The law is extrapolated beyond
+        q1/q0 = 64. The separation is the paper's.
     quadrature : Quadrature or None (static)
         accuracy setting of calls without a `quadrature`. If None, every call chooses the setting.
         `rubberfric.tuned` chooses the setting for `jit` and `vmap` with the scene as an argument. Files do
@@ -166,11 +168,11 @@ class Scene(PhysicalObject):
             raise ValueError(
                 'Scene.contact_model: "boundary_elements" requires one rough surface, got two; use "paper"'
             )
-        for name, body in (("lower", self.lower), ("upper", self.upper)):
-            if body.layer is not None:
+        for name, body, other in (("lower", *bodies), ("upper", *bodies[::-1])):
+            if body.layer is not None and (other.material.deforms or not body.layer.multiplies):
                 raise ValueError(
-                    'Scene.contact_model: "boundary_elements" requires half-spaces, but '
-                    f'{name}.layer is a {type(body.layer).__name__}; use "paper"'
+                    'Scene.contact_model: "boundary_elements" requires half-spaces, or Slab and Rigid, '
+                    f'but {name}.layer is a {type(body.layer).__name__}; use "paper"'
                 )
             if body.spectrum is not None and body.spectrum.harmonic_count():
                 raise ValueError(

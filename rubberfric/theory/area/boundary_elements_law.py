@@ -23,6 +23,9 @@ E / (1 - nu^2) of both solids in series, <> for the mean over phi, and D = dF / 
           \begin{cases} C W & q < q_1 \\
           T\,C(q_1)(q/q_1)^{-7}(E_\mathrm{eff}/|E|)^{c_b} & q_1 < q < 6 q_1\end{cases}
 
+For a slab, E contains the stiffness of the slab over that of a half-space, a function of q. In W_0, which is
+W_m at m = 0 in the mean for E_eff, F and D are then those of the stress on an elastic slab.
+
 In full contact W = 1 and T = 0, so that mu is the paper's. At light load W and T are proportional to A, so
 that mu does not depend on the load. The constants were fitted to one half of the cases, in
 `tests/rubberfric/theory/area/test_law_and_boundary_elements.py`, and tested with the other half.
@@ -40,7 +43,7 @@ from jax.scipy.special import erf
 
 from rubberfric.base.fixed_points import implicit
 from rubberfric.base.quadrature import Quadrature, cumulative, gauss, typed
-from rubberfric.materials.material import apply_vertical_shift, relaxation, series_of
+from rubberfric.materials.material import apply_vertical_shift, poisson_of, relaxation, series_of
 from rubberfric.roughness.radial_mesh import build_mesh
 from rubberfric.roughness.spectra import BrokenPowerLaw
 from rubberfric.scene.scene import Body
@@ -85,6 +88,15 @@ _GRID, _POINTS, _ENTRIES, _PER_PANEL = 0.22, 16, 110, 7
 _STEPS = 30
 
 
+class ElasticSlab(NamedTuple):
+    """Stiffness of a slab over that of a half-space, and F and D of the stress on an elastic slab."""
+
+    log_factor: jax.Array  # at the nodes and beyond q1
+    log_F: jax.Array  # at the nodes
+    log_D: jax.Array  # over D(q1)
+    log_D_end: jax.Array
+
+
 class Shape(NamedTuple):
     """Roughness at the nodes, independent of velocity, pressure and temperature."""
 
@@ -101,6 +113,7 @@ class Shape(NamedTuple):
     grid: jax.Array  # q cos(phi) [1/m] at which E is evaluated, (grid,)
     mean: jax.Array  # weights of means over the circle at the nodes and beyond, (all nodes, grid)
     along: jax.Array  # weights of integrals over the circle with the factor cos(phi), (all nodes, grid)
+    slab: ElasticSlab | None  # None for a half-space
 
 
 class Law(NamedTuple):
@@ -123,7 +136,7 @@ class State(NamedTuple):
 
 
 def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawConstants = CONSTANTS) -> Law:
-    """Prepare the law for two half-spaces with one rough surface."""
+    """Prepare the law for two solids with one rough surface."""
     # W is smooth near q0, so fewer nodes than in the theory suffice.
     quadrature = dataclasses.replace(
         quadrature, order=min(quadrature.order, 10), panels=max(3, -(-3 * quadrature.panels // 4)), graded=2
@@ -135,10 +148,9 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
     rule = typed(cumulative(quadrature.order), weight)
     until = jnp.tensordot(mesh.between.roughness[0], rule, 1)
     total = jnp.sum(weight)
-    F = (_before(jnp.sum(weight, -1))[:, None] + jnp.sum(until, -1)) / total
-    F = jnp.where(F > 0, F, 1.0)  # panels of zero width have zero weight
     q1 = law.q[-1]
     D_end = _density(law, q1) / total
+    D = _density(law, mesh.q) / (total * D_end)
     relative = mesh.q / q1
     m0, m4 = jnp.sum(weight / relative**2), jnp.sum(weight * relative**2)
     # The first node is q1, with zero weight.
@@ -147,13 +159,24 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
     height2 = surface.law.height2
     log_q = jnp.concatenate([jnp.log(mesh.q).reshape(-1), jnp.log(q1) + beyond])
     grid, mean, along = _circle(log_q, _ENTRIES + _PER_PANEL * quadrature.panels if surface.relaxes else 1)
+    body, slab = surface.strained if surface.strained.material.deforms else surface.rough, None
+    if body.layer is not None:
+        layer, poisson = body.layer, poisson_of(body.material)
+        factor = layer.stiffening(poisson, jnp.exp(log_q))
+        end, inside = factor[mesh.q.size], factor[: mesh.q.size].reshape(mesh.q.shape)
+        stress = weight * inside**2
+        between = mesh.between.roughness[0] * layer.stiffening(poisson, mesh.between.q) ** 2
+        F = _share_before(stress, jnp.sum(jnp.tensordot(between, rule, 1), -1))
+        log_D = jnp.log(D) + 2 * jnp.log(inside / end)
+        log_D_end = jnp.log(D_end) + jnp.log(total * end**2 / jnp.sum(stress))
+        slab = ElasticSlab(jnp.log(factor), jnp.log(F).reshape(-1), log_D.reshape(-1), log_D_end)
     return Law(
         Shape(
             q=mesh.q,
             weight=weight,
             until=until,
-            F=F,
-            D=_density(law, mesh.q) / (total * D_end),
+            F=_share_before(weight, jnp.sum(until, -1)),
+            D=D,
             D_end=D_end,
             height2=height2,
             slope=jnp.sqrt(2 * jnp.pi * total) * surface.spectrum.height_scale(),
@@ -162,11 +185,18 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
             grid=grid,
             mean=mean,
             along=along,
+            slab=slab,
         ),
         surface.strained,
         surface.rough,
         constants,
     )
+
+
+def _share_before(weight, until):
+    """Return the share of an integral that lies below every node."""
+    F = (_before(jnp.sum(weight, -1))[:, None] + until) / jnp.sum(weight)
+    return jnp.where(F > 0, F, 1.0)  # panels of zero width have zero weight
 
 
 def _before(panels):
@@ -185,7 +215,7 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     The conditions have the shape (points,). The modulus is evaluated on the grid of ln(q cos(phi)), on which
     the integrals over the circle are matrices.
     """
-    shape, c = law.shape, law.constants
+    shape, slab, c = law.shape, law.shape.slab, law.constants
     panels, order = shape.q.shape
     T = None if temperature is None else temperature[:, None]
     E = _modulus(law, jnp.abs(velocity)[:, None] * shape.grid, T)  # (points, grid) [Pa]
@@ -194,6 +224,8 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     log_abs2 = jnp.log(jnp.real(E) ** 2 + jnp.imag(E) ** 2)
     E2 = jnp.exp(log_abs2) @ shape.mean.T  # (points, all nodes)
     power = jnp.exp(c.b * log_abs2) @ shape.mean.T
+    if slab is not None:
+        E2, power = (x * jnp.exp(n * slab.log_factor) for x, n in ((E2, 2.0), (power, 2 * c.b)))
     inside = panels * order
 
     # F_v and D_v, from the spectrum of stress.
@@ -205,8 +237,9 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     log_D = jnp.log(shape.D).reshape(-1)
     log_D_v = log_D + jnp.log(E2[:, :inside]) - jnp.log(E2[:, inside, None])
     log_F, log_D_end = jnp.log(shape.F).reshape(-1), jnp.log(shape.D_end)
+    at_rest = (log_F, log_D, log_D_end) if slab is None else slab[1:]
 
-    def share(A, B, log_F_star, log_D_star):
+    def share(A, B, log_F_star, log_D_star, log_D_end):
         # (1 - W_m) / W_m and W_m. A and B = 1 - A have the shape (points, 1).
         bracket = c.c_0 - c.c_D * (log_D_end + log_D_star) + c.c_f * log_F_star
         # ln(A psi) / B is finite in full contact.
@@ -222,7 +255,7 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
 
     def log_effective(A, B):
         # ln E_eff, shape (points,)
-        W_0 = share(A[:, None], B[:, None], log_F, log_D)[1]
+        W_0 = share(A[:, None], B[:, None], *at_rest)[1]
         here = shape.weight.reshape(-1) * W_0
         there = jnp.sum(shape.weight) * shape.D_end * (A * tail(A, B))[:, None] * shape.weight_beyond
         weights = jnp.concatenate([here, there], -1)
@@ -247,9 +280,15 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     m = -jnp.expm1(-c.a_m * A)[:, None]
     log_F_star = (1 - m) * log_F + m * log_F_v
     log_D_star = (1 - m) * log_D + m * log_D_v
-    odds = share(A[:, None], B[:, None], log_F_star, log_D_star)[0]
+    odds = share(A[:, None], B[:, None], log_F_star, log_D_star, log_D_end)[0]
     log_E_r = 0.5 * jnp.log(E2[:, :inside])
     odds = odds * jnp.exp(-c.c_v * (1 - m) * (log_E_eff[:, None] - log_E_r))  # (1 - W) / W
+    weight, weight_beyond = shape.weight.reshape(-1), shape.weight_beyond
+    if slab is not None:
+        # `loss` and `stiff` below are those of the half-space.
+        log_E_r = log_E_r - slab.log_factor[:inside]
+        weight = weight * jnp.exp(slab.log_factor[:inside])
+        weight_beyond = weight_beyond * jnp.exp((1 - c.c_b) * slab.log_factor[inside:])
     odds = odds * jnp.exp(-c.c_phi * log_E_r)
     stiff = jnp.exp(0.5 * c.c_phi * log_abs2)
     loss = jnp.imag(E)
@@ -262,9 +301,9 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
         loss, odds, stiff = point
         return jnp.sum(along * (loss / (1 + odds[:, None] * stiff)), -1)
 
-    mu_of_q = factor[:, None] * shape.weight.reshape(-1) * jax.lax.map(ring, (loss, odds, stiff))
+    mu_of_q = factor[:, None] * weight * jax.lax.map(ring, (loss, odds, stiff))
     softened = loss * jnp.exp(-0.5 * c.c_b * log_abs2)
-    beyond = jnp.exp(c.c_b * log_E_eff) * (softened @ (shape.weight_beyond @ shape.along[inside:]))
+    beyond = jnp.exp(c.c_b * log_E_eff) * (softened @ (weight_beyond @ shape.along[inside:]))
     mu_beyond = factor * A * tail(A, B) * jnp.sum(shape.weight) * shape.D_end * beyond
     sign = jnp.sign(velocity)
     return State(

@@ -37,9 +37,12 @@ def _state(scene, velocity, pressure):
     return solve_law(law, jnp.atleast_1d(velocity), jnp.atleast_1d(pressure), None)
 
 
-def _brute_force(E_of, road, velocity, pressure, count=3000, angles=400, c=CONSTANTS, tail_of=None):
+def _brute_force(
+    E_of, road, velocity, pressure, count=3000, angles=400, *, c=CONSTANTS, tail_of=None, stiffer=np.ones_like
+):
     """Area and friction by trapezoids, of a self-affine road on E / (1 - nu^2) = `E_of` omega.
 
+    stiffer : stiffness of a slab over that of a half-space, as a function of q
     tail_of : T (1 + c_alpha ln alpha) as a function of A, if it is not that of the law
     """
     q0, qr, q1, hurst = (float(x) for x in (road.q0, road.qr, road.q1, road.hurst))
@@ -61,15 +64,17 @@ def _brute_force(E_of, road, velocity, pressure, count=3000, angles=400, c=CONST
     def until(f):
         return np.cumsum(f * step) - 0.5 * f * step
 
-    E, E_beyond = (E_of(x[:, None] * velocity * np.cos(phi)) for x in (q, beyond))
+    E, E_beyond = (E_of(x[:, None] * velocity * np.cos(phi)) * stiffer(x)[:, None] for x in (q, beyond))
     m0, m2, m4 = (2 * np.pi * np.sum(q ** (2 + n) * C * step) for n in (0, 2, 4))
     alpha = m0 * m4 / m2**2
     F, D = until(q**4 * C) / np.sum(q**4 * C * step), q**4 * C / np.sum(q**4 * C * step)
+    elastic = q**4 * C * stiffer(q) ** 2
+    at_rest = until(elastic) / np.sum(elastic * step), elastic / np.sum(elastic * step)
     stress = q**4 * C * mean(abs(E) ** 2)
     F_v, D_v = until(stress) / np.sum(stress * step), stress / np.sum(stress * step)
     S_0 = 1 - 1 / (c.s_0 + c.s_alpha * np.log(alpha))
 
-    def share(A, m):
+    def share(A, F, D, m=0.0):
         F_star, D_star = F ** (1 - m) * F_v**m, (D / D[-1]) ** (1 - m) * (D_v / D_v[-1]) ** m
         bracket = c.c_0 - c.c_D * np.log(D[-1]) + c.c_f * np.log(F_star) - c.c_D * np.log(D_star)
         log_W = np.log(A) + (1 - A) ** c.c_A * bracket - c.c_F * A * (1 - A) * np.log(F_star)
@@ -80,7 +85,7 @@ def _brute_force(E_of, road, velocity, pressure, count=3000, angles=400, c=CONST
         return T / (1 + c.c_alpha * np.log(alpha))
 
     def effective(A):
-        here, there = D * np.exp(-share(A, 0)) * step, D[-1] * tail(A) * (beyond / q1) ** -3 * dln
+        here, there = D * np.exp(-share(A, *at_rest)) * step, D[-1] * tail(A) * (beyond / q1) ** -3 * dln
         powers = [mean(abs(e) ** (2 * c.b)) for e in (E, E_beyond)]
         total = np.sum(here * powers[0]) + np.sum(there * powers[1])
         return (total / (here.sum() + there.sum())) ** (0.5 / c.b)
@@ -92,7 +97,7 @@ def _brute_force(E_of, road, velocity, pressure, count=3000, angles=400, c=CONST
 
     A = np.exp(optimize.brentq(excess, -20, -1e-9, xtol=1e-13))
     E_eff, m, E_r = effective(A), -np.expm1(-c.a_m * A), np.sqrt(mean(abs(E) ** 2))
-    Y = (1 / np.expm1(share(A, m)) * (E_eff / E_r) ** (c.c_v * (1 - m)))[:, None] * (
+    Y = (1 / np.expm1(share(A, F, D, m)) * (E_eff / E_r) ** (c.c_v * (1 - m)))[:, None] * (
         E_r[:, None] / abs(E)
     ) ** c.c_phi
     inside = np.sum(q**4 * C * step * mean(np.cos(phi) * E.imag * Y / (1 + Y)))
@@ -112,10 +117,36 @@ def test_brute_force(velocity, pressure):
     np.testing.assert_allclose([found.area, found.friction], expected, rtol=5e-6)
 
 
-def _extrapolated(E_of, road, velocity, pressure, count=500, angles=200):
+@pytest.mark.parametrize("slab", [rf.Slab(2e-3, "bonded"), rf.Slab(2e-3, "frictionless")])
+def test_brute_force_of_a_slab(slab):
+    """The stiffness of a slab in both functions of the spectrum, and in the modulus at every wavevector."""
+    x = rf.Scene(rf.Body(RUBBER, layer=slab), rf.Body(rf.Rigid(), ROAD), contact_model="boundary_elements")
+    found = rf.solve(x, 0.1, 3e5)
+
+    def stiffer(q):
+        x = np.minimum(2e-3 * q, 100.0)
+        if slab.base == "frictionless":
+            return 1 / np.tanh(x) + x / np.sinh(x) ** 2
+        return (2 * np.sinh(x) ** 2 + 2 * x**2 + 2) / (np.sinh(2 * x) - 2 * x)
+
+    def modulus(omega):
+        relaxing = sum(E * 1j * omega * tau / (1 + 1j * omega * tau) for E, tau in ((9e6, 1e-3), (3e6, 0.1)))
+        return (1e6 + relaxing) / 0.75
+
+    expected = _extrapolated(modulus, ROAD, 0.1, 3e5, stiffer=stiffer)
+    np.testing.assert_allclose([found.area, found.friction], expected, rtol=5e-6)
+
+
+def test_thick_slabs_are_half_spaces():
+    thick = _scene().replace(lower=rf.Body(RUBBER, layer=rf.Slab(1.0, "bonded")))
+    found, expected = (rf.solve(one, 0.1, 1e5, quantities=("area", "friction")) for one in (thick, _scene()))
+    np.testing.assert_allclose([found.area, found.friction], [expected.area, expected.friction], rtol=1e-10)
+
+
+def _extrapolated(E_of, road, velocity, pressure, count=500, angles=200, **options):
     """Return the brute force with the error of second order removed, from two meshes [Richardson]."""
     coarse, fine = (
-        np.array(_brute_force(E_of, road, velocity, pressure, count=n * count, angles=n * angles))
+        np.array(_brute_force(E_of, road, velocity, pressure, count=n * count, angles=n * angles, **options))
         for n in (1, 2)
     )
     return (4 * fine - coarse) / 3
@@ -177,8 +208,9 @@ def test_light_loads_have_one_friction():
     np.testing.assert_allclose(found.area / pressure, found.area[0] / pressure[0], rtol=1e-4)
 
 
-def test_full_contact_is_the_papers():
-    law, paper = map(_with, MODELS)
+@pytest.mark.parametrize("layer", [None, rf.Slab(2e-3)])
+def test_full_contact_is_the_papers(layer):
+    law, paper = (_with(name).replace(lower=rf.Body(RUBBER, layer=layer)) for name in MODELS)
     found, expected = (rf.solve(scene, 0.1, 1e9, quantities=("area", "friction")) for scene in (law, paper))
     np.testing.assert_allclose(found.area, 1.0, rtol=1e-12)
     np.testing.assert_allclose(found.friction, expected.friction, rtol=1e-7)
@@ -256,6 +288,19 @@ def test_derivative_by_the_modulus():
     assert float(slope) == pytest.approx(float(friction(1 + 1e-4) - friction(1 - 1e-4)) / 2e-4, rel=1e-6)
 
 
+def test_derivative_by_the_thickness_of_a_slab():
+    def friction(thickness):
+        slab = rf.Slab(thickness, "bonded")
+        return rf.friction(_scene().replace(lower=rf.Body(RUBBER, layer=slab)), 0.1, 3e5)
+
+    both = jax.jit(jax.value_and_grad(friction))
+    step = 1e-4 * 2e-3
+    difference = (both(2e-3 + step)[0] - both(2e-3 - step)[0]) / (2 * step)
+    assert float(both(2e-3)[1]) == pytest.approx(float(difference), rel=1e-6)
+    for extreme in (1e-30, 1e-10, 1e30):
+        assert np.all(np.isfinite(both(extreme)))
+
+
 @pytest.mark.parametrize("pressure", [1e-25, 1e3, 1e25])
 def test_extreme_loads_are_finite(pressure):
     value, slopes = jax.value_and_grad(lambda s: rf.friction(s, 0.1, pressure))(_scene())
@@ -276,10 +321,11 @@ def test_signs_rest_and_single_precision():
 def test_refusals():
     with pytest.raises(ValueError, match="one rough surface, got two"):
         rf.Scene(rf.Body(RUBBER, ROAD), rf.Body(rf.Rigid(), ROAD), contact_model="boundary_elements")
-    with pytest.raises(ValueError, match=r"half-spaces, but lower\.layer is a Slab"):
-        rf.Scene(
-            rf.Body(RUBBER, layer=rf.Slab(1e-3)), rf.Body(rf.Rigid(), ROAD), contact_model="boundary_elements"
-        )
+    elastic = rf.Elastic(1e9, 0.3)
+    for layer, lower in ((rf.Coating(1e-3, elastic), rf.Rigid()), (rf.Slab(1e-3), elastic)):
+        body = rf.Body(RUBBER, layer=layer)
+        with pytest.raises(ValueError, match=r"half-spaces, or Slab and Rigid, but upper\.layer is a"):
+            rf.Scene(rf.Body(lower, ROAD), body, contact_model="boundary_elements")
     with pytest.raises(ValueError, match="isotropic roughness"):
         _scene(road=rf.Anisotropic(ROAD, 2.0, 0.0))
     with pytest.raises(ValueError, match="not possible together with area_correction"):
