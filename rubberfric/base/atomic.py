@@ -279,9 +279,16 @@ def _titles(rows: Rows, start: int | None) -> Rows:
 
 def _first_numbers(rows: Rows, count: int) -> int | None:
     """Return the index of the first row with at least `count` numbers, or None."""
-    return next(
-        (i for i, row in enumerate(rows) if sum(isinstance(cell, int | float) for cell in row) >= count), None
-    )
+    return next((i for i, row in enumerate(rows) if sum(map(_is_number, row)) >= count), None)
+
+
+def _is_number(cell: object) -> bool:
+    """Return True for a number, which may be stored as text."""
+    try:
+        float(str(cell).replace(",", "."))
+    except ValueError:
+        return False
+    return True
 
 
 def _with_formulas(values: tuple[Any, ...], formulas: tuple[Any, ...]) -> tuple[Any, ...]:

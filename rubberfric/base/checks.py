@@ -97,6 +97,8 @@ def as_leaf(name: str, value: Any, ndim: int) -> jax.Array:
             raise ValueError(f"{name} = {shown(value)}: must be within floating-point range") from None
     try:
         array = value if isinstance(value, jax.Array) else np.asarray(value)
+        if np.ma.is_masked(value):  # a mask would be lost without an error
+            raise TypeError
         if not jnp.issubdtype(array.dtype, jnp.floating):
             if not jnp.issubdtype(array.dtype, jnp.integer):
                 raise TypeError

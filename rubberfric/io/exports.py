@@ -256,7 +256,11 @@ def _long(table: TextTable, blocks: dict[Label, list[int]]) -> TextTable:
     titles = [table.titles[i] for i in columns]
     own = label.name is not None and label.name not in quantities_of(names)
     if label.name is not None and own:
-        titles, names, units = [*titles, "label"], [*names, label.name], [*units, si_unit(label.name)]
+        titles, names, units = (
+            [*titles, f"label [{si_unit(label.name)}]"],
+            [*names, label.name],
+            [*units, si_unit(label.name)],
+        )
     return TextTable(table.where, titles, names, units, long_rows(table.rows, shared, blocks, own))
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.atomic import StrPath, check_readable
-from rubberfric.base.checks import closest
+from rubberfric.base.checks import closest, shown
 from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import PhysicalObject, fields_of, kinds
 from rubberfric.base.release import VERSION
@@ -63,7 +63,7 @@ def reading(path: Any, form: str, version: int = 1) -> Iterator[h5py.File]:
     try:
         with h5py.File(path, "r") as file:
             _check_format(file, form, version)
-            _check_own_data(file)
+            _check_own_data(file, set())
             yield file
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
@@ -72,15 +72,21 @@ def reading(path: Any, form: str, version: int = 1) -> Iterator[h5py.File]:
         raise ValueError(f"{path}: must be a whole HDF5 file: {text}") from None
 
 
-def _check_own_data(group: h5py.Group) -> None:
-    """Raise ValueError if a group has links, or datasets whose data are in another file."""
+def _check_own_data(group: h5py.Group, seen: set[h5py.Group]) -> None:
+    """Raise ValueError if a group has links, or datasets whose data are in another file.
+
+    A second hard link to a group, which is in `seen`, could be an endless loop.
+    """
+    if group in seen:
+        raise ValueError(f"{group.name} is a link to another group; the data must be in this group")
+    seen.add(group)
     for name in group:
         where, link = _path(group, name), group.get(name, getlink=True)
         if not isinstance(link, h5py.HardLink):
             raise ValueError(f"{where} is a link; the data must be in this file")
         one = group[name]
         if isinstance(one, h5py.Group):
-            _check_own_data(one)
+            _check_own_data(one, seen)
         elif isinstance(one, h5py.Dataset) and (one.is_virtual or one.external):
             raise ValueError(f"{where} has its data in another file; the data must be in this file")
 
@@ -212,8 +218,8 @@ def read_object(group: Any) -> PhysicalObject:
     if not isinstance(group, h5py.Group):
         raise ValueError(f"{where}: must be a group, not a dataset")
     kind = group.attrs.get("kind")
-    if kind not in known:
-        raise ValueError(f"{where}: kind = {kind!r}: {closest(kind, tuple(known))}")
+    if not isinstance(kind, str) or kind not in known:
+        raise ValueError(f"{where}: kind = {shown(kind)}: {closest(kind, tuple(known))}")
     fields = fields_of(known[kind])
     static = [name for name, field in fields.items() if isinstance(field, Static)]
     check_names(group, [name for name in fields if name not in static], ("kind", *static))

@@ -150,9 +150,13 @@ def read_heights(
     if spacing is None:
         heights, dx, dy = _on_a_grid(path, *(values * units).T)
     else:
-        dx, dy = spacing if isinstance(spacing, tuple | list) else (spacing, spacing)
-        if not all(isinstance(d, int | float) and 0 < d < np.inf for d in (dx, dy)):
-            raise ValueError(f"spacing = {shown(spacing)}: must be numbers > 0 [m]")
+        pair = tuple(spacing) if isinstance(spacing, tuple | list) else (spacing, spacing)
+        numbers = [
+            d for d in pair if isinstance(d, int | float) and not isinstance(d, bool) and 0 < d < np.inf
+        ]
+        if len(pair) != 2 or len(numbers) != 2:
+            raise ValueError(f"spacing = {shown(spacing)}: must be one or two numbers > 0 [m]")
+        dx, dy = numbers
         heights = values * units[0]
     hole = ~np.isfinite(heights)
     if hole.mean() > MOST_HOLES:

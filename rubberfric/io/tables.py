@@ -21,7 +21,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.atomic import StrPath, read_text, write_text
-from rubberfric.base.checks import closest, shown, warn_caller
+from rubberfric.base.checks import as_leaf, between, check_values, closest, shown, warn_caller
 from rubberfric.base.units import young_from_shear
 from rubberfric.io.columns import COLUMNS, MODULUS_COLUMNS, SET_VALUES
 from rubberfric.io.exports import (
@@ -74,8 +74,7 @@ def read_table(
         fields, and a value that is not a number, not finite, of the wrong sign or out of order. Shear moduli
         without Poisson's ratio, and Poisson's ratio without shear moduli, are faults too.
     """
-    if bad_rows not in BAD_ROWS:
-        raise ValueError(f"bad_rows = {shown(bad_rows)}: must be one of {', '.join(BAD_ROWS)}")
+    _check_options((needed, optional), bad_rows)
     text, drop = read_text(path, exports=True), bad_rows == "drop"
     export = _export(path, text, columns, generic or ("E" if poisson is None else "G"), drop)
     if export is None:
@@ -102,6 +101,14 @@ def read_table(
             if quantity not in table:
                 raise ValueError(_missing(found.where, quantity) + ("" if columns else column_hint(path)))
     return _ordered(path, found, table, needed[0], export is not None) if increasing else table
+
+
+def _check_options(names, bad_rows):
+    """Raise ValueError if an argument of `read_table` is invalid."""
+    if bad_rows not in BAD_ROWS:
+        raise ValueError(f"bad_rows = {shown(bad_rows)}: must be one of {', '.join(BAD_ROWS)}")
+    if any(isinstance(each, str) for each in names):
+        raise ValueError(f"needed, optional = {shown(names)}: must be lists of names")
 
 
 def _ordered(path, found, table, quantity, either):
@@ -237,7 +244,12 @@ def table_text(table: Mapping[str, ArrayLike]) -> str:
         if name not in COLUMNS or COLUMNS[name].name != name:
             known = sorted({column.name for column in COLUMNS.values()})
             raise ValueError(f"column {name!r}: must be one of {', '.join(known)}")
-    columns = {name: np.asarray(values, float) for name, values in table.items()}
+    columns = {}
+    for name, values in table.items():
+        try:
+            columns[name] = np.asarray(values, float)
+        except (TypeError, ValueError):
+            raise ValueError(f"column {name!r} = {shown(values)}: must be numbers") from None
     lengths = {name: values.shape for name, values in columns.items()}
     if len(set(lengths.values())) != 1 or any(len(shape) != 1 for shape in lengths.values()):
         raise ValueError(f"shapes of columns {lengths}: must be one-dimensional and equal")
@@ -359,6 +371,8 @@ def _with_moduli(
             raise ValueError(
                 f"{where}: {', '.join(shear)} are shear moduli: poisson must be given, E = 2 (1 + poisson) G"
             )
+        name = f"{where}: poisson"
+        check_values(name, as_leaf(name, poisson, 0), between(0.0, 0.5))
         table = table | {"E" + name[1:]: young_from_shear(table[name], poisson) for name in shear}
     elif poisson is not None and strict:
         raise ValueError(f"{where}: poisson = {poisson!r}: must not be given; the table has no shear moduli")

@@ -107,7 +107,7 @@ def _split_label(text: str) -> tuple[str, Label | None]:
         if unit in _LABELLED:
             column = _LABELLED[unit]
             value = column.value(float(match[1].replace(",", ".")), unit)
-            return text[: match.start()] + text[match.end() :], Label(column.name, repr(value))
+            return text[: match.start()] + text[match.end() :], Label(column.name, f"{value:.15g}")
     match = _RUN.search(text)
     if match:
         return text[: match.start()] + text[match.end() :], Label(None, match[1])

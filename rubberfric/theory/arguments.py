@@ -141,8 +141,12 @@ def warn_of_last_iterates(
 
 
 def _condition(name, value, rule):
-    if not isinstance(value, int | float):
-        value = as_leaf(name, value, np.ndim(value))
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        try:
+            ndim = np.ndim(value)
+        except ValueError:  # rows of different lengths, which `as_leaf` refuses
+            ndim = 1
+        value = as_leaf(name, value, ndim)
     check_values(name, value, rule)
     return value
 

@@ -238,7 +238,7 @@ def test_line_ends_and_marks_of_other_systems(tmp_path):
 
 FRICTION = "v,mu,p\nm/s,-,MPa\n0.001,0.3,0.1\n1,0.4,0.1\n"
 TABLES = {
-    "velocities in km/h": ("m/s", "km/h", "column v: unit 'km/h': must be one of m/s, mm/s, um/s"),
+    "velocities in knots": ("m/s", "knots", "column v: unit 'knots': must be one of m/s, mm/s, um/s"),
     "values behind their unit": ("0.001,", "0.001 m/s,", "line 3: v = '0.001 m/s': must be a number"),
     "no units": ("m/s,-,MPa\n", "", "unit '0.001': must be one of m/s"),
     "decimal commas between commas": ("0.001,0.3,0.1", "0,001,0,3,0,1", "line 3: has 6 fields: must have 3"),

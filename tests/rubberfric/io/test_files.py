@@ -96,7 +96,7 @@ HEAD = "f,E_stor,E_loss\nHz,Pa,Pa\n"
         (HEAD + "2,2,3\n1,2,3\n", "line 4: f = 1 after 2: must increase strictly"),
         (HEAD + "1,2,3\n1,2,3\n", "line 4: f = 1 after 1: must increase strictly"),
         ("f,E_stor,E_loss\nHz,Pa\n1,2,3\n", "line 2: has 2 fields: must have 3"),
-        ("f,E_stor,E_loss\nHz,Pa,psi\n1,2,3\n", "line 2: column E_loss: unit 'psi': must be one of Pa, kPa"),
+        ("f,E_stor,E_loss\nHz,Pa,atm\n1,2,3\n", "line 2: column E_loss: unit 'atm': must be one of Pa, kPa"),
         ("f,E_stor,E_loss\nrad/s,Pa,Pa\n1,2,3\n", "column f: unit 'rad/s': must be one of Hz, kHz, MHz"),
         ("f,E_stor,E_los\nHz,Pa,Pa\n1,2,3\n", "line 1: column 'E_los': did you mean 'E_loss'? must be one"),
         ("f,E_stor,q\nHz,Pa,1/m\n1,2,3\n", "column 'q': must be one of omega, f, E_stor, E_loss"),
