@@ -92,7 +92,7 @@ def test_a_filter_is_found(width):
     found = spectrum(heights, (SPACING, SPACING)).resolved()
     assert found.limit == "smoothing"
     assert 0.7 < np.exp(-((found.q1 * width * SPACING) ** 2)) < 0.98
-    # The same with noise that ends the smoothed range: the lower of both borders.
+    # With noise beyond the smoothed range, q1 is the lower border.
     noisy = heights + 1e-10 * np.random.default_rng(1).standard_normal(heights.shape)
     assert spectrum(noisy, (SPACING, SPACING)).resolved().q1 == pytest.approx(found.q1, rel=0.2)
 
@@ -113,6 +113,15 @@ def test_report():
     heights, spacings = SURFACES["line"]
     text = spectrum(50 * heights, spacings).report()
     assert "rms slope along the profile" in text and "rms slope 1.3, as usual for rubber on roads, at" in text
+
+
+def test_reported_slope_of_a_profile_is_that_of_the_surface():
+    """It is sqrt(2) times the slope along the line up to q1, 2 int q^2 C_1D dq."""
+    found = spectrum(*SURFACES["line"])
+    q, C = found.knots()
+    x = np.linspace(np.log(q[0]), np.log(found.resolved().q1), 20_000)
+    along = np.sqrt(2 * np.trapezoid(np.exp(3 * x + np.interp(x, np.log(q), np.log(C))), x))
+    assert f"up to q1 {np.sqrt(2) * along:.4g}" in found.report()
 
 
 def test_several_profiles():

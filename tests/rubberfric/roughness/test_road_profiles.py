@@ -72,12 +72,12 @@ def segment_depths(x, height, lost, spacing=0.5e-3):
 
 @pytest.mark.parametrize(("station", "depth", "deviation"), [(0, 3.27775, 0.85309), (1, 3.03320, 0.44967)])
 def test_mean_profile_depth(station, depth, deviation):
-    """Heights are read right: published within 0.5 % after the standard's filters, within 5 % without."""
+    """Heights are read right: published within 0.1 % after the standard's filters, within 5 % without."""
     x, height = read(station)
     lost = dropouts(station)
     depths = 1e3 * segment_depths(x, height, lost)
-    assert depths.mean() == pytest.approx(depth, rel=5e-3)
-    assert depths.std(ddof=1) == pytest.approx(deviation, rel=0.02)
+    assert depths.mean() == pytest.approx(depth, rel=1e-3)
+    assert depths.std(ddof=1) == pytest.approx(deviation, rel=1e-3)
     _, height = road(station)
     simple = []
     for level in np.split(height[: height.size // SEGMENTS * SEGMENTS], SEGMENTS):
