@@ -141,7 +141,7 @@ SPELLINGS = {
             "damping factor; verlustfaktor; dämpfungsfaktor; facteur de perte"
         ),
         "omega": "angular frequency; \u03c9; kreisfrequenz; winkelfrequenz; pulsation; fréquence angulaire",
-        "f": "frequency; freq; frequenz; prüffrequenz; fréquence",
+        "f": "frequency; freq; oscillation frequency; frequenz; prüffrequenz; fréquence",
         "T": "temperature; temp; Ts; sample temperature; temperatur; probentemperatur; température",
         "aT": "shift factor; verschiebungsfaktor; facteur de translation",
         "bT": "vertical shift factor; vertikaler verschiebungsfaktor; facteur de translation verticale",

@@ -19,7 +19,9 @@ from rubberfric.io.columns import COLUMNS, LONGEST_TITLE, is_number, known_name,
 # Quantities that a label can state, by the unit of the label.
 _LABELLED = {unit: COLUMNS[name] for name in ("v", "p", "omega", "f", "T") for unit in COLUMNS[name].units}
 _CONDITIONS = ("v", "p", "omega", "T", "strain", "q")
-_VALUE = re.compile(r"[\s_,;:@(\[]*(?:\b[TpvfF]\s*=\s*)?([+-]?\d+(?:[.,]\d+)?)\s*([^\s\d()\[\],;]+)[)\]]*")
+_VALUE = re.compile(
+    r"[\s_,;:@(\[]*(?:\b(?:at|bei|[TpvfF]\s*=)\s*)?([+-]?\d+(?:[.,]\d+)?)\s*([^\s\d()\[\],;]+)[)\]]*"
+)
 _RUN = re.compile(
     r"[\s_,;:(\[]*(?:(?:\b|_)(?:run|trial|test|repeat|lauf|messung|versuch|essai|mesure)|#)[\s._]*(\d+)[)\]]*",
     re.IGNORECASE,

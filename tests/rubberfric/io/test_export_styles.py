@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from support import exports
 from support.refusals import refused
 
 import fitting
@@ -217,3 +218,42 @@ def test_selected_temperatures():
     ):
         with pytest.raises(ValueError, match=message):
             data.selected(**ranges)
+
+
+# --- instruments
+
+OPTIONS = {exports.rheocompass: {"poisson": 0.5}, exports.rspace: {"poisson": 0.5}}
+MODULI = (
+    *(exports.trios, exports.trios_workbook, exports.rheocompass, exports.rheoplus, exports.proteus),
+    *(exports.eplexor, exports.stare, exports.rspace, exports.american, exports.wide_workbook),
+)
+
+
+@pytest.mark.parametrize("style", MODULI)
+@pytest.mark.filterwarnings("ignore:.*sheets .* are read as one table")
+def test_moduli_of_instruments(tmp_path, style):
+    pytest.importorskip("openpyxl", reason="needs openpyxl, which is in the test extra")
+    data = read(style(tmp_path), **OPTIONS.get(style, {}))
+    order = np.lexsort((data.omega, data.temperature))
+    found = np.array([data.omega / HZ, data.storage / 1e6, data.loss / 1e6, data.temperature - ZERO])[
+        :, order
+    ]
+    np.testing.assert_allclose(found, np.transpose(exports.sweep()), rtol=1e-7, atol=1e-6)
+
+
+def test_friction_of_a_linear_tester(tmp_path):
+    data = read(exports.linear_tester(tmp_path))
+    np.testing.assert_allclose(data.friction, exports.mu(1e3 * data.velocity, 1e-6 * data.pressure))
+    assert sorted(zip(data.pressure, data.velocity, strict=True)) == [
+        (p, pytest.approx(v)) for p in (2e5, 4e5) for v in (5e-4, 5e-3, 5e-2)
+    ]
+
+
+def test_friction_of_a_wheel_tester_with_the_columns_of_the_message(tmp_path):
+    path = exports.wheel_tester(tmp_path)
+    columns = json.loads(refused(path, lambda: read(path)).rpartition("columns=")[2])
+    assert columns == ["?", "?", "?", "p [MPa]", "?"]
+    known = iter(["-", "v [mm/s]", "-", "mu [-]"])
+    data = read(path, columns=[next(known) if column == "?" else column for column in columns])
+    np.testing.assert_allclose(data.friction, exports.mu(1e3 * data.velocity, 1e-6 * data.pressure))
+    assert len(data) == 6
