@@ -23,6 +23,8 @@ _STEEPEST = 1.1
 _SIGNIFICANT = 2.0
 # Noise begins to flatten C where it is about half of C. At q1, C is this factor larger.
 _ABOVE_NOISE = 2.5
+# Neighbouring points give a slope up to a fifth smaller than the spectrum; a larger difference is reported.
+_LARGER = 1.4
 # Usual rms slope at the cutoff for rubber on roads.
 _USUAL_SLOPE = 1.3
 
@@ -180,6 +182,11 @@ class MeasuredSpectrum(NamedTuple):
             table = self._isotropic()
             to_q1 = float(rms_slope(table, found.q1))
             lines.append(f"proposed q1 = {found.q1:.4g} 1/m: rms slope of the surface up to q1 {to_q1:.4g}")
+            if to_q1 > _LARGER * self.rms_slope * (1 if self.dimensions == 2 else np.sqrt(2)):
+                lines.append(
+                    'larger than the slope of the heights: edges that do not match (window "none"), or'
+                    " roughness that differs between places, increase C"
+                )
             if to_q1 > _USUAL_SLOPE:
                 usual = float(cutoff(table, _USUAL_SLOPE))
                 lines.append(

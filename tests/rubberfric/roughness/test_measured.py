@@ -124,6 +124,20 @@ def test_reported_slope_of_a_profile_is_that_of_the_surface():
     assert f"up to q1 {np.sqrt(2) * along:.4g}" in found.report()
 
 
+def test_a_false_tail_is_reported():
+    """A curved surface without a window: its edges do not match and add a slope that it does not have."""
+    x, y = np.meshgrid(np.arange(128.0), np.arange(128.0), indexing="ij")
+    heights = 1e-6 * (np.sin(x / 30) * np.cos(y / 50) + self_affine((128, 128), 0.8, 1e-2, 1))
+    with_window, without = (
+        spectrum(heights, (1e-6, 1e-6), window=window, detrend=0) for window in ("hann", "none")
+    )
+    text = 'larger than the slope of the heights: edges that do not match (window "none")'
+    assert text in without.report() and text not in with_window.report()
+    assert float(rf.rms_slope(without.table())) > 2 * without.rms_slope
+    for surface in SURFACES.values():
+        assert text not in spectrum(*surface).report()
+
+
 def test_several_profiles():
     """The mean of all profiles, with the larger of the theoretical standard error and their scatter."""
     lines = np.stack([self_affine((512,), 0.8, 1e-6, seed) for seed in range(12)])
