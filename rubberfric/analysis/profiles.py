@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
+from rubberfric.analysis.law_profile import last_wavevector, over_wavevectors
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
@@ -57,14 +58,15 @@ class Profile(NamedTuple):
     q: jax.Array  # wavevectors [1/m]
     magnification: jax.Array  # q / (first wavevector of the roughness) [-]
     area: jax.Array  # P(q), relative contact area at resolution q [-]
-    fluctuation: jax.Array  # G(q), with P = erf(1 / (2 sqrt G)) [-]
-    energy_factor: jax.Array  # S(q) [-]
+    fluctuation: jax.Array | None  # G(q), with P = erf(1 / (2 sqrt G)) [-]
+    energy_factor: jax.Array | None  # S(q) [-]
     friction_density: jax.Array  # d mu / d ln q, viscoelastic [-]
     friction: jax.Array  # mu of the roughness up to q, viscoelastic [-]
     rms_slope: jax.Array  # of the roughness of both solids up to q [-]
     rms_height: jax.Array  # of the roughness of both solids up to q [m]
     temperature: jax.Array | None = None  # of a heated scene, mean of both deformable solids [K]
     strain: jax.Array | None = None  # of a softening solid, with its strain factor [-]
+    share: jax.Array | None = None  # W(q) of "boundary_elements" where abs(E) is its mean E_r [-]
 
 
 def profile(
@@ -112,9 +114,15 @@ def profile(
     shear. Without roughness or dissipation, friction and its density are zero, not computed. With
     `scene.area_correction` G contains S. G keeps its accuracy where P = 1 - 1e-300. Without roughness the
     magnification is q / q[0].
+
+    With `contact_model="boundary_elements"`, the default wavevectors end at 6 q1, because displacements
+    beyond q1 contribute to the friction. P(q) is the area by the law for the roughness up to q. The law is
+    extrapolated there if this roughness has a narrow band. G and S are None, because they do not occur in the
+    law.
     """
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
-    check_without(scene, ("adhesion", "correlation"), "profile")
+    if scene.contact_model == "paper":
+        check_without(scene, ("adhesion", "correlation"), "profile")
     q = checked_wavevectors(q, 1, conditions, scene)
     found, converged = _profile(scene, *conditions, q, quadrature=quadrature)
     warn_of_last_iterates(scene, converged, conditions)
@@ -145,14 +153,21 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
         return _without_roughness(q, jnp.broadcast_shapes(velocity.shape, pressure.shape)), None
     laws = [surface.law for surface in surfaces]
     first = functools.reduce(jnp.minimum, [law.q[0] for law in laws])
+    by_law = scene.contact_model == "boundary_elements"
     if q is None:
-        q = default_wavevectors(laws)
-    prepared = prepare(scene, ("area", "friction"), quadrature, surfaces=surfaces, borders=q)
-    densities = []
-    if prepared.needs.mean_cos_loss:
-        scale = prepared.roughness.scale
-        densities = [density_of(surface, scale, "mean_cos_loss", q) for surface in surfaces]
-    block = functools.partial(_over_wavevectors, prepared, densities, q)
+        q = default_wavevectors(laws, last=last_wavevector(laws[0]) if by_law else None)
+    if by_law:
+
+        def block(points):
+            found = over_wavevectors(surfaces[0], quadrature, q, *points)
+            return {"fluctuation": None, "energy_factor": None, **found._asdict()}
+    else:
+        prepared = prepare(scene, ("area", "friction"), quadrature, surfaces=surfaces, borders=q)
+        densities = []
+        if prepared.needs.mean_cos_loss:
+            scale = prepared.roughness.scale
+            densities = [density_of(surface, scale, "mean_cos_loss", q) for surface in surfaces]
+        block = functools.partial(_over_wavevectors, prepared, densities, q)
     results = over_points(block, (velocity, pressure, temperature), _BLOCK)
     converged = results.pop("converged", None)
     slope2, height2 = (
@@ -170,10 +185,13 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
     return found, converged
 
 
-def default_wavevectors(laws: Sequence[BrokenPowerLaw], count: int = _COUNT) -> jax.Array:
-    """Return `count` wavevectors over all roughness, equally spaced in ln q."""
+def default_wavevectors(
+    laws: Sequence[BrokenPowerLaw], count: int = _COUNT, last: jax.Array | None = None
+) -> jax.Array:
+    """Return `count` wavevectors, equally spaced in ln q, over all roughness or up to `last`."""
     first = functools.reduce(jnp.minimum, [law.q[0] for law in laws])
-    last = functools.reduce(jnp.maximum, [law.q[-1] for law in laws])
+    if last is None:
+        last = functools.reduce(jnp.maximum, [law.q[-1] for law in laws])
     within = first * jnp.exp(log_ratio(last, first) * (np.arange(1, count - 1) / (count - 1)))
     # Exact ends despite the rounding of exp and ln.
     return jnp.concatenate([first[None], jnp.clip(within, first, last), last[None]])

@@ -132,7 +132,7 @@ def build_mesh(
         between = Between(
             q=jnp.exp(start + inner),
             roughness=tuple(values * inner_measure for values in inner_roughness),
-            interpolate=_interpolation(inner, *serving) if logarithmic else None,
+            interpolate=interpolation(inner, *serving) if logarithmic else None,
         )
     angular_node = typed(gauss(quadrature.angular_order)[0], t)
     return Mesh(
@@ -141,7 +141,7 @@ def build_mesh(
         roughness=tuple(values * (measure * weight) for values in roughness),
         between=between,
         panel=panels.panel,
-        interpolate=_interpolation(nodes, *serving),
+        interpolate=interpolation(nodes, *serving),
         first=panels.first,
         last=jnp.exp(start + edges[-1]),
         borders=t,
@@ -180,6 +180,25 @@ def _node_map(left, right, origin, node):
     return relative, stretch
 
 
+def locate(mesh: Mesh, q: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Return the contact panels of wavevectors within the roughness, and their node coordinates 0 ... 1.
+
+    `q` has the shape (wavevectors,). The mesh must be that of one spectrum.
+    """
+    t = log_ratio(q, mesh.first)
+    left, right = mesh.borders[:-1], mesh.borders[1:]
+    panel = jnp.clip(jnp.searchsorted(mesh.borders, t, side="right") - 1, 0, left.size - 1)
+    left, right = left[panel], right[panel]
+    wide = right > left
+    relative = jnp.clip((t - left) / jnp.where(wide, right - left, 1.0), 0.0, 1.0)
+    # The inverse of `_node_map`.
+    ratio = jnp.sqrt(jnp.maximum(left - mesh.origin, 0.0) / jnp.where(wide, right - mesh.origin, 1.0))
+    root = ratio + jnp.sqrt(ratio**2 + (1 - ratio**2) * relative)
+    first = left <= mesh.origin
+    further = (1 + ratio) * relative / jnp.where(first, 1.0, root)
+    return panel, jnp.where(first, jnp.sqrt(jnp.sqrt(relative)), further)
+
+
 def _roughness(law, kink, piece, nodes, start):
     """Return q^4 C at the nodes, with zeros in panels outside the range of the spectrum."""
     count = law.exponent.shape[0]
@@ -193,10 +212,11 @@ def _roughness(law, kink, piece, nodes, start):
     return jnp.where(inside[:, None], value, 0.0)
 
 
-def _interpolation(nodes, left, right, order):
-    """Evaluate the Lagrange polynomials of the angular nodes at `nodes`, through Legendre polynomials.
+def interpolation(nodes: jax.Array, left: jax.Array, right: jax.Array, order: int) -> jax.Array:
+    """Evaluate the Lagrange polynomials of the Gauss nodes of panels at `nodes`, by Legendre polynomials.
 
-    `left` and `right` are the ends of the angular panels. The result has the shape (panels, nodes, order).
+    `nodes` has the shape (panels, nodes). `left` and `right` are the ends of the panels. The result has the
+    shape (panels, nodes, order).
     """
     width = (right - left)[:, None]
     x = 2 * (nodes - left[:, None]) / jnp.where(width > 0, width, 1.0) - 1

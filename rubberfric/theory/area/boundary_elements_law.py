@@ -44,7 +44,7 @@ from jax.scipy.special import erf
 from rubberfric.base.fixed_points import implicit
 from rubberfric.base.quadrature import Quadrature, cumulative, gauss, typed
 from rubberfric.materials.material import apply_vertical_shift, poisson_of, relaxation, series_of
-from rubberfric.roughness.radial_mesh import build_mesh
+from rubberfric.roughness.radial_mesh import Mesh, build_mesh
 from rubberfric.roughness.spectra import BrokenPowerLaw
 from rubberfric.scene.scene import Body
 from rubberfric.theory.paper import E_r
@@ -76,7 +76,7 @@ class LawConstants(NamedTuple):
 CONSTANTS = LawConstants()
 
 # End of the displacements beyond q1, over q1, and the Gauss nodes in ln q there.
-_END, _BEYOND = 6.0, 10
+END, BEYOND = 6.0, 10
 
 # Step and end of the trapezoidal rule in t, cos(phi) = 1 / cosh(t): errors exp(-pi^2 / step) and exp(-end).
 _STEP, _LAST = 0.45, 15.0
@@ -100,7 +100,7 @@ class ElasticSlab(NamedTuple):
 class Shape(NamedTuple):
     """Roughness at the nodes, independent of velocity, pressure and temperature."""
 
-    q: jax.Array  # (panels, order) [1/m]
+    mesh: Mesh
     weight: jax.Array  # q^4 C / height2 times d ln q, (panels, order)
     until: jax.Array  # weights of the integral up to every node k, (panels, k, i)
     F: jax.Array  # (panels, order)
@@ -126,12 +126,12 @@ class Law(NamedTuple):
 
 
 class State(NamedTuple):
-    """The contact at points. Arrays have the shape (points,), except `mu_of_q`."""
+    """The contact at points. Arrays have the shape (points,) unless a comment gives another shape."""
 
     area: jax.Array
     mu: jax.Array  # viscoelastic friction, with the part beyond q1
-    mu_of_q: jax.Array  # part from every node below q1, (points, nodes)
-    mu_beyond: jax.Array  # part from wavevectors above q1
+    mu_of_q: jax.Array  # part from every node, (points, all nodes)
+    share: jax.Array  # W where abs(E) = E_r, (points, nodes)
     converged: jax.Array
 
 
@@ -149,13 +149,13 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
     until = jnp.tensordot(mesh.between.roughness[0], rule, 1)
     total = jnp.sum(weight)
     q1 = law.q[-1]
-    D_end = _density(law, q1) / total
-    D = _density(law, mesh.q) / (total * D_end)
+    D_end = roughness_density(law, q1) / total
+    D = roughness_density(law, mesh.q) / (total * D_end)
     relative = mesh.q / q1
     m0, m4 = jnp.sum(weight / relative**2), jnp.sum(weight * relative**2)
     # The first node is q1, with zero weight.
-    node, dln = (typed(np.append(0.0, table), weight) for table in gauss(_BEYOND))
-    beyond = math.log(_END) * node
+    node, dln = (typed(np.append(0.0, table), weight) for table in gauss(BEYOND))
+    beyond = math.log(END) * node
     height2 = surface.law.height2
     log_q = jnp.concatenate([jnp.log(mesh.q).reshape(-1), jnp.log(q1) + beyond])
     grid, mean, along = _circle(log_q, _ENTRIES + _PER_PANEL * quadrature.panels if surface.relaxes else 1)
@@ -172,7 +172,7 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
         slab = ElasticSlab(jnp.log(factor), jnp.log(F).reshape(-1), log_D.reshape(-1), log_D_end)
     return Law(
         Shape(
-            q=mesh.q,
+            mesh=mesh,
             weight=weight,
             until=until,
             F=_share_before(weight, jnp.sum(until, -1)),
@@ -181,7 +181,7 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
             height2=height2,
             slope=jnp.sqrt(2 * jnp.pi * total) * surface.spectrum.height_scale(),
             log_alpha=jnp.log(m0 / total) + jnp.log(m4 / total),
-            weight_beyond=math.log(_END) * dln * jnp.exp(-3 * beyond),
+            weight_beyond=math.log(END) * dln * jnp.exp(-3 * beyond),
             grid=grid,
             mean=mean,
             along=along,
@@ -203,7 +203,7 @@ def _before(panels):
     return jnp.asarray(np.tri(panels.shape[0], k=-1, dtype=panels.dtype)) @ panels
 
 
-def _density(law: BrokenPowerLaw, q: jax.Array) -> jax.Array:
+def roughness_density(law: BrokenPowerLaw, q: jax.Array) -> jax.Array:
     """Return q^4 C / height2 [1/m^2]."""
     piece = jnp.clip(jnp.searchsorted(law.q, q, side="left") - 1, 0, law.exponent.shape[0] - 1)
     return q**2 * jnp.exp(law.log_value[piece] + law.exponent[piece] * jnp.log(q / law.q[piece]))
@@ -216,7 +216,7 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     the integrals over the circle are matrices.
     """
     shape, slab, c = law.shape, law.shape.slab, law.constants
-    panels, order = shape.q.shape
+    panels, order = shape.mesh.q.shape
     T = None if temperature is None else temperature[:, None]
     E = _modulus(law, jnp.abs(velocity)[:, None] * shape.grid, T)  # (points, grid) [Pa]
     scale = jax.lax.stop_gradient(jnp.max(jnp.abs(E), 1))
@@ -289,7 +289,7 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
         log_E_r = log_E_r - slab.log_factor[:inside]
         weight = weight * jnp.exp(slab.log_factor[:inside])
         weight_beyond = weight_beyond * jnp.exp((1 - c.c_b) * slab.log_factor[inside:])
-    odds = odds * jnp.exp(-c.c_phi * log_E_r)
+    around = odds * jnp.exp(-c.c_phi * log_E_r)
     stiff = jnp.exp(0.5 * c.c_phi * log_abs2)
     loss = jnp.imag(E)
     factor = shape.height2 * scale / (2 * pressure)
@@ -301,14 +301,12 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
         loss, odds, stiff = point
         return jnp.sum(along * (loss / (1 + odds[:, None] * stiff)), -1)
 
-    mu_of_q = factor[:, None] * weight * jax.lax.map(ring, (loss, odds, stiff))
-    softened = loss * jnp.exp(-0.5 * c.c_b * log_abs2)
-    beyond = jnp.exp(c.c_b * log_E_eff) * (softened @ (weight_beyond @ shape.along[inside:]))
-    mu_beyond = factor * A * tail(A, B) * jnp.sum(shape.weight) * shape.D_end * beyond
-    sign = jnp.sign(velocity)
-    return State(
-        A, sign * (jnp.sum(mu_of_q, -1) + mu_beyond), sign[:, None] * mu_of_q, sign * mu_beyond, converged
-    )
+    here = weight * jax.lax.map(ring, (loss, around, stiff))
+    there = (loss * jnp.exp(-0.5 * c.c_b * log_abs2)) @ shape.along[inside:].T * weight_beyond
+    height = jnp.sum(shape.weight) * shape.D_end * A * tail(A, B) * jnp.exp(c.c_b * log_E_eff)
+    there = height[:, None] * there
+    mu_of_q = (jnp.sign(velocity) * factor)[:, None] * jnp.concatenate([here, there], -1)
+    return State(A, jnp.sum(mu_of_q, -1), mu_of_q, 1 / (1 + odds), converged)
 
 
 def _circle(log_q, count):

@@ -254,6 +254,30 @@ def test_other_solids():
     np.testing.assert_allclose(rf.friction(soft, 0.1, 1e5), series, rtol=1e-6)
 
 
+def test_profile():
+    """The friction of all wavevectors, the area of cut roughness, the density, and W."""
+    scene, velocity, pressure = _scene(), np.array([1e-3, 1.0]), np.array([2e5, 2e4])
+    q = ROAD.q1 * np.array([1e-3, 0.1, 0.3, 1.0, 6.0, 9.0])
+    found = rf.analysis.profile(scene, velocity, pressure, q=q, quadrature=rf.Quadrature())
+    whole = rf.solve(scene, velocity, pressure, quadrature=rf.Quadrature())
+    np.testing.assert_allclose(found.friction[:, -1], whole.friction, rtol=1e-12)
+    np.testing.assert_allclose(found.area[:, 3:], whole.area[:, None] * np.ones(3), rtol=1e-12)
+    cut = scene.replace({"upper.spectrum": ROAD.cut(0.3 * ROAD.q1)})
+    np.testing.assert_allclose(found.area[:, 2], rf.contact_area(cut, velocity, pressure), rtol=1e-6)
+    np.testing.assert_array_equal(found.area[:, 0], 1.0)
+    np.testing.assert_array_equal(found.friction[:, 0], 0.0)
+    # The density is the derivative of the friction, on both sides of the kinks at qr and q1.
+    q = np.outer([150.0, 399.0, 401.0, 3e3, 9.99e3, 1.01e4, 3e4], [np.exp(-1e-3), 1.0, np.exp(1e-3)])
+    found = rf.analysis.profile(scene, velocity, pressure, q=q.ravel())
+    density, friction = (np.asarray(x).reshape(2, 7, 3) for x in (found.friction_density, found.friction))
+    np.testing.assert_allclose(density[..., 1], (friction[..., 2] - friction[..., 0]) / 2e-3, rtol=1e-5)
+    share = np.asarray(found.share).reshape(2, 7, 3)
+    assert np.all((share[:, :5] > 0) & (share[:, :5] < 1 + 1e-12)) and np.all(share[:, 5:] == 0)
+    full = rf.analysis.profile(scene, 0.1, 1e9)
+    np.testing.assert_allclose(full.share[full.q < ROAD.q1], 1.0, rtol=1e-9)
+    np.testing.assert_allclose(full.friction[-1], full.friction[np.argmax(full.q > ROAD.q1)], rtol=1e-9)
+
+
 @pytest.mark.slow
 def test_derivatives():
     """Forward mode, differences, and the Jacobian of fits, which uses reverse mode, agree."""
@@ -331,7 +355,7 @@ def test_refusals():
     with pytest.raises(ValueError, match="not possible together with area_correction"):
         _scene(area_correction=True)
     with pytest.raises(ValueError, match="contact_model"):
-        rf.analysis.profile(_scene(), 0.1, 1e5)
+        rf.analysis.separation_profile(_scene(), 0.1, 1e5)
     with pytest.raises(ValueError, match="contact_model"):
         _with("finite_elements")
 
