@@ -54,7 +54,8 @@ MEASUREMENTS = {
     "law": f"TABLE=notebooks/law_table.md {pytest(LAW, 'slow')}",
     "fits_of_boundary_elements": pytest("fitting/uncertainty/test_coverage.py", "slow"),
     "molecular_dynamics": pytest("rubberfric/theory/area/test_molecular_dynamics.py"),
-    "master_curves": pytest("fitting/characterise/test_public_sweeps.py", "slow"),
+    "master_curves": pytest("fitting/characterise/test_public_sweeps.py"),
+    "prony_series": pytest("fitting/characterise/test_public_series.py"),
     "sphere": pytest("rubberfric/analysis/test_sliding_sphere.py"),
     "tyre": pytest("whole_scenes/test_tyre_friction.py"),
 }

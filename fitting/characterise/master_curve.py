@@ -322,14 +322,7 @@ def fit_master_curve(
     vertical shift (T/T_ref)^m, m = 0 +/- 0.25. If `vertical` is False, but the moduli fit much better with
     a factor of about T/T_ref, ln a_T allows for this factor, and the report says so.
     """
-    if not (isinstance(vertical, bool) or vertical == "entropic"):
-        raise ValueError(f'vertical = {shown(vertical)}: must be True, False or "entropic"')
-    if not (is_number(same) and same > 0):
-        raise ValueError(f"same = {shown(same)}: must be a number > 0 [K]")
-    if not (is_number(temperature_error) and temperature_error >= 0):
-        raise ValueError(f"temperature_error = {shown(temperature_error)}: must be a number >= 0 [K]")
-    if reference is not None and not (is_number(reference) and reference > 0):
-        raise ValueError(f"reference = {shown(reference)}: must be None or a temperature > 0 [K]")
+    _check(reference, vertical, same, temperature_error)
     sweeps = sweeps_of(isotherms, float(same))
     T = np.array([one.T for one in sweeps])
     nearest = int(np.argmin(np.abs(T - (_ROOM if reference is None else reference))))
@@ -341,37 +334,17 @@ def fit_master_curve(
     shifts = shifts_of(sweeps, nearest, vertical, float(temperature_error))
     moving = np.delete(np.arange(T.size), nearest)
     known = (T[moving], shifts.log_a[moving], shifts.covariance[np.ix_(moving, moving)], float(T[nearest]))
-    sets = [isotherms] if isinstance(isotherms, ModulusData) else list(isotherms)
     which = np.repeat(np.arange(T.size), [one.t.size for one in sweeps])
     y = np.concatenate([one.y for one in sweeps], axis=1) - shifts.log_b[which]
     order = np.argsort(shifts.t, kind="stable")
     order = order[np.all(np.isfinite(y), axis=0)[order]]
-    errors = {}
-    if sweeps[0].error is not None:
-        relative = np.concatenate([one.error for one in sweeps if one.error is not None], axis=1)
-        sigma = np.exp(y[:, order]) * relative[:, order]
-        errors = {"sigma_storage": sigma[0], "sigma_loss": sigma[1]}
-    bodies = {one.body for one in sets}
-    data = ModulusData(
-        np.exp(shifts.t[order]),
-        *np.exp(y[:, order]),
-        **errors,
-        name=f"master curve of {sets[0].name}" if sets[0].name and len(sets) == 1 else "master curve",
-        body=bodies.pop() if len(bodies) == 1 else None,
-        check_units=False,
-    )
     residuals = y - shifts.smooth
     # Exclude the vertical shift that `data` show, and bad points.
-    rest = residuals - shifts.hidden[which]
-    rest = np.where(shifts.bad, np.nan, rest)
+    rest = np.where(shifts.bad, np.nan, residuals - shifts.hidden[which])
     count = [np.maximum(np.isfinite(rest[:, which == i]).sum(axis=1), 1) for i in range(T.size)]
-    t = np.concatenate([one.t for one in sweeps])
-    bad = [
-        (("E'", "E''")[k], float(T[which[i]]), float(np.exp(t[i])))
-        for k, i in zip(*np.nonzero(shifts.bad), strict=True)
-    ]
+    omega = np.exp(np.concatenate([one.t for one in sweeps]))
     return MasterCurve(
-        data=data,
+        data=_shifted(isotherms, sweeps, shifts.t, y, order),
         T=T,
         reference=nearest,
         shifts=shifts,
@@ -382,7 +355,40 @@ def fit_master_curve(
         offsets=np.stack([np.nanmean(rest[:, which == i], axis=1) for i in range(T.size)], axis=1),
         offset_errors=np.array(shifts.scatter)[:, None]
         * np.sqrt(shifts.correlated[:, None] / np.transpose(count)),
-        bad_points=tuple(bad),
+        bad_points=tuple(
+            (("E'", "E''")[k], float(T[which[i]]), float(omega[i]))
+            for k, i in zip(*np.nonzero(shifts.bad), strict=True)
+        ),
         vertical=vertical,
         temperature_error=float(temperature_error),
+    )
+
+
+def _check(reference, vertical, same, temperature_error):
+    if not (isinstance(vertical, bool) or vertical == "entropic"):
+        raise ValueError(f'vertical = {shown(vertical)}: must be True, False or "entropic"')
+    if not (is_number(same) and same > 0):
+        raise ValueError(f"same = {shown(same)}: must be a number > 0 [K]")
+    if not (is_number(temperature_error) and temperature_error >= 0):
+        raise ValueError(f"temperature_error = {shown(temperature_error)}: must be a number >= 0 [K]")
+    if reference is not None and not (is_number(reference) and reference > 0):
+        raise ValueError(f"reference = {shown(reference)}: must be None or a temperature > 0 [K]")
+
+
+def _shifted(isotherms, sweeps, t, y, order):
+    """Return the points `order` of all sweeps at the reduced ln omega t, with ln E = y."""
+    sets = [isotherms] if isinstance(isotherms, ModulusData) else isotherms
+    errors = {}
+    if sweeps[0].error is not None:
+        relative = np.concatenate([one.error for one in sweeps if one.error is not None], axis=1)
+        sigma = np.exp(y) * relative
+        errors = {"sigma_storage": sigma[0, order], "sigma_loss": sigma[1, order]}
+    bodies = {one.body for one in sets}
+    return ModulusData(
+        np.exp(t[order]),
+        *np.exp(y[:, order]),
+        **errors,
+        name=f"master curve of {sets[0].name}" if sets[0].name and len(sets) == 1 else "master curve",
+        body=bodies.pop() if len(bodies) == 1 else None,
+        check_units=False,
     )

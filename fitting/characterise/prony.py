@@ -324,19 +324,9 @@ def fit_prony(
     tau = grid(omega, per_decade) if tau is None else given(data, tau, omega)
     fixed = fixed_modulus(E_inf)
     series = _series(reference, omega, tau, fixed, weight)
-    count = series.measured.size + (0 if smooth is None else tau.size - 2)
-    if count < series.tau.size:
-        raise ValueError(
-            f"data {data.label!r}: {series.measured.size} values for {series.tau.size} unknowns:"
-            " must have at least as many values; lower per_decade, or give tau or smooth"
-        )
-    if smooth is None:
-        check_gaps(data, omega)
-        E = series.bounded()
-    else:
-        E = _peaks(reference, omega, series.tau)
+    E = _start(data, reference, series, smooth)
     kept = E > 0
-    if not kept[: tau.size].any():
+    if not (kept & np.isfinite(series.tau)).any():
         raise ValueError(f"data {data.label!r}: the fit has no relaxing term; E'' must be > 0")
     found = series.only(kept)
     strength = found.cross_validated(E[kept]) if isinstance(smooth, str) else smooth
@@ -388,6 +378,20 @@ def _series(data, omega, tau, relaxed, weight):
         tau,
         data.body or "lower",
     )
+
+
+def _start(data, reference, series, smooth):
+    """Return the moduli of the minimum without a prior, or an initial guess > 0 with a prior."""
+    times = np.isfinite(series.tau).sum()
+    if series.measured.size + (0 if smooth is None else times - 2) < series.tau.size:
+        raise ValueError(
+            f"data {data.label!r}: {series.measured.size} values for {series.tau.size} unknowns:"
+            " must have at least as many values; lower per_decade, or give tau or smooth"
+        )
+    if smooth is not None:
+        return _peaks(reference, reference.omega, series.tau)
+    check_gaps(data, reference.omega)
+    return series.bounded()
 
 
 def _peaks(data, omega, tau):

@@ -165,18 +165,7 @@ def fit_spectrum(
         raise ValueError(f"q1 = {q1:g}: must be > q0 = {q0:g}")
     fixed_H = _fixed("hurst", hurst, 0.0, 1.0)
     fixed_qr = _fixed("qr", qr, q0, q1)
-    inside = (data.q >= q0) & (data.q <= q1)
-    unknowns = 1 + (fixed_H is None) + (fixed_qr is None)
-    if inside.sum() < unknowns + 1:
-        raise ValueError(
-            f"data {data.label!r}: {inside.sum()} values within {q0:g} ... {q1:g} 1/m for {unknowns}"
-            " unknowns: must have more values than unknowns"
-        )
-    remarks = []
-    if not inside.all():
-        remarks.append(f"{(~inside).sum()} of {inside.size} points lie outside q0 ... q1: not used")
-    part = {name: None if (x := getattr(data, name)) is None else x[inside] for name in data.fields()}
-    data = dataclasses.replace(data, **part, check_units=False)
+    data, remarks = _within(data, q0, q1, 1 + (fixed_H is None) + (fixed_qr is None))
     t, y = np.log(data.q), np.log(np.maximum(data.C, 1e-12 * data.C.max()))
     weight = _weights(data)
     slopes = _SLOPES if fixed_H is None else (2 * (1 + fixed_H),) * 2
@@ -225,6 +214,21 @@ def _data(data, relative, body):
         return data
     relative = data.relative if relative is None else relative
     return dataclasses.replace(data, relative=relative, body=body or data.body, check_units=False)
+
+
+def _within(data, q0, q1, unknowns):
+    """Return the data within the cut-offs, and a list with a remark on points outside."""
+    inside = (data.q >= q0) & (data.q <= q1)
+    if inside.sum() < unknowns + 1:
+        raise ValueError(
+            f"data {data.label!r}: {inside.sum()} values within {q0:g} ... {q1:g} 1/m for {unknowns}"
+            " unknowns: must have more values than unknowns"
+        )
+    if inside.all():
+        return data, []
+    part = {name: None if (x := getattr(data, name)) is None else x[inside] for name in data.fields()}
+    remark = f"{(~inside).sum()} of {inside.size} points lie outside q0 ... q1: not used"
+    return dataclasses.replace(data, **part, check_units=False), [remark]
 
 
 def _weights(data):
