@@ -5,6 +5,8 @@ Moduli and road are measured. The free parameters are the largest stress of cont
 the cut-off wavevector q1 of the road. The six points of each compound have no errors; 5 % is assumed.
 """
 
+import functools
+
 import numpy as np
 import pytest
 from support.folders import TYRE
@@ -41,10 +43,17 @@ def measured(compound):
     return fitting.FrictionData(v, mu, pressure=PRESSURE, relative=0.05, name=compound)
 
 
+@functools.cache
+def fitted(compound, model):
+    """Return the fit to the friction of a compound with a contact model."""
+    options = CONTACT_MODELS[model]
+    return fitting.fit(scene(compound, **options), measured(compound), FREE, quadrature=SETTING)
+
+
 @pytest.mark.parametrize(("one", "other"), [("R20", "R40"), ("R40", "R20")])
 def test_fit_and_blind_prediction(one, other):
     for model, options in CONTACT_MODELS.items():
-        fit = fitting.fit(scene(one, **options), measured(one), FREE, quadrature=SETTING)
+        fit = fitted(one, model)
         data = measured(other)
         numbers = dict(zip(fit.names, fit.values, strict=True))
         blind = scene(other, **options).replace({name: float(value) for name, value in numbers.items()})
@@ -58,6 +67,28 @@ def test_fit_and_blind_prediction(one, other):
             + f"; blind {other} {percent(error)}, mean {100 * error.mean():+.1f} %"
         )
         assert np.sqrt(np.mean(misfit**2)) < 0.12 and np.sqrt(np.mean(error**2)) < 0.2
+
+
+@pytest.mark.parametrize("model", CONTACT_MODELS)
+def test_next_measurement(model):
+    """Contact shear and cut-off compensate each other in R20. A fast run or a contact area separates them."""
+    fit, pressure = fitted("R20", model), np.array([1e5, 3e5, 6e5])
+    aim = fitting.prediction(np.geomspace(1e-2, 10, 7)[:, None], pressure)
+    candidates = (np.geomspace(1e-4, 10, 11)[:, None], pressure)
+    designs = {
+        quantity: fitting.design(
+            fit, candidates=candidates, n=1, criterion=aim, relative=0.05, quantity=quantity
+        )
+        for quantity in ("friction", "area")
+    }
+    for quantity, design in designs.items():
+        print(f"\n{model}, one measured {quantity}:\n{design.report()}")
+        before, after = design.predicted
+        assert after < 0.05 < before
+    assert not np.isfinite(fit.stderr[list(fit.names).index("lower.spectrum.q1")])
+    assert designs["friction"].velocity[0] > 10 * fit.data[0].velocity.max()
+    errors = dict(zip(FREE, designs["area"].rate * designs["area"].after, strict=True))
+    assert errors["shear.tau_f0"] < 0.1 and errors["lower.spectrum.q1"] < 0.15
 
 
 def data_of_model(fit):
