@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from typing import Any, Self
 
 LOST = "incomplete files are not written"
+DELAYED = "interrupted; stopping after this import or compilation"
 WAIT = "interrupted; stopping after this step (a second signal stops at once)"
 
 # Windows has no SIGHUP, which a terminal sends when it closes.
@@ -115,6 +116,8 @@ class Interrupts:
             raise KeyboardInterrupt
         import threading
 
+        if first:
+            say(self.program, DELAYED)
         self._again = threading.Timer(_AGAIN, _raise_in_main, (threading.get_ident(), which))
         self._again.start()
 
