@@ -40,6 +40,9 @@ _NEGLIGIBLE, _DOMINANT = 30.0, 1 / 30
 # Intervals of the contact area in the table, and its ranges of q1/qr, H and gamma.
 AREAS = (0.003, 0.01, 0.03, 0.1, 0.3, 0.8)
 _RATIOS, _HURST, _GAMMA = (8.0, 64.0), (0.6, 1.0), (0.4, 0.55)
+# Largest q1/q0 of the cases that the law was fitted to, and growth of its error (ln of area and of friction)
+# per decade beyond, from tests/rubberfric/theory/area/test_law_and_boundary_elements.py.
+WIDEST, GROWTH = 64.0, (0.025, 0.05)
 _BROAD = 1e3  # relaxation times over this ratio are broad, below nearly a single time
 
 # 5 % and 95 % quantiles of theory over boundary elements, by (version of the theory, width of relaxation)
@@ -98,6 +101,7 @@ class TheoryError(NamedTuple):
     friction: tuple[float, float]  # viscoelastic
     contact: tuple[float, float]  # smallest and largest A/A0 included
     relaxation: str  # "narrow" or "broad"
+    extrapolated: float = 0.0  # decades of q1/q0 beyond the cases, for the law fitted to boundary elements
 
 
 def contact_model_name(scene: Scene) -> str:
@@ -119,7 +123,9 @@ def theory_error(scene: Scene, area: ArrayLike | None = None) -> TheoryError | N
     -------
     TheoryError over all areas between 0.003 and 0.8; None without such areas, or if the table does not cover
     the scene. The table covers a rigid self-affine surface, H = 0.6 ... 1, q1/qr = 8 ... 64, under a smooth
-    viscoelastic half-space without heating or softening, with gamma about 1/2.
+    viscoelastic half-space without heating or softening, with gamma about 1/2. With
+    `contact_model="boundary_elements"`, larger q1/qr are included. Beyond q1/q0 = 64 the law is extrapolated,
+    and the limits of the ranges move by 5 % (friction) and 2.5 % (area) in each decade of q1/q0.
 
     Sources: notebooks/boundary_elements.csv, which notebooks/boundary_elements.py makes. The errors for
     `contact_model="boundary_elements"` are from the cases of
@@ -137,11 +143,17 @@ def theory_error(scene: Scene, area: ArrayLike | None = None) -> TheoryError | N
     relaxation = "broad" if high / low >= _BROAD else "narrow"
     version = scene.area_correction if scene.contact_model == "paper" else scene.contact_model
     rows = np.array([RATIOS[version, relaxation][k] for k in sorted(set(bins[inside].tolist()))])
+    decades = 0.0
+    if scene.contact_model == "boundary_elements":
+        q = rough_surfaces(scene)[0][0].power_law().q
+        decades = max(0.0, float(np.log10(q[-1] / q[0] / WIDEST)))
+    area_factor, friction_factor = (float(np.exp(growth * decades)) for growth in GROWTH)
     return TheoryError(
-        (float(rows[:, 0].min()), float(rows[:, 1].max())),
-        (float(rows[:, 2].min()), float(rows[:, 3].max())),
+        (float(rows[:, 0].min()) / area_factor, float(rows[:, 1].max()) * area_factor),
+        (float(rows[:, 2].min()) / friction_factor, float(rows[:, 3].max()) * friction_factor),
         (float(area[inside].min()), float(area[inside].max())),
         relaxation,
+        decades,
     )
 
 
@@ -157,7 +169,12 @@ def _covered(scene):
             and optional_parts(scene) <= {"shear", "area_correction", "boundary_elements"}
             and is_concrete(spectrum.q1)
         ):
-            values = (spectrum.q1 / spectrum.qr, _RATIOS), (spectrum.hurst, _HURST), (scene.gamma, _GAMMA)
+            low, high = _RATIOS if scene.contact_model == "paper" else (_RATIOS[0], np.inf)
+            values = (
+                (spectrum.q1 / spectrum.qr, (low, high)),
+                (spectrum.hurst, _HURST),
+                (scene.gamma, _GAMMA),
+            )
             return all(low * (1 - 1e-9) <= float(x) <= high * (1 + 1e-9) for x, (low, high) in values)
     return False
 

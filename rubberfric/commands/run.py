@@ -130,11 +130,16 @@ def model_error_line(result: Result) -> str:
     mu = "mu" if result.scene.shear is None else "viscoelastic mu"
     low, high = found.contact
     page = "boundary_elements" if result.scene.contact_model == "paper" else "how_true"
+    beyond = (
+        f"\nq1/q0 is {10**found.extrapolated:.2g} times larger than in any case; the range includes this"
+        if found.extrapolated
+        else ""
+    )
     return (
         f"contact model: {contact_model_name(result.scene)}\n"
         "its error against boundary elements of such scenes\n"
         f"(A/A0 {low:.2g} ... {high:.2g}, nine cases of ten; notebooks/{page}.md):\n"
-        f"A/A0 is off by {area}, {mu} by {friction}"
+        f"A/A0 is off by {area}, {mu} by {friction}{beyond}"
     )
 
 

@@ -73,8 +73,16 @@ def test_what_is_covered():
     assert found.friction == (rows[:, 2].min(), rows[:, 3].max())
     one = theory_error(scene((TREAD.replace(tau=[1e-4] * 3),), (RIGID, ROAD), area_correction=True), 0.05)
     assert one.relaxation == "narrow" and one.friction == RATIOS[True, "narrow"][2][2:]
-    law = theory_error(own.replace(contact_model="boundary_elements"), 0.05)
-    assert law.friction == RATIOS["boundary_elements", "broad"][2][2:]
+    by_law = own.replace(contact_model="boundary_elements")
+    low, high = RATIOS["boundary_elements", "broad"][2][2:]
+    for decades in (0.0, 2.0):
+        law = theory_error(
+            by_law.replace("lower.spectrum.q1", 6.4e3 * 10**decades).replace("lower.spectrum.qr", 800.0), 0.05
+        )
+        np.testing.assert_allclose(
+            law.friction, (low * np.exp(-0.05 * decades), high * np.exp(0.05 * decades))
+        )
+        assert law.extrapolated == pytest.approx(decades)
     assert theory_error(own, 1e-4) is None
     for other in (
         own.replace(gamma=0.8),
