@@ -316,7 +316,8 @@ def fit_master_curve(
 
     Notes
     -----
-    Neighbours that share few points or none are joined by the smoothness of the curve and get large errors.
+    Neighbours that share few points or none are joined by the smoothness of the curve and get large errors. A
+    prior limits the change of d ln a_T / dT between neighbouring sweeps to about 30 %.
     If errors of the data are not given, they follow from the scatter. The standard errors also include an
     offset of each sweep (1 % or more), correlated scatter, a phase error of the instrument, and an unknown
     vertical shift (T/T_ref)^m, m = 0 +/- 0.25. If `vertical` is False, but the moduli fit much better with

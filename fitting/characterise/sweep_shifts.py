@@ -7,11 +7,11 @@ The model of point k in the sweep s at temperature T_s is
 and the same for E''. S' and S'' are cubic splines with a penalty on their second differences, u' and u'' are
 offsets that the sweeps do not share, and e' and e'' scatter. The phase error of an instrument adds
 phase^2 tan^2(delta) to the variance of ln E' and phase^2 / tan^2(delta) to the variance of ln E''.
-A prior keeps the slope of ln a_T
-over temperature from changing much between neighbouring sweeps: E' of a glass hardly determines shifts.
-Coefficients and offsets enter linearly and are eliminated (variable projection) [Golub & Pereyra, SIAM J.
-Numer. Anal. 10 (1973) 413]. Gauss-Newton steps find the shifts. The variances and the penalty maximise the
-restricted likelihood [Wood & Fasiolo, Biometrics 73 (2017) 1071, doi:10.1111/biom.12666].
+E' and E'' of a glass hardly determine shifts. A prior therefore limits the change of the slope of ln a_T over
+temperature between neighbouring sweeps to about 30 %. Coefficients and offsets enter linearly and are
+eliminated (variable projection) [Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413]. Gauss-Newton steps find
+the shifts. The variances and the penalty maximise the restricted likelihood [Wood & Fasiolo, Biometrics 73
+(2017) 1071, doi:10.1111/biom.12666].
 """
 
 import dataclasses

@@ -223,6 +223,18 @@ def test_neighbours_that_share_nothing_are_joined_with_large_errors():
     assert far > 3 * near
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_shifts_of_glassy_sweeps_are_regular(seed):
+    """The coldest of five sweeps that are 20 K apart hardly overlaps. Without a prior it is 2 decades off."""
+    law = rf.WLF(12.0, 50.0, 253.15)
+    data = isotherms(noise=0.02, seed=seed, law=law, temperatures=np.arange(233.15, 320.0, 20.0))
+    curve = fit_master_curve(data, 293.15, temperature_error=0.0)
+    true = np.asarray(law.log_factor(curve.T)) - float(law.log_factor(293.15))
+    error = (curve.log_aT - true) / np.log(10)
+    assert abs(error[0]) < 0.8 and np.abs(error[1:]).max() < 0.1
+    assert abs(error[0]) < 3 * curve.stderr[0] / np.log(10)
+
+
 def test_bad_points_are_named_and_lose_weight(found):
     data = isotherms()
     storage = np.array(data.storage)
