@@ -258,7 +258,7 @@ def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:
         if _is_unit(unit) and ("/" in between[0] or not is_number(unit)):
             candidates.append((title[: between.start()], unit))
     for text, unit in candidates:
-        known = _known(text)
+        known = _known(text) or _with_symbol(text)
         if known is not None:
             return (generic + known[1:] if known.startswith("M_") else known), unit
     logarithm = _LOGARITHM.fullmatch(title)  # such as lg(f/Hz)
@@ -305,6 +305,14 @@ def is_number(field: str) -> bool:
 def _is_unit(text: str) -> bool:
     plain = plain_unit(text)
     return plain in _KNOWN_UNITS or _UNITS.get(plain, "") in _KNOWN_UNITS
+
+
+def _with_symbol(text: str) -> str | None:
+    """Return the known name in a text such as "Storage modulus (E')", where name and symbol agree."""
+    bracket = _BRACKETS.fullmatch(text)
+    name, symbol = (_known(bracket[1]), _known(bracket[2])) if bracket else (None, None)
+    agree = name is not None and symbol is not None and name[name.startswith("M_") :] in (symbol, symbol[1:])
+    return symbol if agree else None
 
 
 def _known(text: str) -> str | None:

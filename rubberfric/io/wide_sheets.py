@@ -79,7 +79,14 @@ def blocks_of(titles: Sequence[LabelledTitle]) -> dict[Label, list[int]]:
     for place, title in enumerate(titles):
         if title.name is not None and title.label is not None:
             blocks.setdefault(title.label, []).append(place)
-    shared = quantities_of(title.name for title in titles if title.label is None)
+    names = [title.name if title.label is None else None for title in titles]
+    for name in set(names) - {None}:
+        places = [place for place, other in enumerate(names) if other == name]
+        if len(places) == len(blocks) > 1:  # a condition of each block
+            for place, label in zip(places, blocks, strict=True):
+                blocks[label].append(place)
+                names[place] = None
+    shared = quantities_of(names)
     columns = {tuple(titles[place].name for place in places) for places in blocks.values()}
     kinds = {label.name for label in blocks}
     return blocks if len(columns) == len(kinds) == 1 and set(shared) <= set(_CONDITIONS) else {}

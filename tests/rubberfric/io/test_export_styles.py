@@ -49,6 +49,11 @@ def book(folder, *sheets):
         ("lg(f/Hz)", "log10_f", "Hz"),
         ("A/A0", "A_over_A0", None),
         ("E'/E''", None, None),
+        ("Storage modulus (E') [MPa]", "E_stor", "MPa"),
+        ("Storage modulus (G') [MPa]", "G_stor", "MPa"),
+        ("Temperature (T) / °C", "T", "°C"),
+        ("Temperature (C)", "T", "C"),
+        ("Storage modulus (E'') [MPa]", None, None),
         ("mu 1", None, None),
         ("Shear modulus (elastic component) (Pa)", "G_stor", "Pa"),
     ],
@@ -86,13 +91,26 @@ TWO = ([HZ, 2 * HZ] * 2, [5e6, 6e6, 4e6, 5e6], [1e6, 1e6, 5e5, 5e5], [ZERO + 20]
 ROWS = [[1, 5, 1, 1, 4, 0.5], [2, 6, 1, 2, 5, 0.5]]
 
 
-@pytest.mark.parametrize("titles", ["above", "inside", "shared"])
+@pytest.mark.parametrize("titles", ["above", "inside", "moduli", "shared"])
 def test_temperatures_beside_each_other(tmp_path, titles):
     names, rows = ["f [Hz]", "E' [MPa]", "E'' [MPa]"], ROWS
     if titles == "above":  # a sheet with merged cells
         head = [["Project 7"], ["T = 20 °C", None, None, "40 °C", None, None], names * 2]
     elif titles == "inside":
         head = [[name.replace(" ", f" {T} °C ") for T in (20, 40) for name in names]]
+    elif titles == "moduli":  # labels of moduli only, and an empty column
+        head = [
+            [
+                "f [Hz]",
+                "E' 20 °C [MPa]",
+                "E'' 20 °C [MPa]",
+                None,
+                "f [Hz]",
+                "E' 40 °C [MPa]",
+                "E'' 40 °C [MPa]",
+            ]
+        ]
+        rows = [[*row[:3], None, *row[3:]] for row in ROWS]
     else:
         head, rows = [["f/Hz", *(f"{m}({T},0 °C)/MPa" for T in (20, 40) for m in ("E'", "E''"))]], []
         rows = [[row[0], *row[1:3], *row[4:]] for row in ROWS]
