@@ -9,9 +9,9 @@ offsets that the sweeps do not share, and e' and e'' scatter. The phase error of
 phase^2 tan^2(delta) to the variance of ln E' and phase^2 / tan^2(delta) to the variance of ln E''.
 E' and E'' of a glass hardly determine shifts. A prior therefore limits the change of the slope of ln a_T over
 temperature between neighbouring sweeps to about 30 %. Coefficients and offsets enter linearly and are
-eliminated (variable projection) [Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413]. Gauss-Newton steps find
-the shifts. The variances and the penalty maximise the restricted likelihood [Wood & Fasiolo, Biometrics 73
-(2017) 1071, doi:10.1111/biom.12666].
+eliminated (variable projection) [Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413]. Gauss-Newton steps
+find the shifts. The variances and the penalty maximise the restricted likelihood [Wood & Fasiolo, Biometrics
+73 (2017) 1071, doi:10.1111/biom.12666].
 """
 
 import dataclasses
