@@ -35,9 +35,9 @@ from rubberfric.analysis.random_roughness import random_surface
 from rubberfric.base.checks import FINITE, POSITIVE, check_values, shown
 from rubberfric.base.fixed_points import anderson
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.materials.elastic import Rigid
 from rubberfric.materials.material import (
     Material,
+    Rigid,
     apply_vertical_shift,
     plane_strain_factor,
     poisson_of,

@@ -1,8 +1,7 @@
 """Materials: moduli over frequency, their shift with temperature, and layered materials."""
 
 from rubberfric.materials.coating import Coating
-from rubberfric.materials.elastic import Elastic, Rigid
-from rubberfric.materials.material import Material, complex_modulus
+from rubberfric.materials.material import Elastic, Material, Rigid, complex_modulus
 from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.materials.shifts import (
     WLF,

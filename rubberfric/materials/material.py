@@ -2,7 +2,7 @@ r"""Materials: the complex Young's modulus E(omega) = E' + i E'', with E'' > 0 f
 
 Contact mechanics uses the reduced modulus E_r = E / (1 - poisson^2): at rest, in the glassy limit, and in the
 angular integrals. The integrals have closed forms for a Prony series. Other materials use quadrature over E'
-and E''.
+and E''. Solids without relaxation are defined here.
 """
 
 from typing import ClassVar, NamedTuple
@@ -12,8 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.checks import as_leaf, between, is_concrete, no_list
-from rubberfric.base.objects.physical import Kind, check_kind, kinds
+from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE, as_leaf, between, is_concrete, no_list
+from rubberfric.base.objects.fields import Number, leaf
+from rubberfric.base.objects.physical import Kind, check_kind, kinds, physical
 from rubberfric.materials.shifts import Shift, log_vertical
 
 POISSON = between(0.0, 0.5)
@@ -164,11 +165,37 @@ class Coatable(Material):
     """Base class of materials that a Coating accepts: Prony series with a constant Poisson's ratio."""
 
 
-def poisson_of(material: Material) -> jax.Array:
-    """Return the constant Poisson's ratio of a material [-].
+@physical
+class Rigid(Material):
+    """Rigid solid: the compliance M is 0."""
 
-    Raise ValueError if Poisson's ratio depends on the frequency.
+    deforms: ClassVar[bool] = False
+    relaxes: ClassVar[bool] = False
+
+
+@physical
+class Elastic(Coatable):
+    """Elastic solid, E(omega) = young.
+
+    Parameters
+    ----------
+    young : Young's modulus [Pa], > 0
+    poisson : Poisson's ratio [-], 0 ... 0.5
     """
+
+    relaxes: ClassVar[bool] = False
+
+    young: Number = leaf(POSITIVE, unit="Pa", plausible=PLAUSIBLE_STRESS)
+    poisson: Number = leaf(POISSON, unit="-")
+
+    def reduced_series(self, scale: ArrayLike) -> Series:
+        """Return E_r divided by `scale` [Pa] as a Prony series without terms."""
+        nothing = jnp.zeros(0, jnp.result_type(self.young))
+        return Series(self.young * (plane_strain_factor(self) / scale), nothing, nothing)
+
+
+def poisson_of(material: Material) -> jax.Array:
+    """Return the constant Poisson's ratio of a material [-]; ValueError if it depends on the frequency."""
     if material.poisson is None:
         raise ValueError(f"material must have a constant Poisson's ratio, got a {type(material).__name__}")
     return material.poisson
@@ -225,10 +252,7 @@ def _modulus(material, omega, temperature):
 
 
 def apply_vertical_shift(modulus: jax.Array, shift: Shift | None, temperature: ArrayLike | None) -> jax.Array:
-    """Return b_T times a modulus, where modulus and temperature are broadcast.
-
-    The modulus is returned unchanged if there is no vertical shift, or if `temperature` is None.
-    """
+    """Return b_T times a modulus, or the modulus without a vertical shift or temperature."""
     log_factor = log_vertical(shift, temperature)
     return modulus if log_factor is None else jnp.exp(log_factor) * modulus
 
@@ -246,9 +270,6 @@ def relaxation(a: jax.Array) -> tuple[jax.Array, jax.Array]:
 
 
 def clip_for_square(a: jax.Array) -> jax.Array:
-    """Limit a = omega tau such that a^2 is finite.
-
-    At the limit, a term of a Prony series has its glassy value to the last bit.
-    """
+    """Limit a = omega tau such that a^2 is finite; at the limit a Prony term has its glassy value."""
     bound = 1e150 if a.dtype == jnp.float64 else 1e18
     return jnp.clip(a, -bound, bound)

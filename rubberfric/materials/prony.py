@@ -28,8 +28,8 @@ from rubberfric.materials.material import (
     plane_strain_factor,
     series_modulus,
 )
-from rubberfric.materials.prony_and_spring import in_series
 from rubberfric.materials.shifts import Shift
+from rubberfric.materials.solids_in_series import in_series
 
 
 @physical
@@ -123,7 +123,7 @@ class PronyShear(Material):
     def reduced_series(self, scale: ArrayLike) -> Series:
         """Return E_r divided by `scale` [Pa] as a Prony series with twice as many terms as G."""
         rest, weight, bulk = self.G_inf / scale, self.G / scale, self.bulk / scale
-        compressed = Series(*in_series(4 * rest, 4 * weight, self.tau, jnp.asarray(3 * bulk)))
+        compressed = Series(*in_series((4 * rest, 4 * weight, self.tau), jnp.asarray(3 * bulk)))
         relaxing = jnp.concatenate([weight, 0.75 * compressed.weight])
         times = jnp.concatenate([self.tau, compressed.tau])
         return Series(rest + 0.75 * compressed.rest, relaxing, times)

@@ -83,10 +83,7 @@ class Shift(Kind):
 
 
 def log_vertical(shift: Shift | None, temperature: ArrayLike | None) -> jax.Array | None:
-    """Return ln b_T at `temperature` [K] of any shape, or None if no vertical shift applies.
-
-    No vertical shift applies if `shift`, `shift.vertical` or `temperature` is None.
-    """
+    """Return ln b_T at `temperature` [K] of any shape, or None if an argument or the vertical law is None."""
     if shift is None or shift.vertical is None or temperature is None:
         return None
     return shift.vertical.log_factor(temperature, shift.reference_temperature)
@@ -177,10 +174,7 @@ class Entropic(VerticalShift):
 
 
 def largest_log_factor(dtype: DTypeLike) -> float:
-    """Return the largest absolute value of ln a_T, which is 177 in float64 and 22 in float32.
-
-    This limit keeps a_T and products of a_T finite.
-    """
+    """Return the bound of |ln a_T|, 177 in float64 and 22 in float32, which keeps products of a_T finite."""
     return 0.25 * float(np.log(float(jnp.finfo(dtype).max)))
 
 

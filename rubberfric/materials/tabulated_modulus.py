@@ -153,10 +153,9 @@ class TabulatedModulus(Material):
         return jnp.exp(curves[..., 0]), loss
 
     def _lines(self):
-        """Return ln omega of the entries, and the straight lines as an array of shape (n + 1, 5).
+        """Return ln omega of the entries, and the lines before, between and after them, of shape (n + 1, 5).
 
-        The lines lie before, between and after the entries. A row holds a point (ln omega, ln E', ln E'') on
-        a line, and the slopes of ln E' and ln E''.
+        A row holds a point (ln omega, ln E', ln E'') on a line, and the slopes of ln E' and ln E''.
         """
         knots = jnp.log(self.omega)
         values = jnp.log(jnp.stack([self.storage, self.loss], -1))
@@ -191,10 +190,7 @@ def _running_sum(values):
 
 
 def _rounding(u):
-    """Return psi(u) - max(u, 0), where `TabulatedModulus` defines psi.
-
-    max(u, 0) is subtracted because `_straight` already uses the line after the entry for u > 0.
-    """
+    """Return psi(u) - max(u, 0), because `_straight` already follows the line after the entry for u > 0."""
     sign = jnp.where(u > 0, -1.0, 1.0).astype(u.dtype)
     tail = sign * 0.5 * jax.scipy.special.erfc(-sign * u * math.sqrt(0.5))
     return jnp.exp(-0.5 * u * u) * (1 / math.sqrt(2 * math.pi)) + u * tail

@@ -21,7 +21,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.checks import POSITIVE, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.materials.elastic import Elastic, Rigid
+from rubberfric.materials.material import Elastic, Rigid
 from rubberfric.materials.prony import Prony
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.roughness.spectra import SelfAffine
@@ -139,7 +139,8 @@ def _chosen(scene, pressure, margin, separation):
     plain = all(type(body.material) in (Rigid, Elastic, Prony) and body.layer is None for body in bodies)
     plain = plain and all(type(spectrum) is SelfAffine for spectrum in rough)
     # Numbers that are differentiated outside `jit` are concrete. All at once, because each takes 0.25 ms.
-    scene, pressure = _without_tangents((scene, pressure))
+    if not all(is_concrete(x) for x in jax.tree.leaves((scene, pressure))):
+        scene, pressure = _stopped((scene, pressure))
     try:
         span, rules = span_of(scene), _rules_of(scene, len(rough), plain, separation, margin)
         if rules:
@@ -200,10 +201,7 @@ def _rules_of(scene, rough, plain, separation, margin):
 
 
 def span_of(scene: Scene) -> float:
-    """Return L, the range of the roughness in e-folds, in which plateaus count twice.
-
-    The spectra must be `SelfAffine` or `TabulatedSpectrum`. L is 0 if all surfaces are smooth.
-    """
+    """Return L, the range of the roughness in e-folds, in which plateaus count twice; 0 if all is smooth."""
     ends, plateaus = [], 0.0
     for body in (scene.lower, scene.upper):
         spectrum = body.spectrum
@@ -240,11 +238,7 @@ def _rise_of(material):
 
 
 def loads_of(scene: Scene, pressure: ArrayLike) -> tuple[float, float]:
-    """Return the smallest and the largest Lambda of a scene over all pressures.
-
-    Lambda = ln(E_r q0^2 sqrt(C0) / pressure) describes how steeply P decreases with the wavevector. The
-    roughness must be isotropic.
-    """
+    """Return the smallest and the largest Lambda of a scene with isotropic roughness over all pressures."""
     steepest = 0.0
     for body in (scene.lower, scene.upper):
         spectrum = body.spectrum
@@ -284,12 +278,6 @@ def _array(value):
     if not is_concrete(value):
         raise _TracedError
     return np.asarray(value)
-
-
-def _without_tangents(tree):
-    if all(is_concrete(x) for x in jax.tree.leaves(tree)):
-        return tree
-    return _stopped(tree)
 
 
 _stopped = jax.jit(jax.lax.stop_gradient)

@@ -16,15 +16,12 @@ from rubberfric.scene.scene import Scene, relaxes
 # Sbar^2 must not overflow.
 STIFFEST_LAYER = 1e18
 # Limit between neighbouring relaxation times if both solids deform; see
-# `rubberfric.materials.prony_and_spring`.
+# `rubberfric.materials.solids_in_series`.
 DECADES = 30
 
 
 def check_single(scene: Scene, temperature: ArrayLike | None) -> None:
-    """Raise ValueError if a number of a float32 scene requires float64.
-
-    The message names the number.
-    """
+    """Raise ValueError naming a number of a float32 scene that requires float64."""
     for name in ("lower", "upper"):
         body = getattr(scene, name)
         if body.spectrum is not None:
@@ -46,7 +43,8 @@ def check_single(scene: Scene, temperature: ArrayLike | None) -> None:
 def _check_body(name, body, scene):
     in_series, below = _two_deform(scene), None
     if body.layer is not None:
-        _check_layer(f"{name}.layer", body, _first_wavevectors(scene))
+        spectra = [one.spectrum for one in (scene.lower, scene.upper) if one.spectrum is not None]
+        _check_layer(f"{name}.layer", body, [spectrum.power_law().q[0] for spectrum in spectra])
         below = body.layer.below
     if below is not None and relaxes(body):
         in_series = True  # two solids of one body
@@ -68,11 +66,6 @@ def _part(scene, name):
 
 def _two_deform(scene):
     return scene.lower.material.deforms and scene.upper.material.deforms
-
-
-def _first_wavevectors(scene):
-    spectra = [body.spectrum for body in (scene.lower, scene.upper) if body.spectrum is not None]
-    return [s.power_law().q[0] for s in spectra]
 
 
 def _check_layer(name, body, wavevectors):

@@ -17,8 +17,7 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.materials.material import apply_vertical_shift, plane_strain_factor
-from rubberfric.materials.prony_and_prony import two_in_series
-from rubberfric.materials.prony_and_spring import in_series
+from rubberfric.materials.solids_in_series import in_series
 from rubberfric.scene.scene import Body, Scene
 from rubberfric.scene.softening import Softened, softening_factors
 from rubberfric.theory.stiffness.angular_means import PronyStiffness
@@ -87,8 +86,7 @@ def relaxing_stiffness(
     if nodes is not None and layer is not None and not layer.multiplies:
         series = layer.reduced_series(material, scale, nodes, temperatures.strained)
         if spring is not None:
-            nothing = jnp.zeros(0, q.dtype)
-            series = two_in_series((series.rest, series.weight, series.tau), (spring, nothing, nothing))
+            series = in_series((series.rest, series.weight, series.tau), spring)
         return PronyStiffness(*series)
     own = None if nodes is None else _layer(surface.strained, nodes)
     series = material.reduced_series(scale)
@@ -101,7 +99,7 @@ def relaxing_stiffness(
     series = rest, weight, series.tau
     if own is not None:
         series = own * rest, own[:, None] * weight, series[2]
-    return PronyStiffness(*(series if spring is None else in_series(*series, spring)))  # (A6)
+    return PronyStiffness(*(series if spring is None else in_series(series, spring)))  # (A6)
 
 
 def tabulated_stiffness(surface: RoughSurface, scale: jax.Array) -> Tabulated | None:

@@ -12,7 +12,7 @@ from support.cases.stored import QUANTITIES, as_arrays, quantities, scene
 from support.oracles import oracle
 
 import rubberfric as rf
-from rubberfric.materials.layer_and_base import Bonded, coated_series, coated_spring
+from rubberfric.materials.coating import Bonded, coated_series, coated_spring
 from rubberfric.materials.material import Series
 from rubberfric.scene.scene import dissipates, relaxes
 

@@ -8,8 +8,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from rubberfric.materials.prony_and_prony import two_in_series
-from rubberfric.materials.prony_and_spring import in_series
+from rubberfric.materials.solids_in_series import in_series, two_in_series
 
 
 def exact(rest, weight, tau, spring, s):
@@ -39,7 +38,7 @@ def draw(rng):
 @jax.jit
 def at(rest, weight, tau, spring, s):
     """The series solid at s."""
-    rest, weight, tau = in_series(rest, weight, tau, spring)
+    rest, weight, tau = in_series((rest, weight, tau), spring)
     return rest + jnp.sum(weight * (s * tau / (1 + s * tau)))
 
 
@@ -132,7 +131,7 @@ def test_two_relaxing_solids(dtype, tolerance):
             assert found == pytest.approx(exact, rel=tolerance), given
 
 
-@pytest.mark.parametrize("shared", ["none", "one", "all", "three", "near"])
+@pytest.mark.parametrize("shared", ["none", "one", "all", "three", "near", "twins"])
 def test_derivatives_of_two_relaxing_solids(shared):
     """Each of several equal times has a separate derivative."""
     tau1, tau2 = np.array([3.0, 1e-2, 1e-4, 2e-6, 1e-7]), np.array([1.7, 2e-2, 3e-4, 5e-6])
@@ -142,6 +141,8 @@ def test_derivatives_of_two_relaxing_solids(shared):
         tau1[2] = tau1[1]
     if shared == "near":
         tau2[1] = tau1[1] * (1 + 1e-9)
+    if shared == "twins":  # within one solid, both with weights
+        tau1[3] = tau1[1]
     if shared == "all":
         tau2[:] = tau1[:4]
     sizes = [np.array(0.02), np.array([0.1, 0.4, 0.0, 0.2, 0.1]), tau1]
@@ -210,7 +211,7 @@ def test_a_term_of_no_weight_loses_nothing(relaxes):
     @jax.value_and_grad
     def loss(weight, times, omega):
         first = jnp.array(rest), weight, times
-        series = two_in_series(first, STIFF) if relaxes else in_series(*first, jnp.array(7.0))
+        series = two_in_series(first, STIFF) if relaxes else in_series(first, jnp.array(7.0))
         return loss_of(series, omega)
 
     # 1e-2 is one of the others' times, and half another one.

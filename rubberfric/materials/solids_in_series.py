@@ -1,4 +1,4 @@
-r"""Two Prony solids in series are a Prony solid, also if they share relaxation times.
+r"""Two solids in series are a Prony solid if each is a Prony solid or a spring (eq. (A6)).
 
 For f(s) = f_rest + sum_i f_i s/(s + l_i) and g likewise,
 
@@ -17,7 +17,7 @@ smaller share is stored as its logarithm. The equation f + g = 0 is multiplied b
 
 f_rest + g_rest is the weight of the rate 0. All A_j lie between 0 and 1. Nothing is singular if both solids
 have a common rate: the interval has zero width, theta = f_i / (f_i + g_j), and the term has the weight
-f_i g_j / (f_i + g_j).
+f_i g_j / (f_i + g_j). A spring has a rest and no terms.
 """
 
 import functools
@@ -26,7 +26,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from rubberfric.materials.prony_and_spring import HALVINGS, NEWTON_STEPS, floors, quotient
+# Bisections of the logarithm of a share leave an error of 1e-4, which each Newton step squares.
+_HALVINGS, _NEWTON_STEPS = 22, 3
 
 Solid = tuple[jax.Array, jax.Array, jax.Array]  # rest, weight, tau
 
@@ -34,22 +35,21 @@ Solid = tuple[jax.Array, jax.Array, jax.Array]  # rest, weight, tau
 class _Rates(NamedTuple):
     """Positions of all rates l_j relative to all intervals, as quotients that do not overflow.
 
-    Two-dimensional arrays have a row for each interval and a column for each rate.
+    Two-dimensional arrays have a row for each interval and a column for each rate. A_j is reach / (base +
+    reach), where reach is theta times slope for rates on the left side, and phi times slope otherwise.
     """
 
     left: jax.Array  # True if l_j <= left end
     own: jax.Array  # True if l_j is an end of the interval
-    near: jax.Array  # ln(slower / faster) of l_j and the nearer end of the interval, <= 0
+    nearer: jax.Array  # slower / faster of l_j and the nearer end of the interval, <= 1
+    base: jax.Array
+    slope: jax.Array
     low: jax.Array  # left end divided by right end, shape (rows,); 0 for the first interval
     width: jax.Array  # 1 - low, without cancellation for close ends
 
 
 class _Solids(NamedTuple):
-    """Rests and weights of two solids, where the weights belong to a common list of rates.
-
-    A rest has the shape (), and the weights of a solid have the shape (rates,). The weights of a solid are 0
-    at the rates of the other solid.
-    """
+    """Rests and weights of two solids over a common list of rates, with 0 at rates of the other solid."""
 
     rest: tuple
     weight: tuple
@@ -69,15 +69,25 @@ def two_in_series(first: Solid, second: Solid) -> Solid:
     rest, weight, tau of the series solid, which has as many terms as both solids together. The shapes are
     (nodes,), (nodes, terms) and (nodes, terms). They lack the axis of nodes if no argument has this axis.
 
-    Limits: as in `rubberfric.materials.prony_and_spring.in_series`.
+    Limits: in float32 neighbouring times at most 30 decades apart, ratios of the moduli 1e-30 ... 1e16.
     """
     ranks = (0, 1, 1)
     axes = tuple(
-        tuple(0 if x.ndim > rank else None for x, rank in zip(solid, ranks, strict=True))
+        tuple(0 if jnp.ndim(x) > rank else None for x, rank in zip(solid, ranks, strict=True))
         for solid in (first, second)
     )
     by_node = any(axis == 0 for solid in axes for axis in solid)
     return jax.vmap(_pair, in_axes=axes)(first, second) if by_node else _pair(first, second)
+
+
+def in_series(solid: Solid, spring: jax.Array) -> Solid:
+    """Return the Prony series of a solid in series with a spring >= 0, of shape () or (nodes,).
+
+    `two_in_series` describes the shapes.
+    """
+    nothing = jnp.zeros(0, solid[2].dtype)
+    # Otherwise XLA computes the series again wherever it is used, which doubles the time of a gradient.
+    return jax.lax.optimization_barrier(two_in_series(solid, (spring, nothing, nothing)))
 
 
 def _pair(first, second):
@@ -90,9 +100,10 @@ def _pair(first, second):
         # Terms left over by equal times are placed away from all other rates.
         parked = slowest - 1 - i - 2 * jnp.arange(tau.shape[0], dtype=tau.dtype)
         parts.append(_distinct(weight, tau, -jnp.log(tau / middle), parked))
-    solids, unit = _floored((first[0], second[0]), [part[0] for part in parts], [part[2] for part in parts])
-    tau, log_rate = (jnp.concatenate([part[k] for part in parts]) for k in (1, 2))
-    order = jnp.argsort(log_rate)
+    weights, taus, log_rates, fixed = zip(*parts, strict=True)
+    solids, unit = _floored((first[0], second[0]), weights, fixed)
+    tau, log_rate = jnp.concatenate(taus), jnp.concatenate(log_rates)
+    order = jnp.argsort(jnp.concatenate(fixed))  # the same for all nodes if tau is
     weight, relative = _solve(_Solids(solids.rest, tuple(w[order] for w in solids.weight)), log_rate[order])
     soft, hard = jnp.minimum(first[0], second[0]), jnp.maximum(first[0], second[0])
     # soft / (1 + soft/hard) has no product that overflows, and is 0 for two liquids.
@@ -106,34 +117,41 @@ def _distinct(weight, tau, log_rate, parked):
     A merged term has the sum of the weights of its terms. If the equal times change, the logarithm of the
     merged time changes by the mean of the changes, weighted with the weights of the terms. Derivatives
     therefore agree with separate terms to all orders of the moduli. The number of terms stays the same: terms
-    that are no longer needed get zero weight and the logarithmic rates `parked`.
+    that are no longer needed get zero weight and the logarithmic rates `parked`. The last result is the
+    logarithmic rates without derivatives.
     """
     count = tau.shape[0]
     if count < 2:
-        return weight, tau, log_rate
+        return weight, tau, log_rate, jax.lax.stop_gradient(log_rate)
     order = jnp.argsort(log_rate)
     weight, tau, log_rate = weight[order], tau[order], log_rate[order]
-    new = jnp.concatenate([jnp.ones(1, bool), log_rate[1:] != log_rate[:-1]])
-    group = jnp.cumsum(new) - 1
-    total = jnp.zeros_like(weight).at[group].add(weight)
+    index = jnp.arange(count)
+    group = jnp.cumsum(jnp.append(False, log_rate[1:] != log_rate[:-1]))
+    # Dense sums over each group, because batched scatters are slow. A row is a group.
+    member = group == index[:, None]
+    total = jnp.sum(jnp.where(member, weight, 0.0), -1)
+    whole, size = total[group], jnp.sum(member, -1)[group]
     # Terms with zero weight have equal shares.
-    size = jnp.zeros_like(weight).at[group].add(1.0)
-    share = jnp.where(total > 0, quotient(weight, jnp.where(total > 0, total, 1.0)[group]), 1 / size[group])
-    moved = jnp.zeros_like(weight).at[group].add(share * (log_rate - jax.lax.stop_gradient(log_rate)))
-    filled = jnp.arange(count) <= group[-1]
-    at = jnp.zeros_like(group).at[group].set(jnp.arange(count))  # one term per group
+    share = jnp.where(
+        whole > 0, _quotient(weight, jnp.where(whole > 0, whole, 1.0)), 1 / size.astype(weight.dtype)
+    )
+    change = share * (log_rate - jax.lax.stop_gradient(log_rate))
+    moved = jnp.sum(jnp.where(member, change, 0.0), -1)
+    filled = index <= group[-1]
+    at = jnp.max(jnp.where(member, index, 0), -1)  # one term per group
     still = jax.lax.stop_gradient(log_rate[at])
-    rate = jnp.where(filled, still + moved, parked)
-    away = jax.lax.stop_gradient(rate) - still  # 0 for a group
-    return total, jax.lax.stop_gradient(tau[at]) * jnp.exp(-away - jnp.where(filled, moved, 0.0)), rate
+    fixed = jnp.where(filled, still, parked)
+    moved = jnp.where(filled, moved, 0.0)
+    away = fixed - still  # 0 for a group
+    return total, jax.lax.stop_gradient(tau[at]) * jnp.exp(-away - moved), fixed + moved, fixed
 
 
 def _floored(rests, weights, log_rates):
     """Return the `_Solids` with positive moduli in units of the stiffer solid, and this unit.
 
     A term or rest of zero stiffness would put a root on a rate (0/0). Small constants are therefore added,
-    which do not change derivatives. `floors` determines the constants of the terms. The constant of a rest is
-    1e-60 of the stiffness of the solid (float32: 1e-30).
+    which do not change derivatives. `_floors` determines the constants of the terms. The constant of a rest
+    is 1e-60 of the stiffness of the solid (float32: 1e-30).
     """
     tiny = 1e-60 if weights[0].dtype == jnp.float64 else 1e-30
     sizes = [rest + jnp.sum(weight) for rest, weight in zip(rests, weights, strict=True)]
@@ -143,13 +161,39 @@ def _floored(rests, weights, log_rates):
     one, two = (
         (
             rest / largest + size / largest * tiny,
-            weight / largest + size / largest * floors(weight / size, log_rate),
+            weight / largest + size / largest * _floors(weight / size, log_rate),
         )
         for rest, weight, size, log_rate in zip(rests, weights, sizes, log_rates, strict=True)
     )
     zeros = [jnp.zeros_like(weight) for weight in weights]
     weights = jnp.concatenate([one[1], zeros[1]]), jnp.concatenate([zeros[0], two[1]])
     return _Solids((one[0], two[0]), weights), largest
+
+
+def _floors(weight, log_rate):
+    """Return small weights that are added to the terms of a series, so that no weight is 0.
+
+    At every frequency the loss of an added weight is below 1e-30 (float32: 1e-16) of the loss of the series.
+    For this, the weight added at tau_i is 1e-30 (float32: 1e-16) times the sum over j of w_j r_ij with
+    r_ij = min(tau_i/tau_j, tau_j/tau_i). The loss of a term at tau_j is at least r_ij times the loss of an
+    equal term at tau_i. A constant added weight would exceed the series far from the times of the series.
+    `weight` is relative to the stiffness of the solid. A floor is at least 1e-75 (float32: 1e-22).
+    """
+    least, small = (1e-75, 1e-30) if weight.dtype == jnp.float64 else (1e-22, 1e-16)
+    shares = jnp.exp(-jnp.abs(log_rate[:, None] - log_rate))
+    return jax.lax.stop_gradient(jnp.maximum(small * (shares @ weight), least))
+
+
+@jax.custom_jvp
+def _quotient(x, y):
+    """Return x / y [-] with a derivative that does not square y, because y^2 may overflow float32."""
+    return x / y
+
+
+@_quotient.defjvp
+def _quotient_jvp(primals, tangents):
+    (x, y), (dx, dy) = primals, tangents
+    return x / y, (dx - x / y * dy) / y
 
 
 def _seen(log_rate):
@@ -165,51 +209,41 @@ def _seen(log_rate):
     step = jnp.where(index == 0, 0.0, log_rate - log_rate[previous])
     low = jnp.where(index == 0, 0.0, jnp.exp(-step))
     width = jnp.where(index == 0, 1.0, -jnp.expm1(-step))
-    return _Rates(left, own, near, low, width)
+    nearer, gap = jnp.exp(near), -jnp.expm1(near)
+    # Ends of the interval count fully, also for zero width.
+    base = jnp.where(own, 0.0, jnp.where(left, low[:, None] * gap, gap))
+    slope = jnp.where(own, 1.0, width[:, None]) * jnp.where(left, 1.0, nearer)
+    return _Rates(left, own, nearer, base, slope, low, width)
 
 
 def _shares(rates, theta, phi):
-    """Return the factors A_j of the balance H as `share`, and the arrays `zero`, `over` and `nearer`.
-
-    `zero` is the factor A of the rate 0 and has the shape (rows,). The other arrays have the shape
-    (rows, columns). `over` is A_j for rates on the left side of an interval. For rates on the right side,
-    `over` is A_j times l_j divided by the right end. `nearer` is exp(`rates.near`).
-    """
-    gap = -jnp.expm1(rates.near)
-    nearer = jnp.exp(rates.near)
-    low, width = rates.low[:, None], rates.width[:, None]
-    small = jnp.where(rates.left, theta[:, None], phi[:, None])
-    # Ends of the interval count fully, also for zero width.
-    base = jnp.where(rates.own, 0.0, jnp.where(rates.left, low * gap, gap))
-    slope = jnp.where(rates.own, 1.0, width)
-    reach = small * slope
-    whole = base + reach * jnp.where(rates.left, 1.0, nearer)
-    over = quotient(reach, whole)
-    share = jnp.where(rates.left, over, over * nearer)
-    zero = quotient(theta * rates.width, rates.low + theta * rates.width)
-    return share, zero, over, nearer
+    """Return the factors A_j in the balance H, (rows, columns), and A of the rate 0, (rows,)."""
+    reach = jnp.where(rates.left, theta[:, None], phi[:, None]) * rates.slope
+    zero = theta * rates.width
+    # The ends are constants: in reverse mode, equal parts of their derivative would leave a rounding error.
+    share = jnp.where(rates.own, 1.0, _quotient(reach, rates.base + reach))
+    return share, _quotient(zero, rates.low + zero)
 
 
 def _sides(rest, weight, shares, left):
     """Return the two sums >= 0 in the balance H: the factor of phi, and the factor of -theta."""
-    share, zero = shares[:2]
+    share, zero = shares
     below = jnp.sum(jnp.where(left, weight * share, 0.0), -1) + rest * zero
     return below, jnp.sum(jnp.where(left, 0.0, weight * share), -1)
 
 
 def _both(small, right):
-    """Return the shares theta and phi = 1 - theta of an interval, given the smaller one.
-
-    `small` is phi if `right` is True, otherwise theta.
-    """
+    """Return the shares theta and phi = 1 - theta; `small` is phi if `right` is True, otherwise theta."""
     return jnp.where(right, 1 - small, small), jnp.where(right, small, 1 - small)
 
 
 def _residual(rest, weight, rates, small, right):
     """Return the balance H of every interval, which decreases with theta."""
     theta, phi = _both(small, right)
-    below, above = _sides(rest, weight, _shares(rates, theta, phi), rates.left)
-    return phi * below - theta * above
+    share, zero = _shares(rates, theta, phi)
+    # One sum, because two sums would compute the shares twice.
+    other = jnp.where(rates.left, phi[:, None], -theta[:, None])
+    return jnp.sum(weight * share * other, -1) + phi * rest * zero
 
 
 def _solve(solids, log_rate):
@@ -219,7 +253,6 @@ def _solve(solids, log_rate):
     theta, phi = _both(small, right)
     rates = _seen(log_rate)
     shares = _shares(rates, theta, phi)
-    share, _, over, nearer = shares
     # f = -g at a root. The solid with the smaller terms gives the value with more digits. Near its own rate a
     # solid's value is its weight. The value of the other solid is k times the distance, whose derivative is a
     # difference of numbers k/f times larger.
@@ -234,11 +267,15 @@ def _solve(solids, log_rate):
     first = terms1 < jnp.where(own1 > own2, 4.0, 0.25) * terms2
     value = jnp.where(first, phi * below1 - theta * above1, theta * above2 - phi * below2)
     relative = jnp.where(right, 1 - phi * rates.width, rates.low + theta * rates.width)
-    left = jnp.sum(jnp.where(rates.left, weight * share * share * nearer, 0.0), -1)
-    beyond = jnp.sum(jnp.where(rates.left, 0.0, weight * nearer * over * over), -1)
+    share, side = shares[0], phi[:, None]
+    left = jnp.sum(jnp.where(rates.left, weight * share * share * rates.nearer, 0.0), -1)
+    # A_j of the right side times l_j divided by the right end.
+    over = _quotient(side * rates.width[:, None], rates.base + side * rates.slope)
+    over = jnp.where(rates.own, 1.0, over)
+    beyond = jnp.sum(jnp.where(rates.left, 0.0, weight * rates.nearer * over * over), -1)
     # l' F (theta phi width / l')^2 without a square of theta alone, which underflows float32 at 1e-30.
-    steep = phi * phi * quotient(rates.low, relative) * left + theta * quotient(theta, relative) * beyond
-    return value * quotient(value, steep), relative
+    steep = phi * phi * _quotient(rates.low, relative) * left + theta * _quotient(theta, relative) * beyond
+    return value * _quotient(value, steep), relative
 
 
 @jax.custom_jvp
@@ -259,15 +296,15 @@ def _roots(rest, weight, log_rate):
 
     # Smaller than the shares of the smallest weights in the widest intervals.
     low = jnp.full_like(half, 1e-200 if half.dtype == jnp.float64 else 1e-36)
-    low, high = jax.lax.fori_loop(0, HALVINGS, halve, (low, half))
+    low, high = jax.lax.fori_loop(0, _HALVINGS, halve, (low, half))
     small = jnp.sqrt(low) * jnp.sqrt(high)
 
     def improve(_, small):
         residual, slope = jax.jvp(value, (small,), (jnp.ones_like(small),))
         # In the logarithm, in which the balance of two ends is nearly linear.
-        return small * jnp.exp(-quotient(quotient(residual, small), slope))
+        return small * jnp.exp(-_quotient(_quotient(residual, small), slope))
 
-    return jax.lax.fori_loop(0, NEWTON_STEPS, improve, small), right
+    return jax.lax.fori_loop(0, _NEWTON_STEPS, improve, small), right
 
 
 @_roots.defjvp
