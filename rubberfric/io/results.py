@@ -10,8 +10,7 @@ from rubberfric.base.checks import is_concrete, shown
 from rubberfric.base.objects.html import count, folded, short, table, with_unit
 from rubberfric.base.objects.physical import object_html
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.plausibility import doubts_of_conditions
-from rubberfric.scene.scene import Scene, check_background, shifts, takes_temperature
+from rubberfric.scene.scene import Scene, check_background, doubts_of_conditions, shifts, takes_temperature
 from rubberfric.theory.quantities import Solution
 
 
@@ -43,20 +42,14 @@ _SEARCHED = 2**24
 
 
 class Conditions(NamedTuple):
-    """Conditions of a computation.
-
-    The results have shape [temperature, pressure, velocity].
-    """
+    """Conditions of a computation, whose results have the shape [temperature, pressure, velocity]."""
 
     velocity: np.ndarray  # [m/s], shape (n,)
     pressure: np.ndarray  # [Pa], shape (m,)
     temperature: np.ndarray | None  # [K], shape (k,); None where nothing depends on it
 
     def grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Return conditions as arrays that broadcast to the shape [temperature, pressure, velocity].
-
-        The order of the arrays is velocity, pressure, temperature.
-        """
+        """Return (velocity, pressure, temperature) that broadcast to [temperature, pressure, velocity]."""
         T = self.temperature
         return self.velocity, self.pressure[:, None], None if T is None else T[:, None, None]
 
@@ -136,10 +129,7 @@ class Result(NamedTuple):
 
 
 def check_conditions(where: str, conditions: Conditions, scene: Scene) -> None:
-    """Raise ValueError if conditions are invalid for the scene.
-
-    The message begins with `where`.
-    """
+    """Raise ValueError, beginning with `where`, if conditions are invalid for the scene."""
     for name, values in conditions._asdict().items():
         if values is None:
             continue
@@ -164,10 +154,7 @@ def check_conditions(where: str, conditions: Conditions, scene: Scene) -> None:
 
 
 def check_plausible(where: str, doubts: Iterable[str]) -> None:
-    """Raise ValueError with the first text in `doubts`, if there is a text.
-
-    The texts describe values that are probably not in SI units. The message begins with `where`.
-    """
+    """Raise ValueError with the first text about a value that is probably not in SI units."""
     for text in doubts:
         raise ValueError(f"{where}{text} plausible = false at the top of the file accepts it")
 
@@ -249,10 +236,7 @@ def _on_a_grid(solution: Solution, given: dict[str, ArrayLike | None]) -> Curves
 
 
 def result_shape(conditions: Conditions) -> tuple[int, int, int]:
-    """Return the shape [temperature, pressure, velocity] of results.
-
-    The first length is 1 if there are no temperatures.
-    """
+    """Return the shape [temperature, pressure, velocity] of results, with 1 for no temperatures."""
     temperatures = 1 if conditions.temperature is None else conditions.temperature.size
     return temperatures, conditions.pressure.size, conditions.velocity.size
 

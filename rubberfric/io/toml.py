@@ -55,8 +55,7 @@ from rubberfric.io.results import (
 from rubberfric.io.tables import read_directions, read_table, table_text
 from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.roughness.normalisation import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
-from rubberfric.scene.plausibility import doubts_of_conditions, doubts_of_scene
-from rubberfric.scene.scene import Scene
+from rubberfric.scene.scene import Scene, doubts_of_conditions, doubts_of_scene
 
 # Tables of a scene file that hold conditions.
 TABLES = ("run", "map")
@@ -91,18 +90,12 @@ def check_keys(
 
 
 def join(key: str, name: str) -> str:
-    """Return the key path of `name` in the TOML table at `key`.
-
-    The key "" stands for the top level of the file.
-    """
+    """Return the key path of `name` in the TOML table at `key`, which is "" at the top level."""
     return f"{key}.{name}" if key else name
 
 
 def number(path: StrPath, key: str, value: Any) -> Any:
-    """Convert a number or a list of numbers to floats, or raise ValueError.
-
-    NaN and signs are not checked, because constructors check them.
-    """
+    """Convert a number or a list of numbers to floats; constructors check signs and NaN."""
     if isinstance(value, list):
         items = [number(path, f"{key}[{i}]", item) for i, item in enumerate(value)]
         if any(isinstance(item, list) for item in items):
@@ -122,11 +115,8 @@ def number(path: StrPath, key: str, value: Any) -> Any:
 def read_scene_toml(path: StrPath, table: str = "run") -> SceneFile:
     """Read scene, conditions and title of a TOML file.
 
-    The conditions are in the TOML table `table`, "run" or "map". [run] replaces a missing [map].
-
-    Raises
-    ------
-    ValueError : the file is invalid. The message names the file, the key, its value and the rule.
+    The conditions are in the TOML table `table`, "run" or "map". [run] replaces a missing [map]. The message
+    of a ValueError names the file, the key, its value and the rule.
     """
     path = Path(path)
     content = read_toml(path)
@@ -206,10 +196,7 @@ def _build(path, key, cls, content):
 
 
 def _build_child(path, key, field, content):
-    """Return the object of a field from the TOML table at `key`.
-
-    If the class of the field has several kinds, the table names the kind of the object.
-    """
+    """Return the object of a field from the TOML table at `key`, which names one of several kinds."""
     check_keys(path, key, content, content)
     if not issubclass(field.role, Kind):
         return _build(path, key, field.role, content)
@@ -225,10 +212,7 @@ def _build_child(path, key, field, content):
 
 
 def _read_cards(path, key, cls, content):
-    """Read the Prony series in a file of material cards.
-
-    If the TOML table has the key `shift`, this shift replaces the shift of the file.
-    """
+    """Read the Prony series in a file of cards; the key `shift` replaces the shift of the file."""
     check_keys(path, key, content, ("file", "unit_stress", "unit_temperature", "poisson", "shift"))
     given = {name: content[name] for name in ("unit_stress", "unit_temperature") if name in content}
     if "poisson" in content:
@@ -316,20 +300,15 @@ def scene_texts(
     name: str = "scene.toml",
     prefix: str = "",
 ) -> dict[str, str]:
-    """Return the texts of the files for a scene: a TOML file, and a CSV file for each table.
-
-    A CSV file is named after the key path of the object that has the table.
+    """Return a dict from file name to text for a scene: first a TOML file, then a CSV file for each table.
 
     Parameters
     ----------
     scene : Scene with concrete values, which `read_scene_toml` restores exactly
     conditions : conditions for [run], or None
     title : one line of text
-    name, prefix : name of the TOML file, and beginning of the names of the CSV files
-
-    Returns
-    -------
-    dict from file name to text, with the TOML file first
+    name, prefix : name of the TOML file, and beginning of the names of the CSV files, which continue with
+        the key path of the object that has the table
     """
     tables: dict[str, str] = {}
     lines = [f"title = {string(title)}"] if title else []
@@ -346,10 +325,7 @@ def scene_texts(
 
 
 def _object(key: str, value: PhysicalObject, tables: dict[str, str], prefix: str) -> Iterator[str]:
-    """Yield the TOML lines of an object: first numbers and options, then nested objects.
-
-    The texts of CSV files are added to `tables`.
-    """
+    """Yield the TOML lines of an object and of the objects inside it, and add CSV texts to `tables`."""
     fields = fields_of(type(value))
     if isinstance(value, Kind):
         yield f"kind = {string(value.file_kind)}"
@@ -376,10 +352,7 @@ def _object(key: str, value: PhysicalObject, tables: dict[str, str], prefix: str
 
 
 def _table(columns: dict[str, np.ndarray]) -> str:
-    """Return columns as CSV text.
-
-    A matrix over wavevectors and directions is written with one row for each element.
-    """
+    """Return columns as CSV text, with one row for each element of a matrix over q and directions."""
     for name, values in columns.items():
         if values.ndim == 2:
             count = values.shape[1]

@@ -1,8 +1,7 @@
 """Scenes: two bodies, their interface, and the version of the theory."""
 
-from rubberfric.scene.adhesion import Adhesion
-from rubberfric.scene.correlation import Correlation
 from rubberfric.scene.heating import Heating, ThermalProperties
+from rubberfric.scene.interface import Adhesion, ContactShear, Correlation
 from rubberfric.scene.scene import (
     Body,
     Scene,
@@ -15,7 +14,6 @@ from rubberfric.scene.scene import (
     takes_temperature,
 )
 from rubberfric.scene.settings import tuned
-from rubberfric.scene.shear import ContactShear
 from rubberfric.scene.softening import Softening
 
 __all__ = [

@@ -167,10 +167,7 @@ class HeatKernel(NamedTuple):
 
 
 def heat_kernel(heating: Heating, ready: Diffusion, velocity: jax.Array, surface: bool) -> HeatKernel:
-    """Return the `HeatKernel` at velocities [m/s] of shape (points,).
-
-    If `surface` is True, the kernel also describes heat that is generated at the surface.
-    """
+    """Return the `HeatKernel` at velocities [m/s] of shape (points,), with surface heat if `surface`."""
     weight = _kernel(heating, ready.k, velocity) * (ready.step * ready.k)
     known = weight @ _share(ready.reference, ready.k) ** 2
     closed = _closed(heating, ready.reference, velocity, "double") - known
@@ -179,16 +176,9 @@ def heat_kernel(heating: Heating, ready: Diffusion, velocity: jax.Array, surface
 
 
 def rise_inside(kernel: HeatKernel, power: jax.Array) -> jax.Array:
-    r"""Return the temperature rise at every q from heat generated inside the solid.
+    """Return the temperature rise [K] at every q from heat generated inside the solid, (points, targets).
 
-    Parameters
-    ----------
-    kernel : HeatKernel
-    power : heat / velocity for each source, per area of macroasperity contact [Pa], shape (points, sources)
-
-    Returns
-    -------
-    array of shape (points, targets) [K]
+    `power` is heat / velocity of each source, per area of macroasperity contact [Pa], (points, sources).
     """
     summed = (kernel.weight * (power @ kernel.diffusion.source)) @ kernel.diffusion.target.T
     closed = kernel.closed * jnp.sum(power, -1)
@@ -196,10 +186,9 @@ def rise_inside(kernel: HeatKernel, power: jax.Array) -> jax.Array:
 
 
 def rise_below_surface(kernel: HeatKernel, power: jax.Array) -> jax.Array:
-    """Return the temperature rise [K] at every q from heat that is generated at the surface.
+    """Return the temperature rise [K] at every q from heat generated at the surface, (points, targets).
 
-    `power` is heat / velocity per area of macroasperity contact [Pa], of shape (points,). The result has the
-    shape (points, targets).
+    `power` is heat / velocity per area of macroasperity contact [Pa], of shape (points,).
     """
     if kernel.surface is None:
         raise ValueError("kernel.surface is None; create the kernel with surface=True")
@@ -222,11 +211,7 @@ def _kernel(heating, k, velocity):
 
 
 def _closed(heating, x, velocity, kind):
-    """Return the integral over k of `_kernel` times s^n with s = x^2 / (k^2 + x^2).
-
-    n is 1 if `kind` is "single", and 2 if `kind` is "double". x and velocity may have any shapes that can be
-    broadcast.
-    """
+    """Return the integral over k of `_kernel` times s ("single") or s^2 ("double"), s = x^2 / (k^2 + x^2)."""
     root = jnp.sqrt(diffusivity(heating) * heating.radius)
     # s = sqrt(D R / v). Only v / sqrt(v) appears, because the derivative of sqrt(v) is infinite at v = 0.
     speed = jnp.maximum(jnp.abs(velocity), float(jnp.finfo(jnp.result_type(velocity)).tiny) ** 0.5)

@@ -1,28 +1,53 @@
-"""A scene: two bodies, their interface, and the version of the theory."""
+"""A scene: two bodies, their interface, and the version of the theory.
 
-from collections.abc import Sequence
+A scene gives a `UnitWarning` about implausible numbers, which are probably in a wrong unit, when it is
+created and when it is computed. A scene in a TOML file gives an error. Traced numbers are not checked.
+Nothing is changed, so extreme and dimensionless scenes can be computed.
+"""
+
+from collections.abc import Iterator, Sequence
 from typing import Any, Literal, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.checks import as_array, between
+from rubberfric.base.checks import (
+    PLAUSIBLE_TEMPERATURE,
+    UnitWarning,
+    as_array,
+    between,
+    is_concrete,
+    warn_caller,
+)
 from rubberfric.base.objects.fields import Number, child, leaf, setting, static
-from rubberfric.base.objects.physical import PhysicalObject, fields_of, physical
+from rubberfric.base.objects.physical import PhysicalObject, fields_of, leaves_of, parts_of, physical
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.material import Material
 from rubberfric.materials.shifts import Shift
 from rubberfric.materials.slab import Layer
 from rubberfric.roughness.spectra import Spectrum
-from rubberfric.scene.adhesion import Adhesion
-from rubberfric.scene.correlation import Correlation
 from rubberfric.scene.heating import Heating, ThermalProperties
-from rubberfric.scene.plausibility import warn_of_scene
-from rubberfric.scene.shear import ContactShear
+from rubberfric.scene.interface import Adhesion, ContactShear, Correlation
 from rubberfric.scene.softening import Softening
 
 _Tree = TypeVar("_Tree")
+
+# Likely other units of a number.
+_QUESTIONS = {
+    "Pa": "is it in MPa or GPa?",
+    "K": "is it in °C? then add 273.15",
+    "m/s": "is it in mm/s or um/s?",
+    "1/m": "is it in 1/mm or 1/um?",
+    "m": "is it in mm or um?",
+}
+# Conditions: lowest and highest plausible magnitude, and unit.
+_CONDITIONS = {
+    "velocity": (0.0, 500.0, "m/s"),
+    "pressure": (1.0, 1e10, "Pa"),
+    "temperature": (*PLAUSIBLE_TEMPERATURE, "K"),
+}
+_OFF = 'warnings.simplefilter("ignore", rubberfric.UnitWarning) silences this warning'
 
 
 @physical
@@ -245,10 +270,7 @@ def check_background(scene: Scene, where: str = "", missing: str = "temperature 
 
 
 def check_without(scene: Scene, parts: Sequence[str], what: str) -> None:
-    """Raise ValueError if a scene has one of `parts`, or a contact model other than "paper".
-
-    `what` names the quantity that is not defined for such a scene.
-    """
+    """Raise ValueError if `what` is not defined for the contact model or one of the `parts` of a scene."""
     there = optional_parts(scene)
     if scene.contact_model != "paper":
         raise ValueError(
@@ -266,10 +288,7 @@ def rough_surfaces(scene: Scene) -> list[tuple[Spectrum, Body]]:
 
 
 def softening_of(scene: Scene, body: Body) -> Softening | None:
-    """Return the softening of a body, or the softening of the scene if the body has none.
-
-    Return None if the body does not relax.
-    """
+    """Return the softening of a body, by default that of the scene; None if the body does not relax."""
     if not relaxes(body):
         return None
     return scene.softening if body.softening is None else body.softening
@@ -301,3 +320,52 @@ def result_dtype(*values: Any) -> jnp.dtype:
 def cast(tree: _Tree, dtype: str | type | np.dtype) -> _Tree:
     """Convert all leaves to strongly typed arrays of one dtype."""
     return jax.tree_util.tree_map(lambda x: as_array(x, dtype), tree)
+
+
+def doubts_of_scene(scene: PhysicalObject) -> Iterator[str]:
+    """Yield a message, beginning with its key path, for each implausible number of an object."""
+    for key, part in parts_of(scene):
+        for name, field in leaves_of(type(part)).items():
+            values = getattr(part, name)
+            if field.plausible is None or values is None:
+                continue
+            if field.plus is not None:
+                # NumPy arrays, because a sum of JAX arrays within jit would be traced.
+                added = np.sum(np.asarray(getattr(part, field.plus)))
+                name, values = f"{name} + sum({field.plus})", np.asarray(values) + added
+            yield from _doubts(f"{key}.{name}" if key else name, values, *field.plausible, field.unit)
+        yield from (f"{key}: {text}" if key else text for text in part.doubts())
+
+
+def doubts_of_conditions(**conditions: Any) -> Iterator[str]:
+    """Yield a message for each condition (velocity, pressure, temperature) with implausible values."""
+    for name, values in conditions.items():
+        if values is not None and is_concrete(values):
+            yield from _doubts(name, values, *_CONDITIONS[name])
+
+
+def warn_of_scene(scene: PhysicalObject) -> None:
+    """Give a UnitWarning for the first implausible number of a scene, unless a number is traced."""
+    if all(map(is_concrete, jax.tree.leaves(scene))):
+        _warn(doubts_of_scene(scene))
+
+
+def warn_of_conditions(**conditions: Any) -> None:
+    """Give a UnitWarning for the first implausible condition (velocity, pressure or temperature)."""
+    _warn(doubts_of_conditions(**conditions))
+
+
+def _warn(doubts):
+    for text in doubts:
+        warn_caller(f"{text} {_OFF}", UnitWarning)
+        return
+
+
+def _doubts(where, values, low, high, unit):
+    values = np.abs(np.atleast_1d(np.asarray(values, float)))
+    bad = np.argwhere((values < low) | (values > high))
+    if bad.size:
+        index = "".join(f"[{i}]" for i in bad[0]) if values.size > 1 else ""
+        rule = f"{low:g} ... {high:g}" if low else f"at most {high:g}"
+        question = _QUESTIONS.get(unit, "is it in SI?")
+        yield f"{where}{index} = {values[tuple(bad[0])]:g} {unit}: must be {rule} {unit}; {question}"

@@ -61,10 +61,7 @@ class Softened(NamedTuple):
 
 
 def strain(softened: Softened, q: jax.Array) -> jax.Array:
-    """Return the strain [-] at wavevectors q [1/m] of any shape.
-
-    The strain is 0 below the first wavevector.
-    """
+    """Return the strain [-] at wavevectors q [1/m] of any shape; 0 below the first wavevector."""
     return softened.softening.factor * jnp.sqrt(_square_slope(softened.laws, q))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from rubberfric.base.quadrature import gauss, legendre_transform, typed
-from rubberfric.scene.adhesion import Adhesion
+from rubberfric.scene.interface import Adhesion
 from rubberfric.theory.area.constant_area import Unloading, solve_energy_criterion, work_at_constant_area
 from rubberfric.theory.area.long_range import Gaps, evaluate_attraction, solve_dmt_load
 from rubberfric.theory.area.partial_contact import contact_argument

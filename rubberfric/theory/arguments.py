@@ -18,13 +18,13 @@ from rubberfric.base.checks import (
     warn_caller,
 )
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.plausibility import warn_of_conditions
 from rubberfric.scene.scene import (
     Scene,
     check_background,
     result_dtype,
     shifts,
     takes_temperature,
+    warn_of_conditions,
 )
 from rubberfric.scene.settings import ROBUST, default_quadrature
 from rubberfric.scene.single_precision import check_single

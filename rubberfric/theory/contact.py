@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.roughness.radial_mesh import Mesh
-from rubberfric.scene.correlation import Correlation
+from rubberfric.scene.interface import Correlation
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
 from rubberfric.theory.area.partial_contact import contact_argument, contact_fraction, friction_weight
 from rubberfric.theory.contributions import Contribution, Terms, total

@@ -26,8 +26,8 @@ from rubberfric.scene.heating import (
     rise_inside,
     shear_shares,
 )
+from rubberfric.scene.interface import ContactShear, shear_friction
 from rubberfric.scene.scene import Scene
-from rubberfric.scene.shear import ContactShear, shear_friction
 from rubberfric.theory.contact import Contact, Roughness
 from rubberfric.theory.structure import SurfaceTemperatures
 

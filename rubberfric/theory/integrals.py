@@ -19,10 +19,8 @@ import jax.numpy as jnp
 
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.radial_mesh import build_mesh
-from rubberfric.scene.adhesion import Adhesion
-from rubberfric.scene.correlation import difference
+from rubberfric.scene.interface import Adhesion, ContactShear, difference, shear_friction
 from rubberfric.scene.scene import Scene
-from rubberfric.scene.shear import ContactShear, shear_friction
 from rubberfric.scene.softening import knots
 from rubberfric.theory.adhesive_contact import adhesive_contact
 from rubberfric.theory.area.area_correction import correction_table

@@ -9,7 +9,7 @@ series stiffness K_j (see `rubberfric.theory.stiffness.series`):
 .. math:: \bar u = \int d^2q \sum_j C_j\,\mathrm{Re} K_j
           \int_{\sigma_0}^\infty \frac{dp}{2p}\frac{\partial[SP]}{\partial p}
 
-mu is the viscoelastic friction. Contact shear (`rubberfric.scene.shear`) adds to it. Strain softening
+mu is the viscoelastic friction. Contact shear (`rubberfric.scene.interface`) adds to it. Strain softening
 (`rubberfric.scene.softening`) and frictional heating (`rubberfric.scene.heating`) change K_j.
 """
 

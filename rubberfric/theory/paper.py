@@ -24,8 +24,8 @@ from rubberfric.materials.material import Material, apply_vertical_shift, comple
 from rubberfric.materials.prony import PronyShear
 from rubberfric.materials.slab import Slab
 from rubberfric.roughness.spectra import power_spectrum
+from rubberfric.scene.interface import shear_friction
 from rubberfric.scene.scene import Body, Scene, optional_parts
-from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.quantities import Solution
 
 

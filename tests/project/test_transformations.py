@@ -16,8 +16,8 @@ from support.scenes.examples import EXAMPLES
 import rubberfric as rf
 from rubberfric.base.objects.physical import PhysicalObject
 from rubberfric.scene.heating import diffusion, heat_kernel, rise_below_surface, rise_inside
+from rubberfric.scene.interface import shear_friction
 from rubberfric.scene.scene import cast
-from rubberfric.scene.shear import shear_friction
 from rubberfric.scene.softening import Softened, softening_factors
 
 OMEGA = np.array([3e-4, 0.2, 3.0, 70.0])

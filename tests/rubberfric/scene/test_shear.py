@@ -16,8 +16,8 @@ from support.scenes.common import ROAD, SHEAR, TREAD, WORN
 from support.scenes.shifts import ARRHENIUS, TABLE, WLF
 
 import rubberfric as rf
+from rubberfric.scene.interface import shear_friction
 from rubberfric.scene.scene import cast
-from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.integrals import evaluate, prepare
 
 STEEL, GLASS = rf.Rigid(), rf.Elastic(7e10, 0.2)

@@ -87,7 +87,7 @@ def test_energy_of_both_bodies(share):
         inside, flash = inner_temperatures(thermal, mesh, rises, points[2])
         contact = ready.roughness.contact(*points[:2], inside)
         mu = sum(jnp.sum(x, (0, 2)) for x in contact.friction_terms().values())
-        shear = rf.scene.shear.shear_friction(scene.shear, contact.area(), *points[:2], flash)
+        shear = rf.scene.interface.shear_friction(scene.shear, contact.area(), *points[:2], flash)
         return caused / (2 * q), mu + shear
 
     depth, mu = both(two_rubbers(share))

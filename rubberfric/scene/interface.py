@@ -1,0 +1,207 @@
+r"""The interface of two solids: contact shear, adhesion and correlation of the roughness.
+
+Contact shear is the resistance of the contact area to shearing, in addition to viscoelastic losses.
+
+.. math:: \mu_\mathrm{con} = \frac{\tau_f(v^*)}{\sigma_0}\frac{A}{A_0},\qquad
+          \tau_f = \tau_{f0}\, e^{-c\,[\log_{10}(v^*/v_0)]^2},\qquad v^* = a_T' v
+
+This law is empirical: friction on smooth glass is such a bell curve, which shifts with temperature
+[Grosch, Proc. R. Soc. A 274 (1963) 21].
+
+Adhesion has short or long range, the two limits of the attraction between solids. If the range of the
+attraction is smaller than the deformation, the area equals the area without adhesion at a larger load p_1,
+which minimises the energy [Ciavarella, J. Mech. Phys. Solids 114, 209 (2018),
+doi:10.1016/j.jmps.2018.02.011],
+
+.. math:: p_1 = \sigma_0 + \sqrt{2\,\Delta\gamma\, A'(p_1) / u''(p_1)}
+
+If the range is larger, adhesion acts like an additional load [Persson and Scaraggi, J. Chem. Phys.
+141, 124701 (2014), doi:10.1063/1.4895789],
+
+.. math:: p_\mathrm{rep} = \sigma_0 + \int P(u; p_\mathrm{rep})\, p_a(u)\, du,\qquad
+          p_a(u) = \frac{\Delta\gamma}{r}\, e^{-u/r}
+
+Tabor's parameter distinguishes the limits. For asperities of radius R it is :math:`(R\,\Delta\gamma^2/E_r^2
+r^3)^{1/3}`.
+
+Roughness of two solids is correlated, for example, on a replica and its mould.
+
+.. math:: \langle h_1(q)\,h_2^*(q)\rangle:\quad C_{12} = \kappa\sqrt{C_1 C_2},\qquad
+          C_1 + C_2 \to C_1 + C_2 - 2 C_{12}
+
+This is the spectrum of the difference of the surfaces, which determines the contact of solids at rest. In
+sliding, the two surfaces excite the solids at different frequencies. The cross terms then vanish in the time
+average, and the theory of uncorrelated roughness holds [Scaraggi & Persson, arXiv:1506.06955].
+"""
+
+import math
+from typing import Literal
+
+import jax
+import jax.numpy as jnp
+
+from rubberfric.base.checks import NONNEGATIVE, PLAUSIBLE_STRESS, POSITIVE, between
+from rubberfric.base.objects.fields import Number, OptionalNumber, child, leaf, static
+from rubberfric.base.objects.physical import PhysicalObject, physical
+from rubberfric.materials.shifts import Shift, log_vertical
+
+_LN_10 = math.log(10.0)  # a NumPy float would widen float32
+
+
+@physical
+class ContactShear(PhysicalObject):
+    r"""Shear stress in the contact area, a bell curve over the logarithm of the velocity.
+
+    .. math:: \tau_f = \tau_{f0} \exp\left(-c\,[\log_{10}(a_T' v / v_0)]^2\right)
+
+    Parameters
+    ----------
+    tau_f0 : largest shear stress, >= 0 [Pa]; 6.5e6 for a tread compound
+    c : decay on either side of v0, >= 0 [-]; about 0.1
+    v0 : velocity of the largest stress at the reference temperature, > 0 [m/s]; about 6e-3, up to 10
+        in the literature
+    shift : WLF, Arrhenius, TabulatedShift or None
+        shift of v0 with temperature, independent of the material's shift; a_T' = 1 if None or without a
+        temperature. Arrhenius(energy, T_ref), energy about 0.97 eV, gives
+        ln a_T' = (energy / k_B) (1/T - 1/T_ref). A vertical shift multiplies the stress by b_T'.
+
+    Limits: the stress is odd in the velocity. For c > 0 the stress decreases faster than any power of v for v
+    -> 0, so value and slope are 0 at v = 0. The stress falls to 1/e of its maximum at v = v0 10^(1/sqrt(c)),
+    so a very small c is like c = 0. For c = 0 the stress is dry friction, tau_f0 sign(v), which is
+    discontinuous at v = 0, where value and derivatives are set to 0. ln a_T' saturates at a quarter of the
+    exponent range (see `rubberfric.materials.shifts`).
+    """
+
+    tau_f0: Number = leaf(NONNEGATIVE, unit="Pa", plausible=PLAUSIBLE_STRESS)
+    c: Number = leaf(NONNEGATIVE, unit="-")
+    v0: Number = leaf(POSITIVE, unit="m/s")
+    shift: Shift | None = child(default=None)
+
+
+def shear_friction(
+    shear: ContactShear,
+    area: jax.Array,
+    velocity: jax.Array,
+    pressure: jax.Array,
+    temperature: jax.Array | None = None,
+) -> jax.Array:
+    """Return the friction coefficient of contact shear, (tau_f / sigma_0) (A / A_0) sign(v) [-].
+
+    The arrays area [-], velocity [m/s], pressure [Pa] and temperature [K] broadcast.
+    """
+    log_ratio = _log(jnp.abs(velocity)) - _log(shear.v0)
+    if temperature is not None and shear.shift is not None:
+        log_ratio = log_ratio + shear.shift.log_factor(temperature)
+    largest = shear.tau_f0 * area / pressure
+    log_vertical_factor = log_vertical(shear.shift, temperature)
+    if log_vertical_factor is not None:
+        largest = largest * jnp.exp(log_vertical_factor)
+    return jnp.sign(velocity) * largest * _bell(shear.c, log_ratio / _LN_10)
+
+
+def _log(speed):
+    """Return ln(speed) for speed >= 0, which is finite and has the derivative 0 at speed 0.
+
+    The result is constant below the smallest normal number. At rest the friction has the exact factor
+    sign(v) = 0, which would otherwise multiply ln 0 in the value and 1/0 in derivatives.
+    """
+    smallest = float(jnp.finfo(jnp.result_type(speed, 1.0)).tiny)
+    return jnp.log(jnp.maximum(speed, smallest))
+
+
+@jax.custom_jvp
+def _bell(c, x):
+    return jnp.exp(-c * x * x)
+
+
+@_bell.defjvp
+def _bell_jvp(primals, tangents):
+    # The value comes first in every product. Otherwise c x dx in forward mode may overflow (c = 1e30 or
+    # dx = dv/v = 1e30) before it is multiplied by e^(-c x^2) = 0.
+    c, x = primals
+    value = _bell(c, x)
+    return value, -(value * x * x) * tangents[0] - (2 * (value * c) * x) * tangents[1]
+
+
+@physical
+class Adhesion(PhysicalObject):
+    r"""Adhesion of short range (Johnson, Kendall, Roberts) or of long range (Derjaguin, Muller, Toporov).
+
+    Parameters
+    ----------
+    work : work of adhesion per contact area [J/m^2], > 0; 0.05 for rubber on most clean solids
+    limit : "short" or "long" (static)
+    range : range r of the attraction [m], > 0, only for limit = "long"
+        Van der Waals forces have a range of 0.3 nm, and electrostatic forces have a range of micrometres.
+
+    `rubberfric.analysis.adhesion_matters` estimates if adhesion changes the result. Contact shear acts on the
+    area with adhesion. The viscoelastic friction uses S and P at the load p_1 (short range) or p_rep (long
+    range). Both parts of the friction are divided by sigma_0.
+
+    Short range: if the equation has several solutions, the smallest is returned, which approaching solids
+    reach first. Separating solids may have up to three times this area. If no load satisfies the equation,
+    contact is full. Derivatives diverge next to a jump and are 0 in full contact, so begin a fit of the work
+    with a small value. Areas were compared with boundary elements (q1/q0 = 8, Tabor 3, S in G). If A/A0 is
+    below 1/3, their error is up to 15 % for a work of 1/8 of the energy of full contact, and 20 % for 1/4. If
+    A/A0 is above 1/2, areas are 11 to 31 % too small, because boundary elements jump into contact at smaller
+    loads. Without S in G areas are smaller by the same factor as without adhesion.
+
+    Long range: area, separation, and S P of the viscoelastic friction equal those without adhesion under the
+    pressure p_rep = sigma_0 + p_ad. The attraction decays exponentially with the separation, and its integral
+    is the work. The attraction also acts on the area of contact. If r far exceeds all gaps, p_rep = sigma_0 +
+    work / r is exact. If several p_rep satisfy the equation, the smallest is returned, at which approaching
+    solids come to rest. Where this solution ends, the solids jump into closer contact, and derivatives grow
+    without bounds. Two solutions that differ by less than an eleventh of ln(1 + work / (r sigma_0)) in
+    ln p_rep may be missed. The next solution is then returned.
+    If more than 1 % of the area touches, areas solve the equation to about 1e-6, and derivatives agree with
+    differences to 1e-9. At the lightest loads, areas solve the equation to 1e-3 if r is less than a tenth of
+    the rms height.
+    Compared with boundary elements, areas have errors up to 4 % at Tabor 0.1 (with S in G). At Tabor 0.3
+    areas are up to 22 % too large at light load, because the attraction deforms the solids.
+
+    Limits: E_r is taken at the frequencies of sliding, and from the relaxed moduli at rest. Losses of opening
+    cracks are not included. Adhesion and heating cannot be combined. The tables of boundary elements are in
+    tests/rubberfric/theory/area/test_adhesive_elements.py.
+    """
+
+    work: Number = leaf(POSITIVE, unit="J/m^2", plausible=(1e-9, 1e3))
+    limit: Literal["short", "long"] = static(default="short")
+    range: OptionalNumber = leaf(POSITIVE, unit="m", plausible=(1e-11, 1e-3), default=None)
+
+    def _check(self):
+        if self.limit == "long" and self.range is None:
+            raise ValueError("Adhesion.range is None: must be given, in m, for adhesion of long range")
+        if self.limit == "short" and self.range is not None:
+            raise ValueError(
+                'Adhesion.range: must be None for adhesion of short range, or limit must be "long"'
+            )
+
+
+@physical
+class Correlation(PhysicalObject):
+    r"""Correlation of the two surfaces of a scene.
+
+    Parameters
+    ----------
+    coherence : kappa, constant over all wavevectors [-], -1 ... 1
+        If kappa is 1 and the spectra are equal, the surfaces match. If kappa is 0, the surfaces are not
+        correlated. If kappa is -1, the peaks of one surface lie on the peaks of the other surface.
+
+    Limits: both surfaces must be rough and isotropic, and the solids must be at rest (velocity 0). Heating
+    and softening are not allowed. Traced velocities other than 0 give NaN.
+    """
+
+    coherence: Number = leaf(between(-1.0, 1.0), unit="-")
+
+
+def difference(correlation: Correlation, lower: jax.Array, upper: jax.Array) -> jax.Array:
+    """Return the spectrum of the height difference of two surfaces with spectra `lower`, `upper` >= 0."""
+    one, other = _root(lower), _root(upper)
+    # A square plus a remainder >= 0, so that the result is never negative.
+    return (one - other) ** 2 + 2 * (1 - correlation.coherence) * (one * other)
+
+
+def _root(square):
+    """Return the square root of `square`, with derivative 0 if `square` is 0 (smooth surface)."""
+    rough = square > 0
+    return jnp.where(rough, jnp.sqrt(jnp.where(rough, square, 1.0)), 0.0)
