@@ -8,7 +8,7 @@ import stat
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 StrPath = str | os.PathLike[str]
 Rows = list[tuple[Any, ...]]  # cells of a sheet
@@ -25,48 +25,28 @@ _LATIN = b"\xb0\xb5\xb9\xb2\xb3\xb7\xe4\xf6\xfc\xc4\xd6\xdc\xdf\xe9\xe8\xea\xe0\
 # Errors of a full or failing disk.
 _FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO)
 
-# Incomplete files and folders of this process, which the thread that waits for signals removes.
+# Folders with incomplete files of this process, which the thread that waits for signals removes.
 _begun: set[Path] = set()
 _lock = threading.Lock()
 
 
 def as_path(path: StrPath) -> Path:
-    """Convert a string or a path object to a `Path`.
-
-    A value of another type raises ValueError. Such a value usually means that the arguments of a call are in
-    the wrong order.
-    """
+    """Convert a string or a path object to a `Path`, or raise ValueError for another type."""
     try:
         return Path(path)
     except TypeError:
         raise ValueError(f"path is a {type(path).__name__}: must be the path of a file") from None
 
 
-def begin(path: Path) -> None:
-    """Register a file or folder for removal if a signal ends the process before `finish` is called."""
-    with _lock:
-        _begun.add(path)
-
-
-def finish(path: Path) -> None:
-    """Unregister a file or folder that is complete or already removed."""
-    with _lock:
-        _begun.discard(path)
-
-
 def remove_begun(then: Callable[[], None] = lambda: None) -> None:
-    """Remove all files and folders that `begin` registered, and then call `then`.
+    """Remove all folders of `temporary_folder` that still exist, and then call `then`.
 
-    No other thread can register a file before `then` is called.
+    No other thread can make such a folder before `then` has returned.
     """
     with _lock:
         try:
-            for path in _begun:
-                if path.is_dir():
-                    _remove_folder(path)
-                else:
-                    with contextlib.suppress(OSError):
-                        path.unlink(missing_ok=True)
+            for folder in _begun:
+                _remove_folder(folder)
         finally:
             then()
 
@@ -86,13 +66,15 @@ def temporary_folder(parent: StrPath) -> Iterator[Path]:
     The folder is removed at the end of the `with` block, or by `remove_begun` if a signal ends the process.
     """
     folder = Path(parent) / f".writing-{os.urandom(8).hex()}"
-    begin(folder)  # first, so that a signal between the two lines leaves no folder
+    with _lock:
+        _begun.add(folder)  # first, so that a signal between the two lines leaves no folder
     try:
         folder.mkdir(0o700)
         yield folder
     finally:
         _remove_folder(folder)
-        finish(folder)
+        with _lock:
+            _begun.discard(folder)
 
 
 @contextlib.contextmanager
@@ -120,22 +102,11 @@ def write_durably(path: StrPath, content: bytes | memoryview) -> None:
 
     An OSError is raised if the bytes cannot be written.
     """
-    path = Path(path).resolve()  # a link is followed, not replaced
-    # Always the same name: the next process overwrites the file that a killed one left.
-    temporary = path.with_name(f".{path.name}.writing")
-    begin(temporary)
-    try:
-        with open(temporary, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except OSError:
-        temporary.unlink(missing_ok=True)
-        raise
-    finally:
-        finish(temporary)
-    folder = os.open(path.parent, os.O_RDONLY)
+    with replacing(path) as temporary, open(temporary, "wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    folder = os.open(Path(path).resolve().parent, os.O_RDONLY)
     try:
         os.fsync(folder)  # the new name, too
     finally:
@@ -177,11 +148,7 @@ def check_readable(path: StrPath, largest: int | None = None) -> None:
 
 
 def check_writable(path: StrPath, suffixes: tuple[str, ...]) -> None:
-    """Raise ValueError if a path has none of the suffixes or cannot be written.
-
-    A path cannot be written if the folder is missing, if the path is a folder, a pipe or a device, or if the
-    user lacks permission.
-    """
+    """Raise ValueError if a path has none of the suffixes, is not a regular file, or cannot be written."""
     check_suffix(path, suffixes)
     path = as_path(path)
     try:
@@ -227,15 +194,25 @@ def read_text(path: StrPath, exports: bool = False) -> str:
 
 
 def _sheet(path: StrPath) -> str:
+    """Return the sheets of a workbook with numbers and equal titles, as lines of cells separated by tabs."""
+    import zipfile
+    import zlib
+
     try:
         openpyxl: Any = importlib.import_module("openpyxl")
     except ImportError:
         raise ValueError(
             f"{path}: cannot be read without openpyxl: pip install 'rubberfric[excel]', or save it as .csv"
         ) from None
+    # Errors of damaged or encrypted (RuntimeError) workbooks.
+    damages = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, SyntaxError, LookupError, TypeError)
     try:
         with open(path, "rb") as file:
-            _check_unpacked(file)
+            size = sum(part.file_size for part in zipfile.ZipFile(file).infolist())
+            if size > LARGEST_FILE:
+                most = LARGEST_FILE / 2**20
+                raise ValueError(f"has {size / 2**20:.0f} MiB unpacked; must have at most {most:.0f} MiB")
+            file.seek(0)
             sheets = _rows(openpyxl.load_workbook(file, read_only=True, data_only=True).worksheets)
             name, *others = _sheets_to_read(path, sheets)
             rows = [row for each in (name, *others) for row in sheets[each]]
@@ -245,7 +222,7 @@ def _sheet(path: StrPath) -> str:
                 rows = [_with_formulas(*pair) for pair in zip(rows, formulas, strict=True)]
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
-    except _damages() as error:
+    except (*damages, ValueError, AttributeError, ArithmeticError) as error:
         raise ValueError(f"{path}: cannot be read as .xlsx: {error}") from None
     return "\n".join("\t".join(map(_cell, row)) for row in rows) + "\n"
 
@@ -298,24 +275,8 @@ def _with_formulas(values: tuple[Any, ...], formulas: tuple[Any, ...]) -> tuple[
     )
 
 
-def _check_unpacked(file: IO[bytes]) -> None:
-    """Raise ValueError if a workbook, which is a ZIP archive, unpacks to more than `LARGEST_FILE` bytes."""
-    import zipfile
-
-    size = sum(part.file_size for part in zipfile.ZipFile(file).infolist())
-    if size > LARGEST_FILE:
-        raise ValueError(
-            f"has {size / 2**20:.0f} MiB unpacked; must have at most {LARGEST_FILE / 2**20:.0f} MiB"
-        )
-    file.seek(0)
-
-
 def _rows(sheets: Iterable[Any]) -> dict[str, Rows]:
-    """Return the rows of each sheet of a workbook, by name.
-
-    A ValueError is raised if the workbook has more than `MOST_CELLS` cells. A single distant cell can cause
-    this error because empty cells are counted.
-    """
+    """Return the rows of each sheet of a workbook, or raise ValueError beyond `MOST_CELLS` cells."""
     found, cells = {}, 0
     for sheet in sheets:
         found[sheet.title] = []
@@ -330,24 +291,12 @@ def _rows(sheets: Iterable[Any]) -> dict[str, Rows]:
     return found
 
 
-def _damages() -> tuple[type[Exception], ...]:
-    """Return the types of exceptions that openpyxl raises for a damaged or encrypted workbook."""
-    import zipfile
-    import zlib
-
-    of_archive = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError)  # RuntimeError: encrypted
-    return (*of_archive, SyntaxError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
-
-
 def _cell(value: object) -> str:
     return "" if value is None else repr(value) if isinstance(value, float) else " ".join(str(value).split())
 
 
 def write_text(path: StrPath, text: str) -> None:
-    """Write text to a file completely or not at all.
-
-    A ValueError is raised if the folder of the file does not exist.
-    """
+    """Write text to a file completely or not at all, or raise ValueError if its folder does not exist."""
     folder = as_path(path).parent
     if not folder.is_dir():
         raise ValueError(f"{path}: cannot be written: folder {str(folder)!r} must exist")

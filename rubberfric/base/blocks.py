@@ -14,16 +14,14 @@ def over_points(
 
     Parameters
     ----------
-    function : function of a list of the given conditions, each of shape (n,)
-        It returns a pytree of arrays of shape (n, ...).
+    function : function of a list of the given conditions, each of shape (n,), to a pytree of arrays (n, ...)
     conditions : velocity, pressure and temperature. A condition that is None is left out of the list.
     block : number of points evaluated together. Each block is recomputed in the backward pass, so that
         the gradient of 1e5 points takes a few hundred MB.
 
     Returns
     -------
-    The pytree that `function` returns. The broadcast shape of the conditions replaces the first axis of each
-    array.
+    The pytree of `function`, with the broadcast shape of the conditions in place of the first axis
     """
     conditions = [x for x in conditions if x is not None]
     shape = jnp.broadcast_shapes(*(x.shape for x in conditions))

@@ -147,10 +147,7 @@ def _converted(values, dtype):
 
 
 def no_list(value: ArrayLike | None) -> Any:
-    """Convert a list or tuple to an array, and return other values unchanged.
-
-    A jitted function would take each element of a list as a separate argument.
-    """
+    """Convert a list or tuple to an array, because jit would take each element as an argument."""
     return jnp.asarray(value) if isinstance(value, list | tuple) else value
 
 
@@ -163,10 +160,7 @@ def check_lengths(owner: str, **vectors: jax.Array) -> None:
 
 
 def check_increasing(name: str, vector: Any) -> None:
-    """Raise ValueError unless a vector increases strictly.
-
-    Tracers are not checked.
-    """
+    """Raise ValueError unless a vector increases strictly; tracers are not checked."""
     if is_concrete(vector):
         array = np.asarray(vector)
         bad = np.flatnonzero(~(np.diff(array) > 0))

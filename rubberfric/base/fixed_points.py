@@ -31,20 +31,17 @@ _MOST_SECANTS, _STEEP = 60, 0.1
 
 
 class Inverse(NamedTuple):
-    """An approximate inverse of 1 - f', where f' is the Jacobian of a function f.
-
-    The inverse is the identity plus a product of low rank, 1 + left right.
-    """
+    """An approximate inverse 1 + left right of 1 - f', where f' is the Jacobian of a function f."""
 
     left: jax.Array  # (points, n, rank)
     right: jax.Array  # (rank, n)
 
     def __call__(self, x: jax.Array) -> jax.Array:
-        """Apply the inverse to the rows of `x`, which has shape (points, n)."""
+        """Apply the inverse to the rows of `x`, of shape (points, n)."""
         return x + jnp.einsum("pnm,pm->pn", self.left, x @ self.right.T)
 
     def transposed(self, x: jax.Array) -> jax.Array:
-        """Apply the transpose of the inverse to the rows of `x`, which has shape (points, n)."""
+        """Apply the transpose of the inverse to the rows of `x`, of shape (points, n)."""
         return x + jnp.einsum("pnm,pn->pm", self.left, x) @ self.right
 
 
@@ -54,25 +51,19 @@ def fixed_point(
     inverse: Inverse | None = None,
     tolerance: float | None = None,
 ) -> tuple[jax.Array, jax.Array]:
-    """Iterate y = f(y) to a fixed point near a start value.
-
-    The result carries no derivatives.
+    """Iterate y = f(y) to a fixed point near a start value; the result carries no derivatives.
 
     Parameters
     ----------
     function : maps an array of shape (points, n) to an array of the same shape, each row independently
     start : shape (points, n)
     inverse : Inverse of 1 - f' near the start, or None
-    tolerance : limit of a row's residual divided by the row's largest element
-        A row below the limit takes one last step. None means 1e-7. In float32 the limit is always 1e-5.
+    tolerance : largest residual of a row, divided by its largest element, from which one last step reduces
+        it a hundredfold; None: 1e-7. In float32 always 1e-5.
 
     Returns
     -------
-    Tuple of y, shape (points, n), and an array of shape (points,) that is True for rows that converged. The
-    result of a row does not depend on other rows.
-
-    Limits: after the last step the residuals are about a hundredth of the tolerance. In float32 they are at
-    most about 1e-5.
+    Tuple of y, shape (points, n), and an array of shape (points,) that is True for rows that converged
     """
     goal = _TOLERANCE if tolerance is None else tolerance
     return _iterate(lambda y: function(y) - y, start, goal, inverse)[:2]
@@ -84,16 +75,13 @@ def implicit(
     inverse: Inverse | None = None,
     tolerance: float | None = None,
 ) -> jax.Array:
-    """Return a known fixed point y = f(y) with implicit derivatives.
-
-    The derivatives dy solve (1 - f') dy = df.
+    """Return a known fixed point y = f(y) with implicit derivatives, which solve (1 - f') dy = df.
 
     Parameters
     ----------
     function, inverse : as in `fixed_point`. `inverse` carries no derivatives.
     solution : a fixed point of the function, shape (points, n), without derivatives
-    tolerance : tolerance of the linear system, as in `fixed_point`
-        None means 1e-9. For n = 1 the linear system is solved exactly by a division.
+    tolerance : of the linear system, as in `fixed_point`; None: 1e-9. For n = 1 it is solved by a division.
     """
     goal = _LINEAR_TOLERANCE if tolerance is None else tolerance
     solve = functools.partial(_tangent_solve, inverse, goal)
@@ -106,18 +94,16 @@ def linear_fixed_point(
     also: jax.Array,
     inverse: Inverse | None = None,
 ) -> jax.Array:
-    """Return the derivative of a quantity that depends on a fixed point.
+    """Return the derivative of a quantity at the dy for which the residual f' dy + df - dy is zero.
 
-    The derivative is evaluated at the dy for which the residual f' dy + df - dy is zero. The result cannot be
-    differentiated again. The linear system is the same as in `implicit`. `residual` returns the residual
-    together with the derivative of the quantity, so only one function is evaluated.
+    The linear system is the one of `implicit`. The result cannot be differentiated again.
 
     Parameters
     ----------
-    residual : linear function of dy, which has shape (points, n)
-        It returns the residual of shape (points, n) and the derivative of the quantity of shape (points,).
+    residual : linear function of dy of shape (points, n), to the residual of this shape and the derivative of
+        the quantity of shape (points,)
     start : initial dy, shape (points, n)
-    also : array of zeros with the shape (points,) and the dtype of the derivative of the quantity
+    also : zeros with the shape (points,) and the dtype of the derivative of the quantity
     inverse : as in `fixed_point`
     """
     found = _iterate(residual, start, _LINEAR_TOLERANCE, inverse, also)[2]
@@ -141,11 +127,7 @@ def _tangent_solve(inverse, tolerance, linear, right):
 
 
 def _iterate(residual, start, tolerance, inverse=None, also=None):
-    """Find a zero of a residual by Anderson's method.
-
-    Return y of shape (points, n), an array of shape (points,) that is True for rows that converged, and the
-    second result of `residual`, which is None if `also` is None.
-    """
+    """Find a zero y of a residual by Anderson's method; return y, converged rows, second result or None."""
     single = start.dtype != jnp.float64
     tolerance = 1e-5 if single else tolerance
 
@@ -169,32 +151,27 @@ def anderson(
     most_steps: int,
     rise: float | None = None,
 ) -> tuple[jax.Array, jax.Array, Any, jax.Array]:
-    """Solve f(y) = y for every row by Anderson's method.
-
-    The result carries no derivatives.
+    """Solve f(y) = y for every row by Anderson's method; the result carries no derivatives.
 
     Parameters
     ----------
     residual : function of y, which has shape (points, n)
         It returns f(y) - y. If `also` is given, it returns a pair of f(y) - y and another result.
     start : shape (points, n)
-    reached : function of (y, residual, other result)
-        It returns an array of shape (points,) that is True for rows that have converged. Such rows take one
-        more step.
+    reached : function of (y, residual, other result) to an array of shape (points,) that is True for rows
+        that have converged. Such rows take one more step.
     inverse : Inverse of 1 - f' near the start, or None
     also : array of zeros like the other result, shape (points,), or None
     history : number of previous steps that are combined
     most_steps : largest number of evaluations of the residual
-    rise : factor, or None
-        If the residual of a row exceeds the smallest residual of the row by this factor, the history of the
-        row is dropped. None never drops the history.
+    rise : factor by which a residual may exceed the smallest one of its row before its history is dropped;
+        None: any
 
     Returns
     -------
-    Tuple of y, an array of shape (points,) that is True for rows that converged, the other result at the last
-    evaluation of each row, and the number of evaluations
+    Tuple of y, an array that is True for rows that converged, the other result at the last evaluation of each
+    row, and the number of evaluations
     """
-    smallest = 1e-5 if start.dtype != jnp.float64 else 1e-12
     points, n = start.shape
 
     def step(progress):
@@ -223,28 +200,13 @@ def anderson(
         changes = changes.at[slot].set(change)
         row = jnp.einsum("mpn,pn->pm", changes, change)
         products = products.at[:, slot].set(row).at[:, :, slot].set(row)
-        # Normalised columns; an unused one is 0, and gets 0 from its own equation.
-        size = jnp.sqrt(jnp.diagonal(products, axis1=1, axis2=2))
-        scale = jnp.where(size > 0, size, 1.0)
-        # The ridge keeps the matrix regular for nearly parallel columns.
-        ridge = jnp.where(size > 0, smallest, 1.0)[..., None] * jnp.eye(history, dtype=y.dtype)
-        normal = products / scale[:, :, None] / scale[:, None, :] + ridge
-        share = jnp.linalg.solve(normal, (jnp.einsum("mpn,pn->pm", changes, z) / scale)[..., None])[..., 0]
-        further = y + z - jnp.einsum("pm,mpn->pn", share / scale, moves + changes)
+        gamma = _combination(changes, products, z)
+        further = y + z - jnp.einsum("pm,mpn->pn", gamma, moves + changes)
         # A row ends at its own convergence, so that its result does not depend on the others.
         following = jnp.where(fine, further, 0.5 * (y + good))
-        return (
-            k + 1,
-            jnp.where(ended[:, None], y, following),
-            jnp.where(fine, y, good),
-            z,
-            moves,
-            changes,
-            products,
-            least,
-            ended | (reached(y, z, also) & fine[:, 0]),
-            also,
-        )
+        following, good = jnp.where(ended[:, None], y, following), jnp.where(fine, y, good)
+        ended = ended | (reached(y, z, also) & fine[:, 0])
+        return k + 1, following, good, z, moves, changes, products, least, ended, also
 
     def going(progress):
         return (progress[0] < most_steps) & ~jnp.all(progress[-2])
@@ -252,27 +214,27 @@ def anderson(
     empty = jnp.zeros((history, points, n), start.dtype)
     products = jnp.zeros((points, history, history), start.dtype)
     least = None if rise is None else jnp.full(points, jnp.inf, start.dtype)
-    begin = (
-        jnp.zeros((), int),
-        start,
-        start,
-        start,
-        empty,
-        empty,
-        products,
-        least,
-        jnp.zeros(points, bool),
-        also,
-    )
+    ended = jnp.zeros(points, bool)
+    begin = jnp.zeros((), int), start, start, start, empty, empty, products, least, ended, also
     k, y, *_, done, also = jax.lax.while_loop(going, step, begin)
     return y, done, also, k
 
 
-class Near(NamedTuple):
-    """An initial guess of a zero, and a bracket in which the zero is expected.
+def _combination(changes, products, z):
+    """Return gamma, (points, history), for changes of z, (history, points, n), with given products."""
+    # Normalised columns; an unused one is 0, and gets 0 from its own equation.
+    size = jnp.sqrt(jnp.diagonal(products, axis1=1, axis2=2))
+    scale = jnp.where(size > 0, size, 1.0)
+    # The ridge keeps the matrix regular for nearly parallel columns.
+    smallest = 1e-5 if z.dtype != jnp.float64 else 1e-12
+    ridge = jnp.where(size > 0, smallest, 1.0)[..., None] * jnp.eye(size.shape[1], dtype=z.dtype)
+    normal = products / scale[:, :, None] / scale[:, None, :] + ridge
+    right = jnp.einsum("mpn,pn->pm", changes, z) / scale
+    return jnp.linalg.solve(normal, right[..., None])[..., 0] / scale
 
-    The zero may lie outside the bracket.
-    """
+
+class Near(NamedTuple):
+    """An initial guess of a zero, and a bracket in which the zero is expected but may not lie."""
 
     start: jax.Array
     low: jax.Array
@@ -286,8 +248,7 @@ def first(function: Callable[[jax.Array], jax.Array], top: jax.Array, tried: int
     Parameters
     ----------
     function : function of one number, whose value at 0 is negative
-    top : end of the range
-        If the function is negative at all nodes, the guess and both ends of the bracket are `top`.
+    top : end of the range, and the guess and both ends if the function is negative at all nodes
     tried : number of nodes, including 0 and `top`
     """
     step = top / (tried - 1)
@@ -313,9 +274,7 @@ def first(function: Callable[[jax.Array], jax.Array], top: jax.Array, tried: int
 def zero(
     function: Callable[[jax.Array], jax.Array], near: Near, top: jax.Array
 ) -> tuple[jax.Array, jax.Array, Near]:
-    """Find a zero of a function between 0 and `top` by secants within a bracket.
-
-    The result carries no derivatives.
+    """Find a zero of a function between 0 and `top` by secants within a bracket, without derivatives.
 
     Parameters
     ----------
@@ -326,9 +285,8 @@ def zero(
 
     Returns
     -------
-    Tuple of the zero, True if the zero was found, and an initial guess for a similar function
-
-    Limits: the function's absolute value is at most 1e-11 at the zero (float32: 1e-5).
+    Tuple of the zero, True if it was found (|function| <= 1e-11, float32: 1e-5), and a guess for a similar
+    function
     """
     start, low, high, slope = near
     tolerance = 1e-5 if start.dtype != jnp.float64 else 1e-11

@@ -65,11 +65,7 @@ class Progress:
             self._end = weakref.finalize(self, place.end)
 
     def __call__(self, done: int | str, of: float | None = None) -> None:
-        """Show the progress of points or steps, or a text.
-
-        The arguments are the number of points done and the number of all points, a step and its cost, or one
-        text.
-        """
+        """Show points done and all points, a step and its cost, or one text."""
         if self._place is None:
             return
         text, part = describe(done, of, self._clock() - self._begin)
@@ -90,8 +86,7 @@ class Progress:
 def describe(done: Any, of: float | None, seconds: float) -> tuple[str, float | None]:
     """Return the text of a progress line, and the share of the work that is done or None.
 
-    `done` and `of` are the number of points done and the number of all points, a step and its cost, or a text
-    and None. `seconds` is the time since the beginning.
+    `done` and `of` are as for `Progress`, and `seconds` is the time since the beginning.
     """
     if of is None:
         return str(done), None
@@ -109,32 +104,57 @@ def describe(done: Any, of: float | None, seconds: float) -> tuple[str, float | 
 class TerminalLine:
     """Progress line of a terminal, in which each text replaces the previous one.
 
-    The last text stays at the end if `stays` is True. Otherwise it is removed.
+    If `clock` is True, the line counts the seconds since its text appeared, and is removed at the end.
+    Otherwise the last text stays.
     """
 
-    def __init__(self, stream: TextIO, stays: bool = True) -> None:
-        self._stream, self._stays, self._open = stream, stays, False
+    def __init__(self, stream: TextIO, clock: bool = False) -> None:
+        self._stream, self._clock, self._open = stream, clock, False
+        self._lock, self._timer = threading.Lock(), threading.Timer(_TICK, self._tick)
 
     def show(self, text: str, part: float | None) -> None:
-        """Show a text."""
-        del part  # a line has no bar
-        print(f"\r\033[K{text[:_WIDTH]}", end="", file=self._stream, flush=True)
-        self._open = True
+        """Show a text; a line has no bar for `part`."""
+        del part
+        with self._lock:
+            self._draw(text)
+            if self._clock:
+                self._restart(text, time.monotonic())
+
+    def line(self, text: str) -> None:
+        """Replace the progress line by a line that stays."""
+        with self._lock:
+            print(f"\r\033[K{text}", file=self._stream, flush=True)
 
     def end(self) -> None:
         """End the progress line."""
-        if self._open:
-            with contextlib.suppress(ValueError, OSError):  # the stream may be closed before
-                print(end="\n" if self._stays else "\r\033[K", file=self._stream, flush=True)
-        self._open = False
+        with self._lock, contextlib.suppress(ValueError, OSError):  # the stream may be closed before
+            self._timer.cancel()
+            if self._open:
+                self._open = False
+                print(end="\r\033[K" if self._clock else "\n", file=self._stream, flush=True)
+
+    def _draw(self, text):
+        print(f"\r\033[K{text[:_WIDTH]}", end="", file=self._stream, flush=True)
+        self._open = True
+
+    def _restart(self, text, begin):
+        self._timer.cancel()
+        self._timer = threading.Timer(_TICK, self._tick, (text, begin))
+        self._timer.daemon = True
+        self._timer.start()
+
+    def _tick(self, text, begin):
+        with self._lock:
+            if self._open and self._timer is threading.current_thread():  # no newer text
+                self._draw(f"{text}, {time.monotonic() - begin:.0f} s")
+                self._restart(text, begin)
 
 
-class Lines(TerminalLine):
+class Lines:
     """Progress output with a separate line for each text and the seconds since the beginning."""
 
     def __init__(self, stream: TextIO) -> None:
-        super().__init__(stream)
-        self._begin = time.monotonic()
+        self._stream, self._begin = stream, time.monotonic()
 
     def show(self, text: str, part: float | None) -> None:
         """Show a text."""
@@ -145,52 +165,12 @@ class Lines(TerminalLine):
         """Show a line that stays."""
         print(text, file=self._stream, flush=True)
 
-
-class ClockLine(TerminalLine):
-    """Progress line of a terminal that counts the seconds since the present text appeared."""
-
-    def __init__(self, stream: TextIO) -> None:
-        super().__init__(stream, stays=False)
-        self._lock, self._news, self._text = threading.Lock(), threading.Event(), None
-        self._thread: threading.Thread | None = None
-
-    def show(self, text: str, part: float | None) -> None:
-        """Show a text."""
-        with self._lock:
-            self._text, self._begin = text, time.monotonic()
-            super().show(text, part)
-        self._news.set()
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._tick, daemon=True)
-            self._thread.start()
-
-    def line(self, text: str) -> None:
-        """Replace the progress line by a line that stays."""
-        with self._lock:
-            print(f"\r\033[K{text}", file=self._stream, flush=True)
-
     def end(self) -> None:
-        """Remove the progress line."""
-        with self._lock:
-            self._text = None
-            super().end()
-        self._news.set()
-
-    def _tick(self) -> None:
-        while self._text is not None:
-            self._news.clear()
-            while not self._news.wait(_TICK):
-                with self._lock:
-                    if self._text is not None:
-                        super().show(f"{self._text}, {time.monotonic() - self._begin:.0f} s", None)
-        self._thread = None
+        """Do nothing, because every line is complete."""
 
 
 class _Notebook:
-    """Progress bar with text in the output of a notebook cell.
-
-    A new bar and text replace the previous bar and text.
-    """
+    """Progress bar with text in the output of a notebook cell."""
 
     def __init__(self, display, clock=time.monotonic):
         self._display, self._clock = display, clock
@@ -214,7 +194,7 @@ class _Notebook:
         self._waiting = None
 
 
-Place = TerminalLine | _Notebook  # where progress is shown
+Place = TerminalLine | Lines | _Notebook  # where progress is shown
 
 
 class _Bar:
@@ -247,7 +227,7 @@ def _place() -> "Place | None":
 class Phases(Progress):
     """Progress of a command: a line that each phase replaces, and lines that stay in the output."""
 
-    def __init__(self, place: "ClockLine | Lines | None") -> None:
+    def __init__(self, place: TerminalLine | Lines | None) -> None:
         super().__init__("", place)
         self._lines = place
 
@@ -260,13 +240,9 @@ class Phases(Progress):
 def command_progress(verbose: bool = False) -> Phases:
     """Return a function that shows the phases of a command on stderr until the end of a `with` block.
 
-    A terminal shows one line with a clock, because JAX may compile for a minute. Other outputs show nothing
-    unless `verbose` is True.
-
-    Parameters
-    ----------
-    verbose : True writes a line for each text, also if stderr is a file
+    A terminal shows one line with a clock, because JAX may compile for a minute. If `verbose` is True, any
+    output gets a line for each text; otherwise other outputs show nothing.
     """
     if verbose:
         return Phases(Lines(sys.stderr))
-    return Phases(ClockLine(sys.stderr) if sys.stderr.isatty() else None)
+    return Phases(TerminalLine(sys.stderr, clock=True) if sys.stderr.isatty() else None)

@@ -88,10 +88,7 @@ class Quadrature:
 
 
 def typed(table: npt.ArrayLike, values: ArrayLike) -> jax.Array:
-    """Convert a NumPy table to a JAX array with the dtype of `values`.
-
-    A table in float64 would widen the results of a float32 scene.
-    """
+    """Convert a NumPy table to a JAX array with the dtype of `values`, so that float32 is not widened."""
     return jnp.asarray(table, jnp.result_type(values))
 
 
@@ -104,10 +101,7 @@ def gauss(order: int) -> tuple[np.ndarray, np.ndarray]:
 
 @functools.cache
 def legendre_transform(order: int) -> np.ndarray:
-    """Return the matrix that converts values at Gauss nodes to Legendre coefficients.
-
-    The conversion is exact for polynomials of degree order - 1.
-    """
+    """Return the matrix that converts values at Gauss nodes to `order` Legendre coefficients."""
     x, w = legendre.leggauss(order)
     basis = legendre.legvander(x, order - 1)
     return _frozen((2 * np.arange(order)[:, None] + 1) / 2 * basis.T * w)
@@ -115,21 +109,14 @@ def legendre_transform(order: int) -> np.ndarray:
 
 @functools.cache
 def nodes_between(order: int) -> np.ndarray:
-    """Return nodes on [0, 1] for integrals from 0 to every Gauss node.
-
-    The result has `_IN_A_GAP` nodes in each gap between neighbouring Gauss nodes, and between 0 and the first
-    Gauss node.
-    """
+    """Return `_IN_A_GAP` nodes on [0, 1] in each gap before a Gauss node, for integrals up to the node."""
     borders = np.concatenate([[0.0], gauss(order)[0]])
     return _frozen((borders[:-1, None] + np.diff(borders)[:, None] * gauss(_IN_A_GAP)[0]).ravel())
 
 
 @functools.cache
 def weights_between(order: int) -> np.ndarray:
-    """Return the integration weights of the nodes of `nodes_between`.
-
-    The weights have shape (order, nodes in a gap). Row k belongs to the gap before Gauss node k.
-    """
+    """Return the weights of `nodes_between`, of shape (order, nodes in a gap), a row for each Gauss node."""
     gap = np.diff(np.concatenate([[0.0], gauss(order)[0]]))
     return _frozen(gap[:, None] * gauss(_IN_A_GAP)[1])
 
@@ -156,8 +143,7 @@ def chebyshev_fit(
 ) -> np.ndarray:
     """Return the power series of the Chebyshev interpolant of a function on [low, high].
 
-    The coefficients are ordered by ascending powers of u. The variable u increases linearly from -1 at `low`
-    to 1 at `high`.
+    The coefficients are ordered by ascending powers of u, which increases from -1 at `low` to 1 at `high`.
     """
     coefficients = chebyshev.chebinterpolate(
         # NumPy's stub has the wrong type for the values at all nodes.

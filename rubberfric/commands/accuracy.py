@@ -17,10 +17,7 @@ _POINTS = 60
 
 
 def run_accuracy(arguments: argparse.Namespace, show: Phases) -> tuple[str, OSError | None]:
-    """Run `rubberfric accuracy`, which compares accuracy settings at the conditions of a file.
-
-    Return the text to print, and the error of a file that could not be written, or None.
-    """
+    """Run `rubberfric accuracy`, and return the text to print and the error of a file or None."""
     check_error(arguments.error)
     show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene, most=MOST_POINTS)
@@ -45,10 +42,7 @@ def run_accuracy(arguments: argparse.Namespace, show: Phases) -> tuple[str, OSEr
 
 
 def thinned(conditions: Conditions) -> np.ndarray:
-    """Return some of the velocities, evenly spread, so that a sweep has few points.
-
-    At least 5 velocities are returned if the conditions have 5 or more.
-    """
+    """Return at least 5 of the velocities, evenly spread, so that a sweep has few points."""
     temperatures = 1 if conditions.temperature is None else conditions.temperature.size
     count = max(5, _POINTS // (temperatures * conditions.pressure.size))
     velocity = conditions.velocity

@@ -26,64 +26,74 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {' '.join(message.split())}\n")
 
 
+# Help and description of each command, help of its scene, and name and help of --out and help of --plot.
+_SCENE = "scene file (.toml) or result file (.h5)"
+_COMMANDS: dict[str, tuple[str, str, str, tuple[str, str, str] | None]] = {
+    "run": (
+        "compute a scene at the conditions in its file",
+        "Print contact area, friction coefficient and mean separation over velocity; parts of the friction, "
+        "transverse force and flash temperature if the scene has contact shear, anisotropic roughness or "
+        "heating.",
+        "scene file (.toml), or result file (.h5) to compute again",
+        ("FILE.h5", "write the result and the scene that made it", "draw the curves"),
+    ),
+    "accuracy": (
+        "measure errors and run times of a scene for settings of increasing accuracy",
+        "Print errors of area, friction, separation and of their gradients with run times, for accuracy "
+        "settings in double and single precision and for the textbook method, and the cheapest setting for a "
+        "required error. Rows are printed as they come, in a terminal or with --verbose.",
+        _SCENE,
+        ("FILE.csv", "write the table", "draw error over run time"),
+    ),
+    "map": (
+        "compute a scene over velocity, temperature and pressure",
+        "Compute a scene at every combination of the velocities, pressures and temperatures of the "
+        "table [map] of its file, or of [run] if there is none; print the range of each quantity and the "
+        "conditions of its largest value.",
+        _SCENE,
+        ("FILE.h5", "write the map and the scene that made it", "draw the map"),
+    ),
+    "explore": (
+        "change the numbers of a scene on a page with sliders",
+        "Serve a page to this machine only, with a slider for each number of a scene. It shows friction, "
+        "contact area, moduli, spectra, sensitivities and measured points. The scene and a fit that begins "
+        "there can be downloaded. Ctrl-C ends it.",
+        _SCENE,
+        None,
+    ),
+    "doctor": (
+        "report versions, devices and the compilation cache",
+        "Print versions, devices, precision, the folder of the compilation cache and a test of it, and known "
+        "faults of these versions.",
+        "",
+        None,
+    ),
+}
+
+
 def parser() -> Parser:
     """Return the argument parser of `rubberfric`."""
     whole = Parser(prog="rubberfric", description="Rubber friction and contact of rough viscoelastic solids.")
     whole.add_argument("--version", action="version", version=f"rubberfric {VERSION}")
     commands = whole.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    _add_run(commands)
-    _add_accuracy(commands)
-    _add_map(commands)
-    _add_explore(commands)
-    doctor = commands.add_parser(
-        "doctor",
-        help="report versions, devices and the compilation cache",
-        description="Print versions, devices, precision, the folder of the compilation cache and a test of "
-        "it, and known faults of these versions.",
-    )
-    add_common(doctor)
+    for name, (text, description, scene, outputs) in _COMMANDS.items():
+        command = commands.add_parser(name, help=text, description=description)
+        if scene:
+            command.add_argument("scene", metavar="SCENE", help=scene)
+        if name == "accuracy":
+            wanted = "required relative error (default: 1e-6)"
+            command.add_argument("--error", type=float, default=1e-6, help=wanted)
+        if outputs is not None:
+            add_outputs(command, *outputs)
+        if name == "map":
+            _add_map(command)
+        if name == "explore":
+            _add_explore(command)
+        add_common(command)
     return whole
 
 
-def _add_run(commands: "argparse._SubParsersAction[Parser]") -> None:
-    command = commands.add_parser(
-        "run",
-        help="compute a scene at the conditions in its file",
-        description="Print contact area, friction coefficient and mean separation over velocity; parts of "
-        "the friction, transverse force and flash temperature if the scene has contact shear, anisotropic "
-        "roughness or heating.",
-    )
-    command.add_argument(
-        "scene", metavar="SCENE", help="scene file (.toml), or result file (.h5) to compute again"
-    )
-    add_outputs(command, "FILE.h5", "write the result and the scene that made it", "draw the curves")
-    add_common(command)
-
-
-def _add_accuracy(commands: "argparse._SubParsersAction[Parser]") -> None:
-    command = commands.add_parser(
-        "accuracy",
-        help="measure errors and run times of a scene for settings of increasing accuracy",
-        description="Print errors of area, friction, separation and of their gradients with run times, for "
-        "accuracy settings in double and single precision and for the textbook method, and the cheapest "
-        "setting for a required error. Rows are printed as they come, in a terminal or with --verbose.",
-    )
-    command.add_argument("scene", metavar="SCENE", help="scene file (.toml) or result file (.h5)")
-    command.add_argument("--error", type=float, default=1e-6, help="required relative error (default: 1e-6)")
-    add_outputs(command, "FILE.csv", "write the table", "draw error over run time")
-    add_common(command)
-
-
-def _add_map(commands: "argparse._SubParsersAction[Parser]") -> None:
-    command = commands.add_parser(
-        "map",
-        help="compute a scene over velocity, temperature and pressure",
-        description="Compute a scene at every combination of the velocities, pressures and temperatures of "
-        "the table [map] of its file, or of [run] if there is none; print the range of each quantity and "
-        "the conditions of its largest value.",
-    )
-    command.add_argument("scene", metavar="SCENE", help="scene file (.toml) or result file (.h5)")
-    add_outputs(command, "FILE.h5", "write the map and the scene that made it", "draw the map")
+def _add_map(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--quantity",
         nargs="+",
@@ -91,39 +101,20 @@ def _add_map(commands: "argparse._SubParsersAction[Parser]") -> None:
         metavar="NAME",
         help=f"quantities to compute, from {', '.join(MAPPED)} (default: friction area)",
     )
-    command.add_argument(
-        "--devices",
-        type=int,
-        metavar="N",
-        help="number of CPU devices of JAX (default: one for each core); no effect on other devices",
-    )
-    add_common(command)
+    devices = "number of CPU devices of JAX (default: one for each core); no effect on other devices"
+    command.add_argument("--devices", type=int, metavar="N", help=devices)
 
 
-def _add_explore(commands: "argparse._SubParsersAction[Parser]") -> None:
-    command = commands.add_parser(
-        "explore",
-        help="change the numbers of a scene on a page with sliders",
-        description="Serve a page to this machine only, with a slider for each number of a scene. It shows "
-        "friction, contact area, moduli, spectra, sensitivities and measured points. The scene and a fit "
-        "that begins there can be downloaded. Ctrl-C ends it.",
-    )
-    command.add_argument("scene", metavar="SCENE", help="scene file (.toml) or result file (.h5)")
-    command.add_argument(
-        "--data", metavar="FILE", help="measured friction: a table with v, mu, and optionally p and T"
-    )
+def _add_explore(command: argparse.ArgumentParser) -> None:
+    data = "measured friction: a table with v, mu, and optionally p and T"
+    command.add_argument("--data", metavar="FILE", help=data)
     command.add_argument("--port", type=int, default=0, metavar="N", help="port (default: any free port)")
-    command.add_argument(
-        "--no-browser", action="store_true", help="print the address without opening a browser"
-    )
-    add_common(command)
+    browser = "print the address without opening a browser"
+    command.add_argument("--no-browser", action="store_true", help=browser)
 
 
 def add_outputs(command: argparse.ArgumentParser, name: str, written: str, drawn: str) -> None:
-    """Add the options --out and --plot.
-
-    The help shows `name` as the file of --out.
-    """
+    """Add the options --out, whose help shows the file `name`, and --plot."""
     command.add_argument("--out", metavar=name, help=written)
     command.add_argument("--plot", metavar="FILE.png", help=f"{drawn} (.png, .pdf or .svg)")
 
@@ -144,8 +135,13 @@ def check_arguments(arguments: argparse.Namespace) -> None:
     """Raise ValueError for invalid arguments of `rubberfric`, before any work begins."""
     if arguments.command == "doctor":
         return
-    if arguments.command == "map" and arguments.devices is not None:
-        check_devices(arguments.devices)
+    if arguments.command == "map" and (count := arguments.devices) is not None:
+        if count < 1:
+            raise ValueError(f"--devices {count}: must be > 0")
+        if count > _MOST_DEVICES:
+            raise ValueError(
+                f"--devices {count}: must be {_MOST_DEVICES} or less, such as the number of cores"
+            )
     check_input(arguments.scene, SCENES)
     if arguments.command == "explore":
         if arguments.port != 0 and not 1024 <= arguments.port < 2**16:
@@ -156,14 +152,6 @@ def check_arguments(arguments: argparse.Namespace) -> None:
     check_outputs(arguments, ".csv" if arguments.command == "accuracy" else ".h5")
 
 
-def check_devices(count: int) -> None:
-    """Raise ValueError unless JAX can divide the processor into `count` devices."""
-    if count < 1:
-        raise ValueError(f"--devices {count}: must be > 0")
-    if count > _MOST_DEVICES:
-        raise ValueError(f"--devices {count}: must be {_MOST_DEVICES} or less, such as the number of cores")
-
-
 def check_input(path: StrPath, suffixes: tuple[str, ...]) -> None:
     """Raise ValueError unless a file is readable and has one of the suffixes."""
     check_suffix(path, suffixes)
@@ -171,10 +159,7 @@ def check_input(path: StrPath, suffixes: tuple[str, ...]) -> None:
 
 
 def check_outputs(arguments: argparse.Namespace, *suffixes: str) -> None:
-    """Raise ValueError unless the files of --out and --plot can be written.
-
-    The file of --out must have one of the suffixes, and --plot requires matplotlib.
-    """
+    """Raise ValueError unless --out, with one of the suffixes, and --plot can be written."""
     if arguments.out is not None:
         check_writable(arguments.out, suffixes)
     if arguments.plot is None:
@@ -189,16 +174,8 @@ def write_outputs(
 ) -> OSError | None:
     """Write the files of a command, and return the last error or None.
 
-    An error in one file does not prevent the other files or the printed output.
-
-    Parameters
-    ----------
-    show : called with the name of each step
-    outputs : tuples of a name, a path or None, and the function that writes to it
-
-    Returns
-    -------
-    The last error, or None.
+    An error in one file does not prevent the other files or the printed output. `show` is called with the
+    name of each step. `outputs` are tuples of a name, a path or None, and the function that writes to it.
     """
     failure = None
     for what, path, write in outputs:

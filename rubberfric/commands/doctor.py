@@ -1,7 +1,6 @@
 """The command `rubberfric doctor`, which reports versions, devices and a test of the compilation cache."""
 
 import argparse
-import contextlib
 import importlib.metadata
 import importlib.util
 import platform
@@ -11,7 +10,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
 from rubberfric.base.compilation import compilation_cache
 from rubberfric.base.progress import Progress
@@ -27,10 +25,7 @@ _EVENT = "/jax/compilation_cache/cache_hits"
 
 
 def run_doctor(arguments: argparse.Namespace, show: Progress) -> tuple[str, None]:
-    """Run `rubberfric doctor`, and return the text to print and None.
-
-    Other commands return the error of a file that could not be written in place of None.
-    """
+    """Run `rubberfric doctor`, and return the text to print and None, because no file is written."""
     show("trying the devices")
     return "\n".join(_lines(arguments)), None
 
@@ -59,36 +54,10 @@ def _version(name: str) -> str:
 
 
 def _about_cache(arguments: argparse.Namespace) -> Iterator[str]:
+    """Compile a function twice, and yield lines about the cache folder and the cache hits."""
     if arguments.no_cache:
         yield f"{'cache':12} not used: --no-cache"
         return
-    with _options_kept():
-        yield from _tried()
-
-
-@contextlib.contextmanager
-def _options_kept() -> Iterator[None]:
-    """Restore JAX's cache options after the `with` block, because the caller may be a Python program."""
-    config: Any = jax.config  # its options are unknown to type checkers
-    names = [
-        f"jax_{name}"
-        for name in (
-            *("compilation_cache_dir", "persistent_cache_min_compile_time_secs"),
-            "persistent_cache_min_entry_size_bytes",
-        )
-    ]
-    before = {name: getattr(config, name) for name in names}
-    try:
-        yield
-    finally:
-        if before != {name: getattr(config, name) for name in names}:
-            for name, value in before.items():
-                config.update(name, value)
-            reset_cache()
-
-
-def _tried() -> Iterator[str]:
-    """Compile a function twice, and yield lines about the cache folder and the cache hits."""
     folder = compilation_cache()
     if folder is None:
         config: Any = jax.config  # whose options checkers do not know

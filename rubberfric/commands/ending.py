@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import TextIO
 
 from rubberfric.base.compilation import compilation_cache
-from rubberfric.commands.interrupts import Interrupts
+from rubberfric.commands.interrupts import LOST, Interrupts
 
 try:
     import resource
@@ -26,28 +26,24 @@ _SPACE = 2**31
 
 
 def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> int:
-    """Run a command and return the exit status.
+    """Run the function `work` of a command and return the exit status.
 
-    An expected error is printed on one line. An unexpected error is raised.
-
-    Parameters
-    ----------
-    program : beginning of error messages
-    work : function of `Interrupts` that returns the exit status
-    process : as in `Interrupts`
+    An expected error is printed on one line that begins with `program`. An unexpected error is raised.
+    `process` is explained in `Interrupts`.
     """
     if process and not _have_streams():
         return complain(program, "standard output is closed: must be open, for example as /dev/null", 1)
     with Interrupts(program, process=process) as interrupts:
         try:
-            status = work(interrupts)
+            try:
+                status = work(interrupts)
+            except SystemExit as stop:  # from argparse, which has printed the reason
+                status = stop.code if isinstance(stop.code, int) else 1
             if sys.stdout is not None:
                 sys.stdout.flush()
             return status
-        except SystemExit as stop:  # from argparse, which has printed the reason
-            return _flushed(stop.code if isinstance(stop.code, int) else 1)
         except KeyboardInterrupt:
-            return interrupts.complain()
+            return complain(program, f"interrupted; {LOST}", interrupts.status)
         except BrokenPipeError:  # the reader has closed the pipe (| head)
             _give_up(sys.stdout)
             return 1
@@ -85,21 +81,8 @@ def complain(program: str, error: object, status: int) -> int:
     return status
 
 
-def _flushed(status: int) -> int:
-    try:
-        if sys.stdout is not None:
-            sys.stdout.flush()
-    except OSError:
-        _give_up(sys.stdout)
-        return 1
-    return status
-
-
 def _give_up(stream: TextIO | None) -> None:
-    """Redirect a broken stream to the null device.
-
-    Otherwise Python would try to flush the stream at exit and report an error.
-    """
+    """Redirect a broken stream to the null device, so that Python reports no error at exit."""
     if stream is None:
         return
     try:
@@ -130,19 +113,17 @@ def _have_streams() -> bool:
 
 
 def begin_jax(*, process: bool, cache: bool) -> None:
-    """Import JAX and switch double precision on.
+    """Import JAX, switch double precision on, and use the compilation cache in a separate process.
 
-    Parameters
-    ----------
-    process : as in `Interrupts`
-    cache : True uses the compilation cache if the command is a separate process
-
-    Raises
-    ------
-    MemoryError : a limit of the process (ulimit -v) is below the address space that JAX needs.
-    ValueError : JAX cannot start the platform in JAX_PLATFORMS.
+    A MemoryError is raised if the limit of the address space (ulimit -v) is too low for JAX, and a ValueError
+    if JAX cannot start the platform in JAX_PLATFORMS.
     """
-    _check_space()
+    if resource is not None:
+        space, _ = resource.getrlimit(resource.RLIMIT_AS)
+        if space not in (resource.RLIM_INFINITY, -1) and space < _SPACE:
+            raise MemoryError(
+                f"ulimit -v allows {space / 2**20:.0f} MiB of addresses: must be {_SPACE // 2**20} or more"
+            )
     if process and cache:
         # JAX itself sets 1, which processes started by a program with JAX inherit.
         if os.environ.get("TF_CPP_MIN_LOG_LEVEL", "1") == "1":
@@ -162,13 +143,3 @@ def begin_jax(*, process: bool, cache: bool) -> None:
             raise ValueError(
                 f"JAX_PLATFORMS = {platforms!r}: JAX cannot start this platform; use cpu, or unset it"
             ) from None
-
-
-def _check_space() -> None:
-    if resource is None:
-        return
-    space, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if space not in (resource.RLIM_INFINITY, -1) and space < _SPACE:
-        raise MemoryError(
-            f"ulimit -v allows {space / 2**20:.0f} MiB of addresses: must be {_SPACE // 2**20} or more"
-        )

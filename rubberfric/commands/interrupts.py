@@ -36,10 +36,7 @@ _AGAIN = 0.02  # seconds after which a signal in these functions is raised again
 
 
 def leave_at_once(program: str) -> None:
-    """Let signals end the process at once.
-
-    The commands use this function while they only import modules.
-    """
+    """Let signals end the process at once, while a command only imports modules."""
 
     def leave(which: int, _frame: FrameType | None) -> None:
         say(program, f"interrupted; {LOST}")
@@ -155,11 +152,6 @@ class Interrupts:
 
         remove_begun(leave)
 
-    def complain(self) -> int:
-        """Print that the command was interrupted, and return the exit status."""
-        print(f"{self.program}: interrupted; {LOST}", file=sys.stderr)
-        return self.status
-
     @property
     def status(self) -> int:
         """Exit status for the last signal that arrived."""
@@ -181,10 +173,7 @@ class Interrupts:
 
 
 def _raise_in_main(thread: int, which: int) -> None:
-    """Send a signal to the main thread.
-
-    The signal also interrupts a system call in which the main thread waits.
-    """
+    """Send a signal to the main thread, which also interrupts a system call in which it waits."""
     if hasattr(signal, "pthread_kill"):
         signal.pthread_kill(thread, which)
     else:  # Windows

@@ -20,11 +20,7 @@ if TYPE_CHECKING:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command with arguments `argv` and return the exit status.
-
-    If `argv` is None, the command takes the arguments of the process, and a signal ends the process
-    (`rubberfric.commands.interrupts`).
-    """
+    """Run the command with arguments `argv`, or those of the process if None, and return the exit status."""
     if argv is None:
         leave_at_once("rubberfric")
     from rubberfric.commands.ending import ended

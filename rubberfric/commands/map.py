@@ -22,10 +22,7 @@ _SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "t
 
 
 def run_map(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
-    """Run `rubberfric map`.
-
-    Return the text to print, and the error of a file that could not be written, or None.
-    """
+    """Run `rubberfric map`, and return the text to print and the error of a file or None."""
     make_devices(arguments.devices)  # before reading the scene, which starts JAX
     show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene, "map")
@@ -61,10 +58,7 @@ def run_map(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError
 
 
 def make_devices(count: int | None) -> None:
-    """Make JAX use `count` CPU devices, or one for each core if `count` is None.
-
-    A ValueError is raised if JAX has already started with another number of devices.
-    """
+    """Make JAX use `count` CPU devices (None: one for each core); ValueError if JAX has already started."""
     try:
         jax.config.update("jax_num_cpu_devices", count or cores())
     except RuntimeError:  # JAX was started by a caller from Python

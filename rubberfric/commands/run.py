@@ -26,10 +26,7 @@ from rubberfric.theory.quantities import Solution, iterated, quantities_of
 
 
 def run_scene(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
-    """Run `rubberfric run`.
-
-    Return the text to print, and the error of a file that could not be written, or None.
-    """
+    """Run `rubberfric run`, and return the text to print and the error of a file or None."""
     show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene, most=MOST_POINTS, default=True)
     quadrature = default_quadrature(scene, conditions.pressure)
@@ -59,10 +56,7 @@ def run_scene(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSErr
 
 
 def compute(scene: Scene, conditions: Conditions, quadrature: Quadrature | None = None) -> Solution:
-    """Return all quantities of a scene as NumPy arrays of shape [temperature, pressure, velocity].
-
-    A FloatingPointError is raised if a value is not finite.
-    """
+    """Return all quantities as arrays [temperature, pressure, velocity], or raise FloatingPointError."""
     quantities = quantities_of(scene)
     solution = solve(
         scene,
@@ -109,10 +103,7 @@ def result_lines(result: Result) -> Iterator[str]:
 
 
 def extrapolation_line(result: Result) -> str:
-    """Return a line that states the share of the friction from extrapolated moduli.
-
-    The line is "" if the scene has no tabulated moduli.
-    """
+    """Return a line about the share of the friction from extrapolated moduli, or "" without tables."""
     if not tabulated_solids(result.scene):
         return ""
     beyond = friction_outside_table(result.scene, *result.conditions.grid(), compiler_options=quick_options())
@@ -144,10 +135,7 @@ def model_error_line(result: Result) -> str:
 
 
 def convergence_line(result: Result) -> str:
-    """Return a line that states at how many points the solution did not converge.
-
-    The line is "" if the solution converged at all points, or if nothing was iterated.
-    """
+    """Return a line about the points at which the solution did not converge, or "" if there are none."""
     converged = result.solution.converged
     if converged is None:
         return ""

@@ -140,10 +140,7 @@ def static(*, default: Any = dataclasses.MISSING) -> Any:
 
 
 def setting(*, default: Any) -> Any:
-    """Return a static field that controls how a scene is computed.
-
-    Scene files do not contain the field.
-    """
+    """Return a static field that controls how a scene is computed, and that scene files do not contain."""
     return dataclasses.field(default=default, metadata={"setting": True})
 
 
@@ -187,10 +184,7 @@ def meaning_of(cls: type, field: dataclasses.Field) -> Meaning:
 
 
 def checked(where: str, value: Any, field: Meaning) -> Any:
-    """Check and convert the value of a field.
-
-    A ValueError is raised for an invalid value. The message begins with `where`.
-    """
+    """Check and convert the value of a field; the message of a ValueError begins with `where`."""
     if isinstance(field, Leaf):
         if value is None and field.optional:
             return None

@@ -19,15 +19,16 @@ _LEFT = "text-align:left"
 
 
 def table(rows: Sequence[Sequence[str] | str], headings: Sequence[str] = (), caption: str = "") -> str:
-    """Return an HTML table of texts.
-
-    A row that is a single string spans all columns.
-    """
+    """Return an HTML table of texts, where a row that is a single string spans all columns."""
     columns = max([len(headings), *(len(row) for row in rows if not isinstance(row, str))])
     lines = [f"<caption style='{_LEFT}'><b>{html.escape(caption)}</b></caption>"] * bool(caption)
     lines += [_row("th", headings)] * bool(headings)
     for row in rows:
-        lines.append(_across(row, columns) if isinstance(row, str) else _row("td", row))
+        if isinstance(row, str):
+            text = f"<i>{html.escape(row)}</i>"
+            lines.append(f"<tr><td colspan='{columns}' style='{_LEFT}'>{text}</td></tr>")
+        else:
+            lines.append(_row("td", row))
     return "\n".join(["<table>", *lines, "</table>"])
 
 
@@ -42,11 +43,7 @@ def preformatted(text: str) -> str:
 
 
 def short(value: Any) -> str:
-    """Return a short text for a value.
-
-    Numbers have six digits. A vector of at most three elements shows all elements. A larger array shows the
-    first element, the last element and the shape.
-    """
+    """Return a short text for a value: numbers with six digits, of a long array the ends and the shape."""
     if isinstance(value, Tracer):
         return f"traced, {value.dtype}" + f" ({count(value.shape)})" * (value.ndim > 0)
     if isinstance(value, str | bool):
@@ -76,7 +73,3 @@ def count(shape: tuple[int, ...]) -> str:
 
 def _row(tag, cells):
     return "<tr>" + "".join(f"<{tag} style='{_LEFT}'>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
-
-
-def _across(text, columns):
-    return f"<tr><td colspan='{columns}' style='{_LEFT}'><i>{html.escape(text)}</i></td></tr>"

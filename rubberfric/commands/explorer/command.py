@@ -22,8 +22,14 @@ import numpy as np
 
 from rubberfric.base.checks import UnitWarning
 from rubberfric.base.progress import Phases
-from rubberfric.commands.explorer.curves import BESIDE, EVERY, CurveValues, Explorer
-from rubberfric.commands.explorer.points import MeasuredPoints, read_points
+from rubberfric.commands.explorer.curves import (
+    BESIDE,
+    EVERY,
+    CurveValues,
+    Explorer,
+    MeasuredPoints,
+    read_points,
+)
 from rubberfric.commands.explorer.server import Answer, Server
 from rubberfric.commands.explorer.sliders import Slider, slider_values
 from rubberfric.io.files import read_computable
@@ -138,10 +144,7 @@ def _json(content: Any) -> Answer:
 
 
 def _plain(value: Any) -> Any:
-    """Convert a value to JSON types.
-
-    Arrays become lists, and numbers that are not finite become null.
-    """
+    """Convert arrays to lists, and numbers that are not finite to None, for JSON."""
     if isinstance(value, dict):
         return {name: _plain(x) for name, x in value.items()}
     if isinstance(value, list | tuple):
@@ -157,10 +160,7 @@ def _plain(value: Any) -> Any:
 
 
 def scene_download(explorer: Explorer, values: CurveValues) -> Download:
-    """Return the scene at the sliders' values as a TOML file.
-
-    If the scene has tables, a ZIP archive with the TOML file and the tables is returned.
-    """
+    """Return the scene at the sliders' values as a TOML file, or with its tables as a ZIP archive."""
     texts = _scene(explorer, values)
     if len(texts) == 1:
         return Download(SCENE, "application/toml", texts[SCENE].encode())
@@ -168,13 +168,9 @@ def scene_download(explorer: Explorer, values: CurveValues) -> Download:
 
 
 def fit_download(explorer: Explorer, values: CurveValues) -> Download:
-    """Return a ZIP archive with a `rubberfric-fit` job.
+    """Return a ZIP archive with a `rubberfric-fit` job, which varies the numbers that were moved.
 
-    The fit begins at the sliders' values, and varies the numbers that were moved.
-
-    Raises
-    ------
-    ValueError : there are no measured points, or no number of the scene was moved.
+    A ValueError is raised if there are no measured points, or if no number of the scene was moved.
     """
     measured = explorer.measured
     if measured is None:
@@ -186,10 +182,7 @@ def fit_download(explorer: Explorer, values: CurveValues) -> Download:
 
 
 def job_text(explorer: Explorer, values: CurveValues, measured: MeasuredPoints, table: str) -> str:
-    """Return the text of the job file that `fit_download` offers.
-
-    `table` is the name of the file with the measured points.
-    """
+    """Return the text of the job file of `fit_download`, where `table` is the file of the measured points."""
     away = [one for one in explorer.sliders if one.targets and values[one.name] != one.start]
     rules = dict(pair for one in away for pair in _rules(one, values[one.name]))
     if not rules:

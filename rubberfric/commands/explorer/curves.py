@@ -10,19 +10,22 @@ import math
 import threading
 import time
 from collections.abc import Mapping
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.analysis.jacobian import value_and_jacobian
+from rubberfric.base.atomic import StrPath, as_path
+from rubberfric.base.checks import shown
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.commands.explorer.points import MeasuredPoints, group_points
 from rubberfric.commands.explorer.sliders import changes, moved, sliders_of, with_cutoffs
-from rubberfric.io.results import Conditions, check_conditions
+from rubberfric.io.results import Conditions, check_conditions, check_plausible_conditions
+from rubberfric.io.tables import read_table
 from rubberfric.materials.material import Material, complex_modulus
-from rubberfric.scene.scene import Scene, cast, dissipates
+from rubberfric.scene.scene import Scene, cast, dissipates, takes_temperature
 from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import quantities_of
@@ -41,18 +44,37 @@ _REACH, _BEYOND = 30.0, 100.0
 # Frequencies for a material without a frequency range [rad/s].
 _FREQUENCIES = 1.0, 1e10
 
+# Largest numbers of measured points and of their curves on a page.
+MOST_POINTS, MOST_CURVES = 2000, 12
+
 CurveValues = Mapping[str, float]
 
 
-class Explorer:
-    """A scene with its sliders and curves.
+class MeasuredPoints(NamedTuple):
+    """Measured friction coefficients as arrays of shape (n,); a condition is None if a slider sets it."""
 
-    Parameters
-    ----------
-    scene, conditions, title : contents of the scene file
-        The abscissa of the curves is the velocity, or the pressure if the file does not have two different
-        velocities > 0.
-    measured : measured points that are drawn with the curves, or None
+    path: Path
+    velocity: np.ndarray  # [m/s]
+    friction: np.ndarray  # [-]
+    error: np.ndarray | None  # standard deviations [-]
+    pressure: np.ndarray | None  # [Pa]
+    temperature: np.ndarray | None  # [K]; None also if nothing depends on it
+    content: bytes  # of the file
+
+
+class Curve(NamedTuple):
+    """Measured points at about the same pressure and temperature, which share one drawn curve."""
+
+    pressure: float | None  # None: value of the slider
+    temperature: float | None
+    points: tuple[int, ...]  # indices
+
+
+class Explorer:
+    """A scene with its sliders and curves, from the contents of a scene file and measured points or None.
+
+    The abscissa of the curves is the velocity, or the pressure if the file does not have two different
+    velocities > 0.
     """
 
     def __init__(
@@ -100,10 +122,7 @@ class Explorer:
         return self.at.size + self.at[::BESIDE].size * len(self.curves_of_points)
 
     def moved(self, values: CurveValues) -> Scene:
-        """Return the scene with all sliders at given values.
-
-        A ValueError is raised if the scene refuses the combination of values.
-        """
+        """Return the scene at the sliders' values, or raise ValueError if the scene refuses them."""
         scene = moved(self.scene, self.sliders, values)
         temperatures = self.conditions_at(values)[2]
         at = Conditions(np.ones(1), np.ones(1), None if temperatures is None else np.unique(temperatures))
@@ -111,15 +130,11 @@ class Explorer:
         return scene
 
     def curves(self, values: CurveValues, draft: bool = False) -> dict[str, Any]:
-        """Return all curves at the sliders' values.
+        """Return all curves at the sliders' values, for a `draft` with a coarser quadrature.
 
-        If `draft` is True, a coarser quadrature is used.
-
-        Returns
-        -------
-        dict with "curves" of each quantity, and "moduli" and "spectra" of the solids, as NumPy arrays
-            If there are measured points, the dict also has "beside", the friction curves at the conditions of
-            the points, and "misfit", the rms of ln(model / measured friction).
+        The result is a dict with "curves" of each quantity, and "moduli" and "spectra" of solids, as arrays.
+        Measured points add "beside", the friction curves at their conditions, and "misfit", the rms of
+        ln(model / measured friction).
         """
         scene = cast(self.moved(values), float)
         v, p, T = self.conditions_at(values)
@@ -134,10 +149,9 @@ class Explorer:
         return found
 
     def sensitivities(self, values: CurveValues) -> dict[str, np.ndarray]:
-        """Return the sensitivities d ln Q / d ln x by name of the slider, where x is the slider's value.
+        """Return d ln Q / d ln x at the points `at[::EVERY]` by name of the slider, where x is its value.
 
-        Q is the friction, or the area if the scene has no friction. The sensitivities are evaluated at the
-        points `at[::EVERY]`.
+        Q is the friction, or the area if the scene has no friction.
         """
         self.moved(values)
         x = jnp.array([values[one.name] for one in self.sliders])
@@ -147,10 +161,7 @@ class Explorer:
         return {one.name: relative[:, i] for i, one in enumerate(self.sliders)}
 
     def compile(self) -> None:
-        """Compile the function that computes the curves.
-
-        If this function takes longer than `PATIENCE`, a function for drafts is compiled too.
-        """
+        """Compile the curves, and drafts if the curves take longer than `PATIENCE`."""
         start = {one.name: one.start for one in self.sliders}
         self.curves(start)
         begin = time.perf_counter()
@@ -160,11 +171,7 @@ class Explorer:
             self.has_drafts = True
 
     def compile_sensitivities(self) -> None:
-        """Compile the function that computes the sensitivities.
-
-        This method runs in a thread, where an error cannot be raised. The text of an error is stored in
-        `failure`.
-        """
+        """Compile the sensitivities in a thread, and store the text of an error in `failure`."""
         try:
             self.sensitivities({one.name: one.start for one in self.sliders})
         except Exception as error:  # a thread cannot raise it
@@ -175,8 +182,7 @@ class Explorer:
     def conditions_at(self, values: CurveValues) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Return velocity, pressure and temperature of all computed points as arrays of shape (count,).
 
-        The points of the curve come first. The points of the curves for measured points follow, and the
-        measured points come last.
+        The order is points of the curve, points of the curves for measured points, measured points.
         """
         curves, measured = self.curves_of_points, self.measured
 
@@ -221,10 +227,7 @@ class Explorer:
         return curves, others, moduli, spectra
 
     def _all_slopes(self, x):
-        """Return the quantity that `sensitive` names, and its derivatives with respect to all sliders.
-
-        The quantity has shape (points,), and the derivatives have shape (points, sliders).
-        """
+        """Return the `sensitive` quantity, (points,), and its derivatives, (points, sliders)."""
         names = [one.name for one in self.sliders]
         base = cast(self.scene, float)
 
@@ -258,10 +261,7 @@ class Explorer:
 
 
 def _axis(conditions: Conditions, count: int) -> tuple[str, np.ndarray]:
-    """Return the name of the condition along the abscissa of the curves, and an array of `count` values.
-
-    The condition is "velocity" if there are two different velocities > 0, otherwise "pressure".
-    """
+    """Return "velocity" or "pressure", the abscissa of the curves, and an array of `count` values."""
     v = conditions.velocity[conditions.velocity > 0]
     if v.size and v.max() > v.min():
         return "velocity", np.geomspace(v.min(), v.max(), count)
@@ -292,9 +292,55 @@ def _frequencies(material: Material) -> np.ndarray:
 
 
 def _misfit(model: np.ndarray, measured: np.ndarray) -> float:
-    """Return the rms of ln(model / measured) over the points at which both values are positive.
-
-    The result is NaN if there are no such points.
-    """
+    """Return the rms of ln(model / measured) where both values are positive, or NaN without such points."""
     both = (model > 0) & (measured > 0)
     return float(np.sqrt(np.mean(np.log(model[both] / measured[both]) ** 2))) if both.any() else math.nan
+
+
+def read_points(path: StrPath, scene: Scene, conditions: Conditions) -> MeasuredPoints:
+    """Read points from a table with v, mu and optionally p, T, and sigma or relative_sigma.
+
+    A ValueError is raised for an invalid table, or for points at which the scene cannot be computed.
+    """
+    optional = ("p", "T", "sigma", "relative_sigma")
+    table = read_table(path, ("v", "mu"), optional, increasing=False)
+    if table["v"].size > MOST_POINTS:
+        raise ValueError(f"{path}: has {table['v'].size} points: must have at most {MOST_POINTS}")
+    if np.any(table["v"] <= 0):
+        raise ValueError(f"{path}: v = {shown(table['v'].min())}: must be > 0 on a logarithmic axis")
+    p, T = table.get("p"), table.get("T")
+    if not takes_temperature(scene):
+        T = None
+    elif T is not None and conditions.temperature is None:
+        raise ValueError(f"{path}: has temperatures, but [run] of the scene has none; add one")
+    at = Conditions(
+        table["v"],
+        conditions.pressure if p is None else p,
+        conditions.temperature if T is None else T,
+    )
+    check_conditions(f"{path}: ", at, scene)
+    check_plausible_conditions(f"{path}: ", at)
+    error = table.get("sigma")
+    if error is None and "relative_sigma" in table:
+        error = table["relative_sigma"] * np.abs(table["mu"])
+    return MeasuredPoints(as_path(path), table["v"], table["mu"], error, p, T, as_path(path).read_bytes())
+
+
+def group_points(measured: MeasuredPoints) -> list[Curve]:
+    """Return the `MOST_CURVES` largest groups of points at equal pressure (1 %) and temperature (1 K)."""
+    size = measured.velocity.size
+    p = np.zeros(size) if measured.pressure is None else np.round(np.log(measured.pressure) / 0.01)
+    T = np.zeros(size) if measured.temperature is None else np.round(measured.temperature)
+    sets, which = np.unique(np.stack([p, T], 1), axis=0, return_inverse=True)
+    chosen = [np.flatnonzero(which.ravel() == i) for i in range(len(sets))]
+    if len(chosen) > MOST_CURVES:
+        largest = sorted(range(len(chosen)), key=lambda i: -chosen[i].size)[:MOST_CURVES]
+        chosen = [chosen[i] for i in sorted(largest)]
+    return [
+        Curve(
+            None if measured.pressure is None else float(np.median(measured.pressure[points])),
+            None if measured.temperature is None else float(np.median(measured.temperature[points])),
+            tuple(points.tolist()),
+        )
+        for points in chosen
+    ]

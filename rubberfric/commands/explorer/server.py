@@ -59,9 +59,8 @@ class Server(ThreadingHTTPServer):
     Parameters
     ----------
     port : number of the port, or 0 for any free port
-    page : function of a nonce that returns the page. The scripts and the style of the page have the nonce.
-    routes : dict from name to a function of the posted JSON value
-        The functions raise ValueError for invalid values.
+    page : function of a nonce that returns the page, whose scripts and style have the nonce
+    routes : dict from name to a function of the posted JSON value, which raises ValueError for invalid values
     """
 
     daemon_threads = True
@@ -89,10 +88,7 @@ class Server(ThreadingHTTPServer):
 
     @property
     def entrance(self) -> str:
-        """Return a URL that opens the page only once.
-
-        The browser gets this URL because other users of the machine may see the arguments of the browser.
-        """
+        """Return a one-time URL for the browser, whose arguments other users of the machine may see."""
         return f"http://{self.hosts[0]}/{self._entrance[0]}/"
 
     def enters(self, path: str) -> bool:
@@ -104,10 +100,7 @@ class Server(ThreadingHTTPServer):
             return False
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Process a request in a new thread, or close the request if too many threads are running.
-
-        The number of threads is limited because browsers open idle connections.
-        """
+        """Process a request in a new thread, or close it if idle connections hold all threads."""
         if not self._room.acquire(blocking=False):
             self.shutdown_request(request)
             return
@@ -149,7 +142,8 @@ class Handler(BaseHTTPRequestHandler):
 
     def _answer(self, work: Callable[[], Answer]) -> None:
         try:
-            self._check_host()
+            if self._only("Host") not in self.server.hosts:
+                raise Refused(HTTPStatus.FORBIDDEN, "the header Host must name this server")
             found = work()
         except Refused as error:
             self._refuse(error.status, str(error))
@@ -198,15 +192,8 @@ class Handler(BaseHTTPRequestHandler):
             spent = 1e3 * (time.perf_counter() - begin)
         return found._replace(headers=found.headers | {"Server-Timing": f"total;dur={spent:.1f}"})
 
-    def _check_host(self) -> None:
-        if self._only("Host") not in self.server.hosts:
-            raise Refused(HTTPStatus.FORBIDDEN, "the header Host must name this server")
-
     def _route(self) -> str:
-        """Return the part of the path after the token, which is "" for the page.
-
-        A request without the token is refused with status 403.
-        """
+        """Return the part of the path after the token ("" for the page), or refuse a wrong token."""
         begin, token, *route = (*self.path.split("/", 2), "", "")[:3]
         known = hmac.compare_digest(token.encode(errors="replace"), self.server.token.encode())
         if begin != "" or not known:

@@ -48,10 +48,7 @@ class Slider(NamedTuple):
     free: tuple[str, ...] = ()  # corresponding free parameters of a fit
 
     def at(self, part: float) -> float:
-        """Return the value at a share `part` of the way from `start` to `high`.
-
-        If `part` is negative, the way leads from `start` to `low`.
-        """
+        """Return the value at a share `part` of the way from `start` to `high`, or to `low` if negative."""
         end = self.high if part > 0 else self.low
         if self.logarithmic:
             return self.start * (end / self.start) ** abs(part)
@@ -61,15 +58,9 @@ class Slider(NamedTuple):
 def sliders_of(scene: Scene, conditions: Conditions, axis: str = "velocity") -> list[Slider]:
     """Return the sliders for the numbers of a scene, the pressure and the temperature.
 
-    The constructors accept the ends of the range of each slider, while all other sliders have their
-    start values.
-
-    Parameters
-    ----------
-    scene : Scene of concrete numbers, prepared by `with_cutoffs`
-    conditions : conditions of the scene file
-        The middle pressure and the middle temperature are the start values of two sliders.
-    axis : condition on the abscissa of the curves, which has no slider
+    The scene has concrete numbers and comes from `with_cutoffs`. The middle pressure and temperature of the
+    conditions are start values. `axis` is the condition on the abscissa, which has no slider. Constructors
+    accept the ends of each slider, while all other sliders have their start values.
     """
     found = [one for one in _of_conditions(scene, conditions) if one.name != axis]
     for path, part in parts_of(scene):
@@ -78,10 +69,7 @@ def sliders_of(scene: Scene, conditions: Conditions, axis: str = "velocity") -> 
 
 
 def with_cutoffs(scene: Scene) -> Scene:
-    """Return the scene with explicit cutoffs q1 of tabulated spectra.
-
-    A cutoff that is None would have no slider.
-    """
+    """Return the scene with explicit cutoffs q1 of tabulated spectra, because None would have no slider."""
     paths = [
         (f"{path}.q1", part)
         for path, part in parts_of(scene)
@@ -92,13 +80,9 @@ def with_cutoffs(scene: Scene) -> Scene:
 
 
 def slider_values(sliders: Sequence[Slider], given: Any) -> dict[str, float]:
-    """Return the value of every slider.
+    """Return the value of every slider: from the object `given` by slider name, or the start value.
 
-    `given` is an object with values by slider name. A slider without a given value has its start value.
-
-    Raises
-    ------
-    ValueError : an unknown slider, a value that is not a finite number, or a value outside its range.
+    A ValueError is raised for an unknown slider, and for a value that is not a number within its range.
     """
     if not isinstance(given, dict):
         raise ValueError(f"values = {shown(given)}: must be an object with numbers by slider name")
@@ -118,13 +102,9 @@ def slider_values(sliders: Sequence[Slider], given: Any) -> dict[str, float]:
 
 
 def changes(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, Any], array: Any) -> dict[str, Any]:
-    """Return a dict from key path to new value, for `Scene.replace`.
+    """Return a dict from key path to new value, for `Scene.replace`, from sliders and their values.
 
-    Parameters
-    ----------
-    scene : Scene at the start values
-    sliders, values : sliders and their values, which may be traced
-    array : numpy, or jax.numpy for traced values
+    `scene` has the start values. `array` is numpy, or jax.numpy for traced values.
     """
     found: dict[str, Any] = {}
     for one in sliders:
@@ -143,10 +123,7 @@ def changes(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, Any], 
 
 
 def moved(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, float]) -> Scene:
-    """Return the scene with all sliders at given values.
-
-    A ValueError is raised if the scene refuses the combination of values.
-    """
+    """Return the scene at the sliders' values, or raise ValueError if the scene refuses them."""
     away = [one for one in sliders if values[one.name] != one.start]
     found = changes(scene, away, values, np)
     return scene.replace(found) if found else scene
@@ -173,10 +150,7 @@ def _of_conditions(scene: Scene, conditions: Conditions) -> Iterator[Slider]:
 
 
 def _middle(values: np.ndarray) -> tuple[float, float, float]:
-    """Return the smallest, the middle and the largest value.
-
-    If there are two middle values, the lower one is returned.
-    """
+    """Return the smallest, the (lower) middle and the largest value."""
     ordered = np.sort(values).tolist()
     return ordered[0], ordered[(len(ordered) - 1) // 2], ordered[-1]
 
@@ -205,11 +179,7 @@ def _of_object(path: str, part: PhysicalObject) -> Iterator[Slider]:
 
 
 def _of_number(path: str, group: str, name: str, field: Leaf, start: float) -> Iterator[Slider]:
-    """Yield the slider of a number.
-
-    The slider is linear if the number is an angle or bounded, otherwise logarithmic. A number <= 0 that is
-    neither an angle nor bounded has no slider.
-    """
+    """Yield a linear slider for an angle or a bounded number, a logarithmic one for another number > 0."""
     allowed = field.rule[1]
     if field.unit == "rad":
         low, high, logarithmic = start - math.pi / 2, start + math.pi / 2, False
@@ -236,10 +206,7 @@ def _factor(
 
 
 def _by_decade(path: str, group: str, name: str, times: np.ndarray) -> Iterator[Slider]:
-    """Yield a slider for every decade of relaxation times, if there are several decades.
-
-    Each slider multiplies the moduli in one decade by a factor.
-    """
+    """Yield a slider for the moduli of every decade of relaxation times, if there are several decades."""
     # Powers of ten begin their decade, regardless of rounding.
     decades = np.floor(np.log10(times) + 1e-6).astype(int)
     for decade in np.unique(decades) if np.ptp(decades) else ():
@@ -258,10 +225,7 @@ def _at(scene: Scene, path: str) -> jax.Array:
 
 
 def _accepts(scene: Scene, slider: Slider) -> Callable[[float], bool]:
-    """Return a function that returns True for a value of a slider that the scene accepts.
-
-    All other sliders have their start values.
-    """
+    """Return a function that tests if a scene accepts a value of one slider, the others at their start."""
 
     def accepts(value):
         try:
@@ -274,10 +238,7 @@ def _accepts(scene: Scene, slider: Slider) -> Callable[[float], bool]:
 
 
 def _within(slider: Slider, accepts: Callable[[float], bool]) -> Slider:
-    """Return the slider with a range whose ends are accepted.
-
-    Bisection between the start and a refused end finds a new end.
-    """
+    """Return the slider with a range whose ends are accepted, found by bisection from the start."""
     ends = {}
     for name, side in (("low", -1.0), ("high", 1.0)):
         if accepts(slider.at(side)):

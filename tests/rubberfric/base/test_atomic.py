@@ -10,21 +10,18 @@ def test_what_is_begun_is_removed(tmp_path):
     kept.touch()
     with atomic.temporary_folder(tmp_path) as folder:
         (folder / "part").touch()
-        single = tmp_path / "single"
-        single.touch()
-        atomic.begin(single)
         atomic.remove_begun()
-        atomic.finish(single)
         assert [path.name for path in tmp_path.iterdir()] == ["kept"]
 
 
 def test_nothing_begins_between_the_removal_and_the_end(tmp_path):
-    """Another thread waits to begin a file until `then` has run, which ends the process."""
+    """Another thread waits to make a folder until `then` has run, which ends the process."""
     order, began = [], threading.Event()
 
     def begin_another():
         began.set()
-        atomic.begin(tmp_path / "late")
+        with atomic.temporary_folder(tmp_path):
+            pass
         order.append("begun")
 
     other = threading.Thread(target=begin_another)
@@ -37,5 +34,4 @@ def test_nothing_begins_between_the_removal_and_the_end(tmp_path):
 
     atomic.remove_begun(leave)
     other.join()
-    atomic.finish(tmp_path / "late")
     assert order == ["ended", "begun"]

@@ -216,7 +216,7 @@ def shell(redirection, *arguments, package="rubberfric", program=PROGRAM, **envi
         (">&- 2>&-", ("run", "no.toml"), (1, "", "")),
         ("<&- 2>&-", ("run", "no.toml"), (2, "", "")),
         ("2>/dev/full", ("run", "no.toml"), (2, "", "")),
-        (">/dev/full", ("--help",), (1, "", "")),
+        (">/dev/full", ("--help",), (1, "", "rubberfric: [Errno 28] No space left on device\n")),
     ],
 )
 def test_streams_that_take_nothing(redirection, arguments, expected):

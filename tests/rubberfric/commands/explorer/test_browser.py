@@ -8,8 +8,7 @@ import pytest
 from support.folders import DATA
 
 from rubberfric.commands.explorer.command import page, routes
-from rubberfric.commands.explorer.curves import Explorer
-from rubberfric.commands.explorer.points import read_points
+from rubberfric.commands.explorer.curves import Explorer, read_points
 from rubberfric.commands.explorer.server import Server
 from rubberfric.io.files import read_computable
 

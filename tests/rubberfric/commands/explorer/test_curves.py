@@ -7,8 +7,7 @@ import pytest
 from support.folders import DATA
 
 import rubberfric as rf
-from rubberfric.commands.explorer.curves import BESIDE, EVERY, POINTS, Explorer
-from rubberfric.commands.explorer.points import group_points, read_points
+from rubberfric.commands.explorer.curves import BESIDE, EVERY, POINTS, Explorer, group_points, read_points
 from rubberfric.commands.explorer.sliders import slider_values
 from rubberfric.io.files import read_computable
 from rubberfric.io.results import Conditions

@@ -12,8 +12,7 @@ import fitting
 import rubberfric as rf
 from fitting.commands.job import read_job
 from rubberfric.commands.explorer.command import COMMAND, fit_download, scene_download
-from rubberfric.commands.explorer.curves import Explorer
-from rubberfric.commands.explorer.points import read_points
+from rubberfric.commands.explorer.curves import Explorer, read_points
 from rubberfric.commands.explorer.sliders import slider_values
 from rubberfric.io.files import read_computable
 
