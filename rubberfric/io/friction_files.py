@@ -12,17 +12,18 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.atomic import StrPath, as_path, read_text, write_text
 from rubberfric.base.checks import POSITIVE, check_values, closest, shown
-from rubberfric.io.columns import COLUMNS
-from rubberfric.io.friction_tables import AXES, FrictionTable, as_friction_table
-from rubberfric.io.prony_formats import (
+from rubberfric.io.card_text import (
     STRESS,
     TEMPERATURE,
     comma_line,
     comma_numbers,
     format_number,
     keyword_blocks,
+    need,
     wide_numbers,
 )
+from rubberfric.io.columns import COLUMNS
+from rubberfric.io.friction_tables import AXES, FrictionTable, as_friction_table
 from rubberfric.io.tables import read_names, read_table, table_text
 
 _SPEED = COLUMNS["v"].units
@@ -166,19 +167,15 @@ def _head(table: FrictionTable, units: TableUnits) -> list[str]:
 
 
 def _units(text: str, velocity: str | None, pressure: str | None, temperature: str | None) -> TableUnits:
-    """Return the units of velocity, pressure and temperature in a file.
-
-    A unit that is None is read from the comment in the text of the file. The default unit of temperature is
-    K.
-    """
+    """Return the units of velocity, pressure and temperature: as given, or from the comment of a file."""
     found = re.search(r"Units: (\S+), (\S+?)(?:, (K|C))?\s*$", text, re.M)
     v, p, T = found.groups() if found else (None, None, None)
     given = (velocity or v, pressure or p, temperature or T or "K")
     for name, unit, known in zip(AXES, given, (_SPEED, STRESS, TEMPERATURE), strict=True):
-        if unit is None:
-            raise ValueError(f"unit_{name} is missing: must be given because the file does not name it")
-        if not isinstance(unit, str) or unit not in known:
-            raise ValueError(f"unit_{name} = {shown(unit)}: {closest(unit, tuple(known))}")
+        message = f"unit_{name} is missing: must be given because the file does not name it"
+        need(unit is not None, message)
+        valid = isinstance(unit, str) and unit in known
+        need(valid, f"unit_{name} = {shown(unit)}: {closest(unit, tuple(known))}")
     return TableUnits(*map(str, given))
 
 
@@ -189,18 +186,13 @@ def _file_axes(table: FrictionTable, units: TableUnits) -> list[np.ndarray]:
 
 
 def _from_rows(rows: Any, units: TableUnits) -> FrictionTable:
-    """Return the table from rows (mu, v, p, T), which may have any order.
-
-    T is NaN if the table has no temperatures.
-    """
+    """Return the table from rows (mu, v, p, T) in any order, with T = NaN for no temperatures."""
     mu, v, p, T = np.array(rows, float).T
     axes, places = zip(*(np.unique(x, return_inverse=True) for x in (T, p, v)), strict=True)
     temperatures, pressures, velocities = shape = tuple(axis.size for axis in axes)
-    if mu.size != math.prod(shape) or np.unique(np.ravel_multi_index(places, shape)).size != mu.size:
-        raise ValueError(
-            f"has {mu.size} points over {velocities} velocities, {pressures} pressures and {temperatures}"
-            " temperatures: must have every combination once"
-        )
+    once = mu.size == math.prod(shape) and np.unique(np.ravel_multi_index(places, shape)).size == mu.size
+    message = f"has {mu.size} points over {velocities} velocities, {pressures} pressures and {temperatures}"
+    need(once, f"{message} temperatures: must have every combination once")
     friction = np.empty(shape)
     friction[places] = mu
     v, p, T = (axis * factor + zero for axis, (factor, zero) in zip(axes[::-1], units.scales(), strict=True))
@@ -221,12 +213,11 @@ def _write_abaqus(table: FrictionTable, units: TableUnits, name: str) -> Iterato
 def _read_abaqus(text: str, units: TableUnits) -> FrictionTable:
     blocks = keyword_blocks(text, r"\s*(\*\*|$)")
     lines = [data for line, data in blocks if line.partition(",")[0].strip().upper() == "*FRICTION"]
-    if not lines or not lines[0]:
-        raise ValueError("*FRICTION with data is missing: must be given")
+    need(lines and lines[0], "*FRICTION with data is missing: must be given")
     rows = [comma_numbers(line) for line in lines[0]]
     for line, row in zip(lines[0], rows, strict=True):
-        if not 3 <= len(row) <= 4:
-            raise ValueError(f"*FRICTION: {line.strip()!r}: must be mu, slip rate, pressure, temperature")
+        message = f"*FRICTION: {line.strip()!r}: must be mu, slip rate, pressure, temperature"
+        need(3 <= len(row) <= 4, message)
     return _from_rows([[*row, np.nan][:4] for row in rows], units)
 
 
@@ -260,16 +251,12 @@ def _read_lsdyna(text: str, units: TableUnits) -> FrictionTable:
         if keyword.upper() in kinds and cards:
             rows = [wide_numbers(card, 2) for card in cards[1:]]
             kinds[keyword.upper()][int(cards[0][:10])] = rows
-    if not tables:
-        raise ValueError("*DEFINE_TABLE_2D is missing: must be given")
-    if len(tables) > 1 and tables.keys() - temperatures.keys():
-        raise ValueError(
-            f"has {len(tables)} tables, but no temperature for some of them; keep one table, or state each "
-            "temperature in a comment as write_friction does"
-        )
+    need(tables, "*DEFINE_TABLE_2D is missing: must be given")
+    message = f"has {len(tables)} tables, but no temperature for some of them; keep one table, or state each"
+    known = len(tables) == 1 or not tables.keys() - temperatures.keys()
+    need(known, f"{message} temperature in a comment as write_friction does")
     for curve in (int(curve) for table in tables.values() for _, curve in table):
-        if curve not in curves:
-            raise ValueError(f"curve {curve} of a table is missing: must be given as *DEFINE_CURVE")
+        need(curve in curves, f"curve {curve} of a table is missing: must be given as *DEFINE_CURVE")
     rows = [
         (mu, v, pressure, temperatures.get(number, np.nan))
         for number, table in tables.items()
@@ -292,9 +279,8 @@ def _write_csv(table: FrictionTable, units: TableUnits, _name: str) -> list[str]
 
 
 def _write_log10(table: FrictionTable, _units: TableUnits, _name: str) -> Iterator[str]:
-    if table.friction.shape[:2] != (1, 1):
-        T, p, _ = table.friction.shape
-        raise ValueError(f"table has {p} pressures and {T} temperatures: must have one of each for log10")
+    T, p, _ = table.friction.shape
+    need(T == p == 1, f"table has {p} pressures and {T} temperatures: must have one of each for log10")
     check_values("velocity", table.velocity, POSITIVE)
     curves = {"log10_v": np.log10(table.velocity), "mu_visc": table.friction, "A_over_A0": table.area}
     curves = {name: values.ravel() for name, values in curves.items() if values is not None}
@@ -306,10 +292,10 @@ def _write_log10(table: FrictionTable, _units: TableUnits, _name: str) -> Iterat
 def _read_columns(path: Path, pressure: float | None) -> FrictionTable:
     optional = tuple({"p", "T", "sigma", "A_over_A0"} & set(read_names(path)))
     columns = read_table(path, ("v", "mu"), optional, increasing=False)
-    if "p" in columns and pressure is not None:
-        raise ValueError(f"pressure = {shown(pressure)}: must not be given because the file has it")
-    if "p" not in columns and pressure is None:
-        raise ValueError("pressure is missing: must be given because the file does not have it [Pa]")
+    message = f"pressure = {shown(pressure)}: must not be given because the file has it"
+    need("p" not in columns or pressure is None, message)
+    message = "pressure is missing: must be given because the file does not have it [Pa]"
+    need("p" in columns or pressure is not None, message)
     size = columns["v"].size
     full = {"p": np.full(size, pressure), "T": np.full(size, np.nan)} | columns
     mu, sigma, area = (
@@ -345,14 +331,12 @@ def _read_json(text: str, _units: TableUnits) -> FrictionTable:
         table = FrictionTable(**values, temperature=T, error=error, title=title)
     except (KeyError, TypeError, ValueError):
         raise ValueError(f"must be JSON with format = {_JSON!r}, axes and friction") from None
-    shape = (
-        1 if table.temperature is None else table.temperature.size,
-        table.pressure.size,
-        table.velocity.size,
-    )
+    axes = table.temperature, table.pressure, table.velocity
+    shape = tuple(1 if axis is None else axis.size for axis in axes)
     for name in ("friction", "sigma", "area"):
-        if name in values and values[name].shape != shape:
-            raise ValueError(f"{name} has shape {values[name].shape}: must be {shape} for these axes")
+        if name in values:
+            found = values[name].shape
+            need(found == shape, f"{name} has shape {found}: must be {shape} for these axes")
     return table
 
 

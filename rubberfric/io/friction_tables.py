@@ -1,16 +1,13 @@
-r"""Tables of the friction coefficient over velocity, pressure and temperature.
+"""Tables of the friction coefficient over velocity, pressure and temperature.
 
-Programs that read these tables interpolate linearly in v, p and T, and keep the end values outside the table,
-
-.. math:: \mu(v, p, T) = \sum_{ijk} w_i(v)\, w_j(p)\, w_k(T)\, \mu_{ijk}
-
-with the hat functions w of each axis.
+Programs that read these tables interpolate linearly in v, p and T, and keep the end values outside the table.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from jax.typing import ArrayLike
+from scipy.interpolate import RegularGridInterpolator
 
 from rubberfric.base.checks import NONNEGATIVE, check_increasing, check_values
 from rubberfric.io.results import Curves, curves_of
@@ -37,28 +34,14 @@ class FrictionTable(NamedTuple):
 
         The arguments broadcast. Beyond the ends of an axis, mu keeps the value at the end.
         """
-        given = (velocity, pressure) if self.temperature is None else (velocity, pressure, temperature)
-        points = np.broadcast_arrays(*(np.asarray(x, float) for x in given))
-        v, p, *T = (x.ravel() for x in points)
-        weights = np.ones((v.size, 1)) if self.temperature is None else hats(self.temperature, T[0])
-        values = np.einsum("nt,tpv->npv", weights, self.friction)
-        values = np.einsum("np,npv->nv", hats(self.pressure, p), values)
-        return np.einsum("nv,nv->n", hats(self.velocity, v), values).reshape(points[0].shape)
-
-
-def hats(axis: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return the weights of linear interpolation from the points of an axis to `x`.
-
-    The weights have shape (x.size, axis.size). Beyond the ends of the axis they are constant.
-    """
-    weights = np.zeros((x.size, axis.size))
-    if axis.size == 1:
-        return weights + 1.0
-    low = np.clip(np.searchsorted(axis, x, side="right") - 1, 0, axis.size - 2)
-    part = np.clip((x - axis[low]) / (axis[low + 1] - axis[low]), 0.0, 1.0)
-    rows = np.arange(x.size)
-    weights[rows, low], weights[rows, low + 1] = 1.0 - part, part
-    return weights
+        given = (self.temperature, temperature), (self.pressure, pressure), (self.velocity, velocity)
+        known = [(axis, np.asarray(x, float)) for axis, x in given if axis is not None]
+        shape = np.broadcast_shapes(*(x.shape for _, x in known))
+        several = [(axis, np.clip(x, axis[0], axis[-1])) for axis, x in known if axis.size > 1]
+        if not several:
+            return np.full(shape, self.friction.item())
+        interpolated = RegularGridInterpolator([axis for axis, _ in several], self.friction.squeeze())
+        return interpolated(np.stack([np.broadcast_to(x, shape) for _, x in several], -1)).reshape(shape)
 
 
 def as_friction_table(
@@ -67,13 +50,9 @@ def as_friction_table(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> FrictionTable:
-    """Convert a FrictionTable or a result to a checked FrictionTable.
+    """Convert a FrictionTable, or a result with arguments as for `curves_of`, to a checked FrictionTable.
 
-    The axes of a result are sorted first. The arguments are as for `rubberfric.io.curves_of`.
-
-    Raises
-    ------
-    ValueError : another `source`, no friction, an axis that is negative or not increasing, or mu < 0
+    A ValueError is raised for another `source`, no friction, an invalid axis, or mu < 0.
     """
     if isinstance(source, FrictionTable):
         table = source

@@ -37,10 +37,9 @@ MOST_VALUES = 10**8
 def creating(
     path: StrPath | io.BytesIO, form: str, version: int = 1, *, in_place: bool = False
 ) -> Iterator[h5py.File]:
-    """Open a new HDF5 file of the format `form` for writing.
+    """Open a new HDF5 file, or a file object, of the format `form` for writing.
 
-    `path` may be a file object. HDF5 may segfault on a full disk, so the file is written in memory first,
-    unless `in_place` is True.
+    HDF5 may segfault on a full disk, so the file is written in memory first, unless `in_place` is True.
     """
     place = path if in_place or isinstance(path, io.BytesIO) else io.BytesIO()
     # Since 1.10 the file format has checksums on its structure.
@@ -55,10 +54,7 @@ def creating(
 
 @contextlib.contextmanager
 def reading(path: Any, form: str, version: int = 1) -> Iterator[h5py.File]:
-    """Open an HDF5 file of the format `form` for reading.
-
-    Every fault of the file raises a ValueError that names the file.
-    """
+    """Open an HDF5 file of the format `form`; every fault raises a ValueError that names the file."""
     check_readable(path)  # names a missing file as such
     try:
         with h5py.File(path, "r") as file:
@@ -105,14 +101,10 @@ def write_values(group: h5py.Group, name: str, values: ArrayLike, units: str) ->
 
 
 def read_values(group: h5py.Group, name: str, units: str, shape: tuple[int, ...] | None = None) -> np.ndarray:
-    """Read a dataset of numbers that must have the given units.
+    """Read a dataset of numbers with the given units as a NumPy array, or as a float if weakly typed.
 
-    The result is a NumPy array. A weakly typed number becomes a float.
-
-    Raises
-    ------
-    ValueError : the dataset is missing, or has another unit, type or shape
-        If `shape` is None, a dataset may have any shape, but at most `MOST_VALUES` values.
+    A ValueError is raised if the dataset is missing, or has another unit, type or shape. If `shape` is None,
+    a dataset may have any shape, but at most `MOST_VALUES` values.
     """
     where, data = _path(group, name), group.get(name)
     if not isinstance(data, h5py.Dataset):

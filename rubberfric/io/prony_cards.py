@@ -9,16 +9,8 @@ import numpy as np
 from rubberfric.base.atomic import read_text, write_text
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values, closest, shown
 from rubberfric.base.units import shear_from_young, young_from_shear
-from rubberfric.io.prony_formats import (
-    FORMATS,
-    STRESS,
-    TEMPERATURE,
-    CardOptions,
-    Cards,
-    CardSeries,
-    format_number,
-    glassy_bulk,
-)
+from rubberfric.io.card_text import STRESS, TEMPERATURE, format_number, need
+from rubberfric.io.prony_formats import FORMATS, CardOptions, Cards, CardSeries, glassy_bulk
 from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.materials.shifts import WLF
 
@@ -82,17 +74,14 @@ def read_prony(
     try:
         if program is None:
             found = [name for name, form in FORMATS.items() if re.search(form.sign, text, re.I | re.M)]
-            if not found:
-                raise ValueError(f"is not recognised: must have a Prony series of {', '.join(FORMATS)}")
+            need(found, f"is not recognised: must have a Prony series of {', '.join(FORMATS)}")
             program = found[0]
         _check("program", program, FORMATS)
         if unit_stress is not None:
             _check("unit_stress", unit_stress, STRESS)
         _check("unit_temperature", unit_temperature, TEMPERATURE)
-        if unit_stress is None and program != "pyvisco":
-            raise ValueError(
-                "unit_stress is missing: must be the stress unit of the cards, for example 'MPa'"
-            )
+        message = "unit_stress is missing: must be the stress unit of the cards, for example 'MPa'"
+        need(unit_stress is not None or program == "pyvisco", message)
         options = CardOptions(unit_stress, TEMPERATURE[unit_temperature], poisson, shift)
         return _material(FORMATS[program].read(text, options), options)
     except ValueError as error:
@@ -149,16 +138,16 @@ def write_prony(
     _check("unit_temperature", unit_temperature, TEMPERATURE)
     mass, form = None, FORMATS[program]
     if density is not None:
-        if unit_stress not in _DENSITY:
-            raise ValueError(f"unit_stress = {unit_stress!r}: must be Pa or MPa if a density is given")
+        message = f"unit_stress = {unit_stress!r}: must be Pa or MPa if a density is given"
+        need(unit_stress in _DENSITY, message)
         check_values("density", as_leaf("density", density, 0), POSITIVE)
         mass = float(density) / _DENSITY[unit_stress]
     material = getattr(material, "material", material)
     options = CardOptions(unit_stress, TEMPERATURE[unit_temperature], shift=shift)
     series = _series(material, bulk, program, options)._replace(mass=mass, name=name)
     for programs, holds, message in _REQUIREMENTS:
-        if program in programs.split() and not holds(series):
-            raise ValueError(message.format(program, n=series.tau.size))
+        if program in programs.split():
+            need(holds(series), message.format(program, n=series.tau.size))
     degrees = f", {unit_temperature}" if series.wlf else ""
     head = f"{form.comment} Prony series of {series.tau.size} terms. Units: {unit_stress}, s{degrees}"
     text = "\n".join([head] * bool(form.comment) + list(form.write(series))) + "\n"
@@ -168,8 +157,8 @@ def write_prony(
 
 
 def _check(name: str, value: object, allowed: dict) -> None:
-    if not isinstance(value, str) or value not in allowed:
-        raise ValueError(f"{name} = {shown(value)}: {closest(value, tuple(allowed))}")
+    known = isinstance(value, str) and value in allowed
+    need(known, f"{name} = {shown(value)}: {closest(value, tuple(allowed))}")
 
 
 def _material(cards: Cards, options: CardOptions) -> Prony | PronyShear:
@@ -196,8 +185,7 @@ def _material(cards: Cards, options: CardOptions) -> Prony | PronyShear:
 
 def _series(material: object, bulk: float | None, program: str, options: CardOptions) -> CardSeries:
     if isinstance(material, PronyShear):
-        if bulk is not None:
-            raise ValueError(f"bulk = {shown(bulk)}: must not be given; the PronyShear has a bulk modulus")
+        need(bulk is None, f"bulk = {shown(bulk)}: must not be given; the PronyShear has a bulk modulus")
         rest, weights, bulk = float(material.G_inf), np.asarray(material.G, float), float(material.bulk)
         poisson = math.nan  # from `bulk` below
     elif isinstance(material, Prony):
@@ -215,8 +203,8 @@ def _series(material: object, bulk: float | None, program: str, options: CardOpt
     g = k = weights / glassy
     if bulk is not None:
         poisson, k = (3 * bulk - 2 * glassy) / (2 * (3 * bulk + glassy)), 0 * g
-        if not poisson > 0:
-            raise ValueError(f"bulk = {bulk:g} Pa: must be > 2/3 of the glassy shear modulus, {glassy:g} Pa")
+        message = f"bulk = {bulk:g} Pa: must be > 2/3 of the glassy shear modulus, {glassy:g} Pa"
+        need(poisson > 0, message)
     elif poisson == 0.5:
         k = 0 * g
     pascal, young = STRESS[options.stress or "Pa"], young_from_shear(glassy, poisson)
@@ -227,15 +215,12 @@ def _series(material: object, bulk: float | None, program: str, options: CardOpt
 
 
 def _wlf(law: object, program: str, options: CardOptions) -> tuple[float, float, float]:
-    """Return reference temperature, C1 and C2 of a WLF shift, with the temperature in the file's unit.
-
-    A ValueError is raised if the cards of the program cannot represent the shift.
-    """
-    has_shift = FORMATS[program].has_shift
+    """Return reference temperature (in the file's unit), C1 and C2 of a WLF shift, or raise ValueError."""
+    kind, has_shift = type(law).__name__, FORMATS[program].has_shift
     if not (isinstance(law, WLF) and has_shift):
+        allowed = "WLF" if has_shift else "none"
         raise ValueError(
-            f"material has the shift {type(law).__name__}: {program} cards must have"
-            f" {'WLF' if has_shift else 'none'}; shift=False leaves it out"
+            f"material has the shift {kind}: {program} cards must have {allowed}; shift=False leaves it out"
         )
     if law.vertical is not None:
         raise ValueError(

@@ -17,9 +17,17 @@ from typing import NamedTuple
 import numpy as np
 
 from rubberfric.base.units import ZERO_CELSIUS, bulk_from_young, shear_from_young, young_from_shear
-
-STRESS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9}
-TEMPERATURE = {"K": 0.0, "C": ZERO_CELSIUS}
+from rubberfric.io.card_text import (
+    STRESS,
+    comma_line,
+    comma_numbers,
+    format_number,
+    keyword_blocks,
+    need,
+    parse_number,
+    wide_line,
+    wide_numbers,
+)
 
 
 class CardOptions(NamedTuple):
@@ -70,86 +78,18 @@ class CardFormat(NamedTuple):
     write: Callable[[CardSeries], Iterator[str]]  # lines
 
 
-def parse_number(field: str) -> float:
-    """Return the number in a field of a card.
-
-    The exponent may begin with D as in Fortran. A blank field is 0.
-    """
-    try:
-        return float(re.sub(r"[dD](?=[+-]?\d+$)", "e", field.strip() or "0"))
-    except ValueError:
-        raise ValueError(f"{field.strip()!r}: must be a number") from None
-
-
-def format_number(value: float, width: int = 20) -> str:
-    """Return the most accurate text of a number with at most `width` characters."""
-    value = float(value)
-    texts = [repr(value), f"{value:.{width}f}"[:width]]
-    for digits in range(width):
-        mantissa, exponent = f"{value:.{digits}E}".split("E")
-        texts.append(f"{mantissa}E{int(exponent)}")
-    return min((t for t in texts if len(t) <= width), key=lambda text: (abs(float(text) - value), len(text)))
-
-
-def keyword_blocks(text: str, skip: str, mark: str = r"\s*\*") -> list[tuple[str, list[str]]]:
-    """Return (keyword line, lines below the keyword line) of each block in a text.
-
-    The regular expressions `skip` and `mark` match the beginnings of comment lines and of keyword lines.
-    Comment lines are left out.
-    """
-    blocks: list[tuple[str, list[str]]] = []
-    for line in text.splitlines():
-        if re.match(skip, line):
-            continue
-        if re.match(mark, line):
-            blocks.append((line.strip(), []))
-        elif blocks:
-            blocks[-1][1].append(line)
-    return blocks
-
-
-def comma_numbers(line: str) -> list[float]:
-    """Return the numbers of a line, which are separated by commas.
-
-    A comma may also end the line.
-    """
-    return [parse_number(field) for field in line.rstrip().rstrip(",").split(",")]
-
-
-def comma_line(*values: float) -> str:
-    """Return the numbers as a line that `comma_numbers` reads."""
-    return ", ".join(map(format_number, values))
-
-
-def wide_numbers(line: str, count: int, width: int = 20) -> list[float]:
-    """Return the numbers in the first `count` fields of a line, whose fields have `width` characters."""
-    return [parse_number(line[i : i + width]) for i in range(0, width * count, width)]
-
-
-def wide_line(*values: float, width: int = 20) -> str:
-    """Return the numbers as a line that `wide_numbers` reads."""
-    return "".join(f"{format_number(value, width):>{width}}" for value in values)
-
-
 def glassy_bulk(young: float, poisson: float) -> float:
-    """Return the bulk modulus for Young's modulus and Poisson's ratio.
-
-    The result is inf for an incompressible solid.
-    """
+    """Return the bulk modulus for Young's modulus and Poisson's ratio; inf for an incompressible solid."""
     return float(bulk_from_young(young, poisson)) if poisson < 0.5 else math.inf
 
 
 def _relative(young, nu, g, k, tau, wlf=(), long_term=False) -> Cards:
-    """Convert cards that hold Young's modulus and relative weights.
-
-    `young` is the relaxed modulus if `long_term` is True, otherwise the glassy modulus.
-    """
+    """Convert cards with relative weights and the glassy or, if `long_term`, the relaxed Young's modulus."""
     total = float(np.sum(g))
-    if total > 1 + 1e-12:
-        raise ValueError(f"the weights of the shear modulus add up to {total:g}: must be at most 1")
+    need(total <= 1 + 1e-12, f"the weights of the shear modulus add up to {total:g}: must be at most 1")
     rest = max(1 - total, 0.0)
-    if long_term and not rest > 0:
-        raise ValueError("MODULI=LONG TERM with weights that add up to 1: must add up to less than 1")
+    message = "MODULI=LONG TERM with weights that add up to 1: must add up to less than 1"
+    need(rest > 0 or not long_term, message)
     shear = shear_from_young(young, nu)
     glassy, relaxed = (shear / rest, shear) if long_term else (shear, shear * rest)
     return Cards(relaxed, glassy * g, k, tau, nu, glassy_bulk(young, nu), wlf)
@@ -172,13 +112,12 @@ def _read_abaqus(text: str, options: CardOptions) -> Cards:
 
     needed = ("*ELASTIC", "*VISCOELASTIC", *["*TRS"] * (options.shift and "*TRS" in found))
     for keyword in needed:
-        if not found.get(keyword, ("", []))[1]:
-            raise ValueError(f"{keyword} with data is missing: must be given")
+        need(found.get(keyword, ("", []))[1], f"{keyword} with data is missing: must be given")
     (elastic, moduli), (viscoelastic, terms), *trs = (found[keyword] for keyword in needed)
-    if "PRONY" not in viscoelastic:
-        raise ValueError(f"{viscoelastic}: must be TIME=PRONY")
-    if trs and "DEFINITION" in trs[0][0] and "WLF" not in trs[0][0]:
-        raise ValueError(f"{trs[0][0]}: must be DEFINITION=WLF; shift=False leaves the shift out")
+    need("PRONY" in viscoelastic, f"{viscoelastic}: must be TIME=PRONY")
+    for line, _ in trs:
+        message = f"{line}: must be DEFINITION=WLF; shift=False leaves the shift out"
+        need("DEFINITION" not in line or "WLF" in line, message)
     young, nu = [*comma_numbers(moduli[0]), 0.0][:2]
     g, k, tau = np.array([[*comma_numbers(line), 0.0, 0.0][:3] for line in terms]).T
     wlf = tuple(comma_numbers(trs[0][1][0])) if trs else ()
@@ -203,27 +142,20 @@ def _write_abaqus(series: CardSeries) -> Iterator[str]:
 def _read_ansys(text: str, options: CardOptions) -> Cards:
     constants, tables = _ansys_commands(text)
     for name in ("EX", "PRXY"):
-        if name not in constants:
-            raise ValueError(f"MP,{name} is missing: must be given")
+        need(name in constants, f"MP,{name} is missing: must be given")
     (g, tau), (k, bulk_tau) = (_ansys_pairs(tables, what) for what in ("SHEAR", "BULK"))
-    if not g.size:
-        raise ValueError("TB,PRONY,...,SHEAR with TBDATA is missing: must be given")
-    if k.size and (k.shape != g.shape or not np.allclose(bulk_tau, tau, rtol=1e-9)):
-        raise ValueError("TB,PRONY,...,BULK has other times than SHEAR; the times must be equal")
+    need(g.size, "TB,PRONY,...,SHEAR with TBDATA is missing: must be given")
+    equal = not k.size or (k.shape == g.shape and np.allclose(bulk_tau, tau, rtol=1e-9))
+    need(equal, "TB,PRONY,...,BULK has other times than SHEAR; the times must be equal")
     wlf = ()
     if shifts := [name for name in tables if options.shift and name.startswith("SHIFT,")]:
-        if shifts[0] != "SHIFT,WLF":
-            raise ValueError(f"TB,{shifts[0]}: must be WLF; shift=False leaves the shift out")
+        need(shifts[0] == "SHIFT,WLF", f"TB,{shifts[0]}: must be WLF; shift=False leaves the shift out")
         wlf = tuple(tables["SHIFT,WLF"][i] for i in (1, 2, 3))
     return _relative(constants["EX"], constants["PRXY"], g, k if k.size else 0 * g, tau, wlf)
 
 
 def _ansys_commands(text: str) -> tuple[dict[str, float], dict[str, dict[int, float]]]:
-    """Return the constants of all MP commands and the tables of all TB commands.
-
-    The constants are a dict from label to value. The tables are a dict from "LABEL,OPTION" to a dict, which
-    maps the number of a constant to its value.
-    """
+    """Return the constants of MP commands by label, and of TB commands by "LABEL,OPTION" and number."""
     constants, tables, current = {}, {}, None
     for line in text.splitlines():
         command, *fields = (field.strip() for field in line.split("!")[0].split(","))
@@ -243,12 +175,10 @@ def _ansys_commands(text: str) -> tuple[dict[str, float], dict[str, dict[int, fl
 def _ansys_pairs(tables: dict[str, dict[int, float]], what: str) -> np.ndarray:
     """Return the weights and times of a Prony table as an array of shape (2, n)."""
     table = tables.get(f"PRONY,{what}", {})
-    if len(table) % 2 or sorted(table) != list(range(1, len(table) + 1)):
-        constants = sorted(table)
-        raise ValueError(
-            f"TB,PRONY,...,{what} has the constants {constants}: must be pairs of weight and time"
-        )
-    return np.array([table[i] for i in sorted(table)]).reshape(-1, 2).T
+    constants = sorted(table)
+    message = f"TB,PRONY,...,{what} has the constants {constants}: must be pairs of weight and time"
+    need(len(table) % 2 == 0 and constants == list(range(1, len(table) + 1)), message)
+    return np.array([table[i] for i in constants]).reshape(-1, 2).T
 
 
 def _write_ansys(series: CardSeries) -> Iterator[str]:
@@ -273,14 +203,12 @@ def _read_comsol(text: str, options: CardOptions) -> Cards:
     found = re.findall(r"^% (\w+) = (\S+) (\S+)", text, re.M)
     constants = {name: (parse_number(value), unit) for name, value, unit in found}
     rows = [line.split() for line in text.splitlines() if line.strip() and not line.startswith("%")]
-    if not all(len(row) == 3 for row in rows) or not rows:
-        raise ValueError("rows must have a branch, a shear modulus and a relaxation time")
+    complete = rows and all(len(row) == 3 for row in rows)
+    need(complete, "rows must have a branch, a shear modulus and a relaxation time")
     _, weights, tau = np.array([[parse_number(field) for field in row] for row in rows]).T
     for name in ("G", "K"):
-        if constants.get(name, (0.0, ""))[1] not in STRESS:
-            raise ValueError(
-                f"comment '% {name} = ... Pa' is missing: must be given; the table has no {name}"
-            )
+        message = f"comment '% {name} = ... Pa' is missing: must be given; the table has no {name}"
+        need(constants.get(name, (0.0, ""))[1] in STRESS, message)
     scale = STRESS[options.stress or "Pa"]
     rest, bulk = (constants[name][0] * STRESS[constants[name][1]] / scale for name in ("G", "K"))
     wlf = ()
@@ -322,26 +250,17 @@ def _read_lsdyna(text: str, options: CardOptions) -> Cards:
         comma_numbers(card) + [0.0] * 8 if "," in card else wide_numbers(card, 8, 10)
         for card in cards["_TITLE" in keyword.upper() :]
     ]
-    if len(cards) < 3:
-        raise ValueError(
-            "*MAT_GENERAL_VISCOELASTIC must have the material card, the curve card and the terms"
-        )
+    material = "*MAT_GENERAL_VISCOELASTIC"
+    need(len(cards) >= 3, f"{material} must have the material card, the curve card and the terms")
     (_, _, bulk, _, _, T_ref, A, B, *_), curve, *terms = cards
-    if curve[0]:
-        raise ValueError(
-            f"*MAT_GENERAL_VISCOELASTIC has the curve {curve[0]:g} instead of terms: must have terms"
-        )
-    if options.shift and any((T_ref, A, B)) and not all((T_ref, A, B)):
-        raise ValueError(
-            f"TREF = {T_ref:g}, A = {A:g}, B = {B:g}: must be != 0 for a WLF shift; shift=False leaves the"
-            " shift out"
-        )
+    need(not curve[0], f"{material} has the curve {curve[0]:g} instead of terms: must have terms")
+    message = f"TREF = {T_ref:g}, A = {A:g}, B = {B:g}: must be != 0 for a WLF shift"
+    shifts = any((T_ref, A, B)) and options.shift
+    need(not shifts or all((T_ref, A, B)), f"{message}; shift=False leaves the shift out")
     for place, (_, _, K, *_) in enumerate(terms, start=1):
-        if K:
-            raise ValueError(f"term {place}: KI = {K:g}: must be 0 because the bulk modulus is elastic")
+        need(not K, f"term {place}: KI = {K:g}: must be 0 because the bulk modulus is elastic")
     relaxing = [(G, 1 / rate) for G, rate, *_ in terms if rate and G]
-    if not relaxing:
-        raise ValueError("*MAT_GENERAL_VISCOELASTIC must have at least one term with a rate")
+    need(relaxing, f"{material} must have at least one term with a rate")
     weights, tau = np.array(relaxing).T
     rest = sum(G for G, rate, *_ in terms if rate == 0)
     wlf = (T_ref, A / math.log(10), B) if options.shift and A else ()
@@ -370,29 +289,21 @@ def _write_lsdyna(series: CardSeries) -> Iterator[str]:
 
 def _read_openradioss(text: str, options: CardOptions) -> Cards:
     blocks, found = keyword_blocks(text, "[#$]", "/"), []
-    for name, pattern, least in (
-        ("/MAT/LAW42", "/MAT/(LAW42|OGDEN)/", 6),
-        ("/VISC/PRONY", "/VISC/PRONY/", 1),
-    ):
+    kinds = ("/MAT/LAW42", "/MAT/(LAW42|OGDEN)/", 6), ("/VISC/PRONY", "/VISC/PRONY/", 1)
+    for name, pattern, least in kinds:
         cards = [data for line, data in blocks if re.match(pattern, line, re.I) and len(data) >= least]
-        if not cards:
-            raise ValueError(f"{name} is missing or incomplete: must be given")
+        need(cards, f"{name} is missing or incomplete: must be given")
         found.append(cards[0])
     (_, _, nu, mu, _, alpha, *_), (count, *terms) = found
     (nu,), (mu, *others), (alpha,) = wide_numbers(nu, 1), wide_numbers(mu, 5), wide_numbers(alpha, 1)
-    if alpha != 2 or any(others):
-        raise ValueError(
-            "/MAT/LAW42 must have one term with alpha = 2, so that strain leaves the modulus unchanged"
-        )
+    message = "/MAT/LAW42 must have one term with alpha = 2, so that strain leaves the modulus unchanged"
+    need(alpha == 2 and not any(others), message)
     rows = [wide_numbers(card, 4) for card in terms if card.strip()]
-    if len(rows) != int(count[:10]) or not rows:
-        raise ValueError(
-            f"/VISC/PRONY has {len(rows)} terms, but its first card states {count[:10].strip()}: the numbers"
-            " must agree and be at least 1"
-        )
+    message = f"/VISC/PRONY has {len(rows)} terms, but its first card states {count[:10].strip()}"
+    need(rows and len(rows) == int(count[:10]), f"{message}: the numbers must agree and be at least 1")
     G, beta, K, beta_k = np.array(rows).T
-    if options.poisson is None and K.any() and not np.array_equal(beta, beta_k):
-        raise ValueError("/VISC/PRONY: beta_k must equal beta_i; poisson=... reads the shear series only")
+    agree = options.poisson is not None or not K.any() or np.array_equal(beta, beta_k)
+    need(agree, "/VISC/PRONY: beta_k must equal beta_i; poisson=... reads the shear series only")
     bulk = glassy_bulk(young_from_shear(mu, nu), nu)
     return Cards(mu, G, K / (bulk + K.sum()), 1 / beta, nu, bulk)
 
@@ -422,14 +333,14 @@ def _read_pyvisco(text: str, options: CardOptions) -> Cards:
     names, units, *rows = (
         [field.strip() for field in line.split(",")] for line in text.splitlines() if line.strip()
     )
-    letter = next((name[0] for name in names if name in ("E_0", "G_0")), None)
-    if letter is None or "tau_i" not in names or "alpha_i" not in names:
-        raise ValueError(f"columns {', '.join(names)}: must have tau_i, alpha_i and E_0 or G_0")
-    if letter == "G" and options.poisson is None:
-        raise ValueError("G_0 is a shear modulus: poisson must be given, E = 2 (1 + poisson) G")
+    letter = next((name[0] for name in names if name in ("E_0", "G_0")), "")
+    message = f"columns {', '.join(names)}: must have tau_i, alpha_i and E_0 or G_0"
+    need(letter and "tau_i" in names and "alpha_i" in names, message)
+    message = "G_0 is a shear modulus: poisson must be given, E = 2 (1 + poisson) G"
+    need(letter == "E" or options.poisson is not None, message)
     unit = units[names.index(f"{letter}_0")]
-    if unit not in STRESS or options.stress not in (None, unit):
-        raise ValueError(f"column {letter}_0: unit {unit!r}: must be {options.stress or ', '.join(STRESS)}")
+    message = f"column {letter}_0: unit {unit!r}: must be {options.stress or ', '.join(STRESS)}"
+    need(unit in STRESS and options.stress in (None, unit), message)
     places = [names.index(name) for name in ("tau_i", "alpha_i", f"{letter}_0")]
     tau, g, moduli = np.array([[parse_number(row[i]) for i in places] for row in rows]).T
     nu = 0.5 if options.poisson is None else options.poisson
