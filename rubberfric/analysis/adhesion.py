@@ -25,7 +25,7 @@ from jax.typing import ArrayLike
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature, gauss, typed
-from rubberfric.scene.adhesion import Adhesion
+from rubberfric.scene.interface import Adhesion
 from rubberfric.scene.scene import Scene, rough_surfaces
 from rubberfric.theory.adhesive_contact import relative_attraction, work_of_separation
 from rubberfric.theory.area.partial_contact import contact_argument
@@ -140,10 +140,7 @@ def _work_of_separation(scene, velocity, pressure, temperature, *, quadrature):
 
 
 def _under(prepared: Any, work, velocity, temperature, log_load):
-    """Return the `_State` at the loads e^log_load, and x = 1 / (2 sqrt(G)) of all roughness.
-
-    `log_load` has the shape (n,).
-    """
+    """Return the `_State` at loads e^log_load of shape (n,), and x = 1 / (2 sqrt(G)) of all roughness."""
     load = jnp.exp(log_load)
     at_rest = jnp.broadcast_to(velocity, load.shape)
     warm = None if temperature is None else jnp.broadcast_to(temperature, load.shape)
@@ -156,10 +153,7 @@ def _under(prepared: Any, work, velocity, temperature, log_load):
 
 
 def _largest(under, top):
-    """Return the maximum of the work of separation W over all loads p with ln p <= `top`.
-
-    The function `under` returns (`_State`, x) at ln p.
-    """
+    """Return the largest work of separation W at loads up to e^top, from `under`: ln p -> (`_State`, x)."""
     node, weight = gauss(_NODES)
     places = typed((np.arange(_PANELS)[:, None] + node).reshape(-1) / _PANELS, top)
     shares = typed(np.tile(weight, _PANELS) / _PANELS, top)

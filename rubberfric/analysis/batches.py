@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.experimental.multihost_utils import process_allgather
 from jax.sharding import AxisType, NamedSharding, PartitionSpec
 
 from rubberfric.base.quadrature import Quadrature
@@ -66,11 +67,7 @@ class Tiling(NamedTuple):
 
 
 class MapBatch(NamedTuple):
-    """A batch of a map.
-
-    The batch has the pairs from `first` to `stop` and the pressures from `low` to `high`. `stop` and `high`
-    are excluded.
-    """
+    """A batch of a map: pairs from `first` to `stop` - 1, and pressures from `low` to `high` - 1."""
 
     first: int
     stop: int
@@ -83,11 +80,7 @@ class MapBatch(NamedTuple):
         return (self.stop - self.first) * (self.high - self.low)
 
     def pieces(self, velocities: int) -> Iterator[tuple[slice, slice, slice]]:
-        """Yield the rectangles of the map that the batch fills.
-
-        A rectangle is a tuple of three slices: temperatures of the map, velocities of the map, and pairs of
-        the batch.
-        """
+        """Yield each rectangle as slices of temperatures and velocities of the map and pairs of the batch."""
         first = self.first
         while first < self.stop:
             T, v = divmod(first, velocities)
@@ -106,11 +99,10 @@ def plan(
     block: int | None = None,
     devices: Sequence[jax.Device] | None = None,  # pyright: ignore[reportInvalidTypeForm]: a class
 ) -> Tiling:
-    """Divide a map into batches.
+    """Divide a map of `pairs` and `pressures` into batches.
 
     Parameters
     ----------
-    pairs, pressures : number of pairs and of pressures in the map
     shared : True if the pressures share work
     block : largest number of points of a batch, at least one per device; None: chosen for the devices
     devices : sequence of JAX devices; None: all devices of all processes
@@ -168,30 +160,20 @@ def program_bytes(tiling: Tiling, task: Task) -> int:
 
 
 def launch(tiling: Tiling, task: Task, batch: MapBatch) -> dict[str, jax.Array]:
-    """Start the evaluation of a batch, and return a dict of quantities.
-
-    The arrays have the shape (pressures, pairs), and are padded to the size of a full batch.
-    """
+    """Start a batch, and return a dict of arrays (pressures, pairs), padded to a full batch."""
     arguments, static = _arguments(tiling, task, batch)
     return _evaluate(*arguments, **static)
 
 
 def points(conditions: Conditions, batch: MapBatch) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Return the velocities, the pressures and the temperatures of a batch.
-
-    There is one velocity and one temperature for each pair. The temperatures are None if the map has no
-    temperature.
-    """
+    """Return velocities of the pairs of a batch, its pressures, and temperatures of the pairs or None."""
     T, v = np.divmod(np.arange(batch.first, batch.stop), conditions.velocity.size)
     temperature = None if conditions.temperature is None else conditions.temperature[T]
     return conditions.velocity[v], conditions.pressure[batch.low : batch.high], temperature
 
 
 def on_all(mesh: jax.sharding.Mesh, tree: Any, spec: PartitionSpec = _EVERYWHERE) -> Any:
-    """Put arrays on all devices.
-
-    Every process must hold these arrays.
-    """
+    """Put arrays, which every process must hold, on all devices."""
     sharding = NamedSharding(mesh, spec)
 
     def put(x):
@@ -202,16 +184,8 @@ def on_all(mesh: jax.sharding.Mesh, tree: Any, spec: PartitionSpec = _EVERYWHERE
 
 
 def all_ready(ready: bool) -> bool:
-    """Return True if every process is ready.
-
-    Every process must call this function.
-    """
-    if jax.process_count() == 1:
-        return ready
-    mesh = jax.make_mesh((jax.device_count(),), (_POINTS,), axis_types=(AxisType.Auto,))
-    everywhere = jax.jit(jnp.all, out_shardings=NamedSharding(mesh, _EVERYWHERE))
-    known = on_all(mesh, np.full(jax.device_count(), ready), PartitionSpec(_POINTS))
-    return bool(np.asarray(everywhere(known)))
+    """Return True if every process, each of which must call this function, is ready."""
+    return bool(np.all(process_allgather(np.array(ready))))
 
 
 def _arguments(tiling, task, batch):
@@ -254,10 +228,7 @@ def _evaluate(scene, velocity, pressure, temperature, *, mesh, group, quadrature
 
 
 def _shared(ready, quantities, pressure, pairs):
-    """Compute quantities of a scene without heating, as arrays of shape (pressures, pairs).
-
-    Work that does not depend on the pressure is done once.
-    """
+    """Compute (pressures, pairs) without heating, where work independent of the pressure is done once."""
     velocity, temperature = pairs
 
     def at(pressure):
@@ -268,10 +239,7 @@ def _shared(ready, quantities, pressure, pairs):
 
 
 def _heated(ready, quantities, pressure, pairs):
-    """Compute quantities of a heated scene, as arrays of shape (pressures, pairs).
-
-    The temperatures depend on the pressure, so that pressures share no work.
-    """
+    """Compute (pressures, pairs) with heating, where temperatures depend on the pressure."""
     shape = pressure.size, pairs[0].size
     conditions = (jnp.broadcast_to(x, shape).reshape(-1) for x in (pairs[0], pressure[:, None], pairs[1]))
     found = evaluate(ready, quantities, list(conditions))

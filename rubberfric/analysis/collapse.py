@@ -11,6 +11,7 @@ coefficients are halved. Finally the interpolation is compared with the model at
 """
 
 import functools
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
@@ -19,17 +20,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.polynomial import chebyshev
+from scipy.interpolate import PPoly
 
 from rubberfric.base.compilation import quick_jit
 from rubberfric.io.results import Conditions, Interpolation, result_shape
+from rubberfric.scene.interface import shear_friction
 from rubberfric.scene.scene import Scene
-from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.quantities import quantity_parts
 from rubberfric.theory.structure import rough_surfaces_of
 
 _LEAST = 4096  # smaller maps are computed point by point
-_PAIRS = 2**20  # pairs of temperature and velocity located at once, to bound memory
-_BLOCK = 2**14  # places summed at once, to stay in the cache
+_PIECE = 2**20  # points of a map that are interpolated at once, to bound memory
 
 # Nodes of a panel and its width in e-folds of v a_T: a relaxation has poles at i pi / 2, so that rho = 2.9.
 _NODES, _WIDTH = 24, 2.5
@@ -58,11 +59,7 @@ MapModel = Callable[[tuple[str, ...], Conditions], Quantities]
 
 
 class PressureSeries(NamedTuple):
-    """n functions of ln p.
-
-    Each function is a power of p times a Chebyshev series. If `exponents` is None, the functions are known
-    only at the pressures of the map.
-    """
+    """n functions of ln p, each a power of p times a Chebyshev series, or known at the map's pressures."""
 
     nodes: np.ndarray  # ln p, (m,)
     values: np.ndarray  # at the nodes, divided by the powers of p, (m, n)
@@ -72,8 +69,7 @@ class PressureSeries(NamedTuple):
     def of(cls, nodes: np.ndarray, values: np.ndarray) -> "PressureSeries":
         """Return the series through values of shape (m, n) at the nodes.
 
-        Each column is divided by a power of p. The exponent is the slope of ln |value| between the first and
-        the last node. The exponent is 0 if the first and the last value do not have the same sign.
+        The exponent is the slope of ln |value| between the end nodes, or 0 if their signs differ.
         """
         same_sign = np.sign(values[0]) * np.sign(values[-1]) > 0
         first, last = (np.log(np.abs(np.where(same_sign, x, 1.0))) for x in (values[0], values[-1]))
@@ -81,41 +77,33 @@ class PressureSeries(NamedTuple):
         powers = np.exp(np.multiply.outer(nodes - 0.5 * (nodes[0] + nodes[-1]), exponents))
         return cls(nodes, values / powers, exponents)
 
-    def at(self, log_pressure: float) -> np.ndarray:
-        """Return the values at ln p, of shape (n,)."""
+    def at(self, log_pressure: np.ndarray) -> np.ndarray:
+        """Return the values at ln p of shape (k,), as an array of shape (k, n)."""
         if self.exponents is None:
-            return self.values[np.argmin(np.abs(self.nodes - log_pressure))]
+            return self.values[np.argmin(np.abs(self.nodes[:, None] - log_pressure), 0)]
         size, middle = self.nodes.size, 0.5 * (self.nodes[0] + self.nodes[-1])
         place = (log_pressure - middle) / (0.5 * (self.nodes[-1] - self.nodes[0])) * _roots(size)[-1]
-        basis = chebyshev.chebvander(np.array([place]), size - 1)[0] @ _series(size)
-        return basis @ self.values * np.exp(self.exponents * (log_pressure - middle))
+        basis = chebyshev.chebvander(place, size - 1) @ _series(size)
+        return basis @ self.values * np.exp(np.multiply.outer(log_pressure - middle, self.exponents))
 
 
 class Interpolant(NamedTuple):
     """Quantities over ln(v a_T) and pressure, for v > 0 and at rest."""
 
-    first: float  # ln(v a_T) at the beginning of the first interval
-    width: float  # of the intervals
-    owner: np.ndarray  # cell of each interval
-    center: np.ndarray  # of the cells, in ln(v a_T)
-    half: np.ndarray  # half widths of the cells
+    edges: np.ndarray  # of the cells, in ln(v a_T), ascending
     values: dict[str, PressureSeries]  # at the nodes of all panels, and last at rest
     evaluations: int  # points at which the model was evaluated
 
-    def places(self, log_speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the index of the cell of each ln(v a_T), and the position in the cell from -1 to 1."""
-        log_speed = np.maximum(log_speed, self.first)  # -inf at rest
-        cell = self.owner.take(((log_speed - self.first) / self.width).astype(np.intp), mode="clip")
-        return cell, (log_speed - self.center.take(cell)) / self.half.take(cell)
-
-    def at_pressure(self, name: str, log_pressure: float) -> tuple[np.ndarray, float]:
-        """Return the polynomials of all cells at ln p, and the value at rest.
-
-        The polynomials are an array of shape (coefficients, cells).
-        """
+    def at(self, name: str, log_speed: np.ndarray, log_pressure: np.ndarray) -> np.ndarray:
+        """Return a quantity at ln(v a_T), -inf at rest, of any shape and ln p of shape (k,), last axis."""
         values = self.values[name].at(log_pressure)
-        cells = values[:-1].reshape(-1, _NODES) @ _to_cells(_NODES).T
-        return np.ascontiguousarray(cells.reshape(-1, _COEFFICIENTS).T), float(values[-1])
+        cells = values[:, :-1].reshape(log_pressure.size, -1, _NODES) @ _to_cells(_NODES).T
+        cells = cells.reshape(log_pressure.size, -1, _COEFFICIENTS).T
+        cells = cells / np.diff(self.edges)[:, None] ** np.arange(_COEFFICIENTS - 1, -1, -1)[:, None, None]
+        curve = PPoly.construct_fast(np.ascontiguousarray(cells), self.edges)
+        found = curve(np.maximum(log_speed, self.edges[0]))
+        found[np.isneginf(log_speed)] = values[:, -1]
+        return found
 
 
 class CollapsedMap(NamedTuple):
@@ -130,16 +118,9 @@ class CollapsedMap(NamedTuple):
 def collapse(
     scene: Scene, conditions: Conditions, quantities: tuple[str, ...], model: MapModel
 ) -> CollapsedMap | None:
-    """Interpolate a map along one curve.
+    """Interpolate a map along one curve, from values of the `MapModel`.
 
     The result is None if the map does not collapse, or if the curve would cost as much as the map.
-
-    Parameters
-    ----------
-    scene : Scene
-    conditions : of the map
-    quantities : fields of `Solution`
-    model : `MapModel` of the scene
     """
     log_speed = log_speeds(scene, conditions)
     names = _on_curve(scene, quantities)
@@ -167,10 +148,7 @@ def collapse(
 
 
 def log_speeds(scene: Scene, conditions: Conditions) -> np.ndarray | None:
-    """Return ln|v a_T| of shape (temperatures, velocities), or None if the map does not collapse.
-
-    The logarithm is -inf at rest.
-    """
+    """Return ln|v a_T| (-inf at rest), of shape (temperatures, velocities), or None without a collapse."""
     if scene.heating is not None:
         return None
     T, shift = conditions.temperature, np.zeros(1)
@@ -187,10 +165,7 @@ def log_speeds(scene: Scene, conditions: Conditions) -> np.ndarray | None:
 
 @quick_jit()
 def _log_factors(scene, temperature):
-    """Return ln a_T for each surface that is not static.
-
-    The result is None if temperature changes more than a_T.
-    """
+    """Return ln a_T for each surface that is not static; None if temperature changes more than a_T."""
     found = []
     for surface in rough_surfaces_of(scene):
         if surface.static:
@@ -205,49 +180,40 @@ def _log_factors(scene, temperature):
 def whole(found: CollapsedMap, conditions: Conditions) -> Quantities:
     """Return the quantities at conditions of the map, as arrays [temperature, pressure, velocity]."""
     values = {name: np.empty(result_shape(conditions)) for name in found.quantities}
-    for T, j, piece in pieces(found, conditions):
+    for T, p, piece in pieces(found, conditions):
         for name, array in piece.items():
-            values[name][T, j] = array
+            values[name][T, p] = array
     return values
 
 
-def pieces(found: CollapsedMap, conditions: Conditions) -> Iterator[tuple[slice, int, Quantities]]:
-    """Yield pieces of a map, as (slice of temperatures, index of the pressure, quantities).
-
-    The quantities are arrays of shape (temperatures, velocities).
-    """
+def pieces(found: CollapsedMap, conditions: Conditions) -> Iterator[tuple[slice, slice, Quantities]]:
+    """Yield (slice of temperatures, slice of pressures, arrays [temperature, pressure, velocity])."""
     log_speed = log_speeds(found.scene, conditions)
     assert log_speed is not None
-    v, T = conditions.velocity, conditions.temperature
-    sign, rest = np.sign(v), v == 0
-    rows = max(1, _PAIRS // v.size)
+    v, p, T = conditions
+    columns = max(1, _PIECE // v.size)
+    rows = max(1, columns // p.size)
     parts = quantity_parts(found.quantities)
-    for begin in range(0, len(log_speed), rows):
+    for low, begin in itertools.product(range(0, p.size, columns), range(0, len(log_speed), rows)):
         block = slice(begin, min(begin + rows, len(log_speed)))
-        cell, place = found.series.places(log_speed[block])
-        shear = None
-        if "shear_friction" in parts and found.scene.shear is not None:
-            shear = np.asarray(_shear(found.scene.shear, v, None if T is None else T[block, None]))
-        for j, pressure in enumerate(conditions.pressure):
-            values = {}
-            for name in found.series.values:
-                polynomials, at_rest = found.series.at_pressure(name, float(np.log(pressure)))
-                one = summed(polynomials, cell, place)
-                one[:, rest] = at_rest
-                values[name] = one * sign if name in _ODD else one
-            if "shear_friction" in parts:
-                values["shear_friction"] = 0.0 if shear is None else shear * values["area"] / pressure
-            if "friction" in found.quantities:
-                values["friction"] = values["viscoelastic_friction"] + values["shear_friction"]
-            yield block, j, {name: values[name] for name in found.quantities}
+        some = slice(low, min(low + columns, p.size))
+        values = {}
+        for name in found.series.values:
+            one = np.moveaxis(found.series.at(name, log_speed[block], np.log(p[some])), -1, 1)
+            values[name] = one * np.sign(v) if name in _ODD else one
+        if "shear_friction" in parts:
+            shear = 0.0
+            if found.scene.shear is not None:
+                shear = np.asarray(_shear(found.scene.shear, v, None if T is None else T[block, None]))
+                shear = shear[:, None] * values["area"] / p[some, None]
+            values["shear_friction"] = shear
+        if "friction" in found.quantities:
+            values["friction"] = values["viscoelastic_friction"] + values["shear_friction"]
+        yield block, some, {name: values[name] for name in found.quantities}
 
 
 def _on_curve(scene, quantities):
-    """Return the names of the quantities to interpolate.
-
-    These quantities are the parts of the requested quantities except contact shear. The area is added if
-    contact shear needs the area.
-    """
+    """Return the quantities to interpolate: the parts without contact shear, and the area that it needs."""
     parts = quantity_parts(quantities)
     needed = parts - {"shear_friction"}
     if scene.shear is not None and "shear_friction" in parts:
@@ -269,9 +235,7 @@ def _shear(shear, velocity, temperature):
 def interpolant(
     log_speed: np.ndarray, log_pressure: np.ndarray, evaluate: Callable[[np.ndarray, np.ndarray], Quantities]
 ) -> Interpolant | None:
-    """Interpolate the quantities of a map.
-
-    The result is None if the series converge too slowly or cost as much as the map.
+    """Interpolate the quantities of a map, or return None if that converges too slowly or costs as much.
 
     Parameters
     ----------
@@ -297,10 +261,7 @@ def interpolant(
 
 
 def _over_panels(waiting, nodes, in_series, budget, evaluate):
-    """Return the `Interpolant` over panels, or None if the interpolation fails or is too expensive.
-
-    Panels are halved as needed.
-    """
+    """Return the `Interpolant` over panels, halved as needed, or None if it fails or is too expensive."""
     done: list[tuple[float, float, Quantities]] = []
     rest: Quantities = {}
     evaluations = 0
@@ -333,27 +294,17 @@ def _over_panels(waiting, nodes, in_series, budget, evaluate):
     done.sort(key=lambda panel: panel[0])
     values = {name: np.concatenate([*(panel[2][name] for panel in done), rest[name]], 1) for name in rest}
     starts, widths = (np.array([panel[i] for panel in done]) for i in (0, 1))
-    finest = widths.min()
-    center = (starts[:, None] + widths[:, None] * (np.arange(_CELLS) + 0.5) / _CELLS).reshape(-1)
-    return Interpolant(
-        first=float(starts[0]),
-        width=float(finest / _CELLS),
-        owner=np.repeat(np.arange(center.size), np.repeat(np.rint(widths / finest).astype(int), _CELLS)),
-        center=center,
-        half=np.repeat(0.5 * widths / _CELLS, _CELLS),
-        values={
-            name: PressureSeries.of(nodes, x) if in_series else PressureSeries(nodes, x, None)
-            for name, x in values.items()
-        },
-        evaluations=evaluations,
-    )
+    edges = (starts[:, None] + widths[:, None] * np.arange(_CELLS) / _CELLS).reshape(-1)
+    edges = np.append(edges, starts[-1] + widths[-1])
+    series = {
+        name: PressureSeries.of(nodes, x) if in_series else PressureSeries(nodes, x, None)
+        for name, x in values.items()
+    }
+    return Interpolant(edges, series, evaluations)
 
 
 def _pressure_nodes(log_pressure):
-    """Return ln p at the nodes of the series over ln p.
-
-    The result is None if there are at most 1.3 times as many pressures as nodes.
-    """
+    """Return ln p at the nodes of the series, or None if they are about as many as the pressures."""
     low, high = log_pressure.min(), log_pressure.max()
     count = math.ceil(_PRESSURES + _PRESSURES_EACH * (high - low))
     if log_pressure.size <= 1.3 * count:
@@ -362,10 +313,9 @@ def _pressure_nodes(log_pressure):
 
 
 def _difference(found, exact):
-    """Return the largest relative difference between found and exact quantities.
+    """Return the largest difference of quantities relative to their values, inf for a NaN.
 
-    Differences of a quantity that changes sign are divided by the largest absolute value of the quantity. The
-    result is infinite if a value is NaN.
+    Differences of a quantity that changes sign are divided by its largest absolute value.
     """
     worst = 0.0
     for name, values in exact.items():
@@ -401,22 +351,21 @@ def _series(count):
 
 @functools.cache
 def _to_cells(count):
-    """Return the matrix from the node values of a panel to the power series of all cells of the panel."""
-    centers = -1 + (2 * np.arange(_CELLS) + 1) / _CELLS
-    at = (centers[:, None] + _roots(_COEFFICIENTS) / _CELLS).reshape(-1)
+    """Return the matrix from the node values of a panel to the polynomials of its cells.
+
+    The polynomials are power series of the place in the cell, 0 to 1, with the highest power first.
+    """
+    nodes = 0.5 * (1 + _roots(_COEFFICIENTS))
+    at = -1 + 2 * (np.arange(_CELLS)[:, None] + nodes) / _CELLS
     values = chebyshev.chebvander(at, count - 1) @ _series(count)
-    powers = np.zeros((_COEFFICIENTS, _COEFFICIENTS))
-    for k in range(_COEFFICIENTS):
-        powers[: k + 1, k] = chebyshev.cheb2poly(np.eye(_COEFFICIENTS)[k])[: k + 1]
-    return (powers @ _series(_COEFFICIENTS) @ values.reshape(_CELLS, _COEFFICIENTS, count)).reshape(-1, count)
+    return np.linalg.solve(np.vander(nodes), values).reshape(-1, count)
 
 
 def _last_coefficients(values):
-    """Return the largest of the last three Chebyshev coefficients, relative to the values.
+    """Return the largest of the last three Chebyshev coefficients over the last axis, relative to the values.
 
-    The series runs along the last axis of `values`. The coefficient is divided by the smallest absolute
-    value, or by the largest absolute value if the values change sign. The result is infinite if some values
-    are 0, some are not 0, and the values do not change sign.
+    The scale is the smallest absolute value, or the largest one if the values change sign. The result is
+    infinite if only some values are 0 and the values do not change sign.
     """
     size = np.abs(values)
     changes = (values.min(-1) < 0) & (values.max(-1) > 0)
@@ -424,23 +373,3 @@ def _last_coefficients(values):
     last = np.max(np.abs(values @ _series(values.shape[-1])[-3:].T), -1)
     without = np.where(size.max(-1) > 0, np.inf, 0.0)
     return np.where(scale > 0, last / np.where(scale > 0, scale, 1.0), without)
-
-
-def summed(coefficients: np.ndarray, cell: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Evaluate polynomials at places in cells.
-
-    `coefficients` has the shape (coefficients, cells). `cell` and `place` have one common shape, which is
-    arbitrary.
-    """
-    found = np.empty(cell.shape)
-    values, cells, places = found.reshape(-1), cell.reshape(-1), place.reshape(-1)
-    for begin in range(0, values.size, _BLOCK):
-        block = slice(begin, begin + _BLOCK)
-        value, term = values[block], np.empty_like(values[block])
-        # The indices are valid: mode="clip" avoids the copy that checking them takes.
-        np.take(coefficients[-1], cells[block], out=value, mode="clip")
-        for row in coefficients[-2::-1]:
-            np.multiply(value, places[block], out=value)
-            np.take(row, cells[block], out=term, mode="clip")
-            np.add(value, term, out=value)
-    return found

@@ -20,8 +20,8 @@ from rubberfric.analysis.profiles import checked_wavevectors, contact_at_borders
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import FINITE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
+from rubberfric.scene.interface import shear_friction
 from rubberfric.scene.scene import Scene, check_without, rough_surfaces
-from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.area.partial_contact import TWO_OVER_ROOT_PI, contact_fraction
 from rubberfric.theory.arguments import validate, warn_of_last_iterates
 from rubberfric.theory.integrals import prepare, solved
@@ -62,11 +62,7 @@ def stress_distribution(
 
     Raises
     ------
-    ValueError : as `contact_area`; a stress that is not finite; concrete q <= 0.
-
-    Warns
-    -----
-    RuntimeWarning : as `solve`, if the temperatures of a heated scene did not converge.
+    ValueError : as `solve`, whose warnings this function gives too; a stress that is not finite; q <= 0.
 
     Limits: full relative accuracy for s -> 0 (the difference of the two terms is not formed) and for huge G.
     For smooth solids the density is Dirac's delta at sigma_0, which is not represented. The same applies to
@@ -148,13 +144,7 @@ def contact_stiffness(
     array, broadcast shape [Pa/m]. Without roughness, or in full contact to the last bit, the stiffness is
     infinite and the derivative is 0.
 
-    Raises
-    ------
-    ValueError : as `contact_area`.
-
-    Warns
-    -----
-    RuntimeWarning : as `solve`, if the temperatures of a heated scene did not converge.
+    Raises and warns as `solve`.
 
     Notes
     -----
@@ -179,18 +169,15 @@ def _contact_stiffness(scene, velocity, pressure, temperature, *, quadrature):
         contact, temperatures = solved(prepared, *points)
         x, pressure = contact.x, points[1]
         storage = sum(terms.densities["mean_storage"] for terms in contact.terms)
-        compliance = jnp.sum(x * _load_slope(x, scene.gamma) * storage, (0, 2))
+        P = contact_fraction(x)
+        slope = TWO_OVER_ROOT_PI * jnp.exp(-x * x) * (scene.gamma + 3 * (1 - scene.gamma) * P * P)
+        compliance = jnp.sum(x * slope * storage, (0, 2))
         compliance = jnp.pi / 2 * contact.modulus_over_pressure * compliance
         soft = compliance > 0
         found = jnp.where(soft, pressure / jnp.where(soft, compliance, 1.0), jnp.inf)
         return found, _converged(temperatures)
 
     return over_points(stiffness, (velocity, pressure, temperature), _BLOCK)
-
-
-def _load_slope(x, gamma):
-    P = contact_fraction(x)
-    return TWO_OVER_ROOT_PI * jnp.exp(-x * x) * (gamma + 3 * (1 - gamma) * P * P)
 
 
 class DissipatedPower(NamedTuple):
@@ -228,13 +215,7 @@ def dissipated_power(
     -------
     DissipatedPower, >= 0 and even in the velocity
 
-    Raises
-    ------
-    ValueError : as `contact_area`.
-
-    Warns
-    -----
-    RuntimeWarning : as `solve`, if the temperatures of a heated scene did not converge.
+    Raises and warns as `solve`.
 
     Notes
     -----

@@ -46,19 +46,13 @@ class LinearisedTree(NamedTuple):
     push: Callable[[Any], list[jax.Array]]  # tangent of x -> tangents of the moving leaves
 
     def tree(self, others: Mapping[int, jax.Array]) -> Any:
-        """Return the pytree with some leaves replaced.
-
-        `others` maps indices of leaves to new leaves.
-        """
+        """Return the pytree with the leaves in `others`, a mapping from index to leaf, replaced."""
         leaves = [others.get(i, leaf) for i, leaf in enumerate(self.leaves)]
         return jax.tree_util.tree_unflatten(self.structure, leaves)
 
 
 def linearise_tree(function: Callable[[Any], Any], x: Any) -> LinearisedTree:
-    """Linearise a function that returns a pytree.
-
-    Leaves that are not arrays of real numbers are returned unchanged, without derivatives.
-    """
+    """Linearise a function that returns a pytree, in which only real arrays get derivatives."""
     structure, others, moves = None, {}, []
 
     def reals_and_integers(x):
@@ -82,10 +76,7 @@ def linearise_tree(function: Callable[[Any], Any], x: Any) -> LinearisedTree:
 
 
 def _watched(moves, *arrays):
-    """Return the arrays unchanged, and fill the list `moves` with one flag for each array.
-
-    The flag of an array is True if the tangent of the array is not a symbolic zero.
-    """
+    """Return the arrays, and fill the list `moves` with True for each array with a nonzero tangent."""
 
     @jax.custom_jvp
     def identity(*arrays):
@@ -168,12 +159,10 @@ def value_and_jacobian(
 
 
 def _parts(scene_of, x, prepared):
-    """Return the derivatives of the prepared scene with respect to each part of the scene.
+    """Return the prepared scene's derivatives by each part, as (LinearisedTree, tangents, components).
 
-    The result is a list of (LinearisedTree, tangents, components). The tangents of the leaves that depend on
-    x have the shape (m, numbers), with one row for each of m directions. The components of x along the
-    directions have the shape (m, size). The directions are the elements of the leaves of the part. If x has
-    fewer elements than these leaves, or as many, the directions are the elements of x.
+    The m directions are the elements of the leaves of the part, or of x if it has no more elements. Tangents
+    of the leaves that depend on x have the shape (m, numbers), components of x the shape (m, size).
     """
     scene = linearise_tree(scene_of, x)
     every = jnp.eye(x.size, dtype=x.dtype)
@@ -181,7 +170,9 @@ def _parts(scene_of, x, prepared):
     paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(scene.tree({}))[0]]
     groups: dict[str, list[int]] = {}
     for i in scene.moving:
-        groups.setdefault(_part_name(paths[i]), []).append(i)
+        names = [getattr(key, "name", "") for key in paths[i]]
+        part_name = next((name for name in ("spectrum", "layer") if name in names), "others")
+        groups.setdefault(part_name, []).append(i)
     parts = []
     for group in list(groups.values()) or [[]]:
         leaves = [scene.leaves[i] for i in group]
@@ -195,12 +186,6 @@ def _parts(scene_of, x, prepared):
         tangents = jax.vmap(lambda along, part=part, to=unflatten: part.push(to(along)))(directions)
         parts.append((part, _flat(tangents, directions), components))
     return parts
-
-
-def _part_name(path):
-    """Return the part of the scene that a leaf belongs to: "spectrum", "layer" or "others"."""
-    names = [getattr(key, "name", "") for key in path]
-    return next((name for name in ("spectrum", "layer") if name in names), "others")
 
 
 def _flat(arrays, like):
@@ -227,8 +212,7 @@ def _forward(scene_of, x, conditions, quantity, quadrature):
 def _forward_heated(scene_of, x, conditions, quantity, quadrature):
     """Compute values and derivatives by forward mode for a scene heated by its own friction.
 
-    The temperatures y = f(y, x) change by dy = f_y dy + f_x dx. The heat balance and the quantity are
-    linearised together.
+    The temperatures y = f(y, x) change by dy = f_y dy + f_x dx; the quantity is linearised with f.
     """
     ready = linearise_tree(lambda x: prepare(scene_of(x), (quantity,), quadrature), x)
     shape = np.broadcast_shapes(*map(np.shape, conditions))

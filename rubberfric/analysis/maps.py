@@ -139,11 +139,7 @@ def friction_map(
 
 @contextlib.contextmanager
 def _file(path: StrPath, result: Result, dtypes: Mapping[str, np.dtype]) -> Iterator[dict[str, h5py.Dataset]]:
-    """Open the file of a map, and yield a dict of the datasets of the quantities.
-
-    Only the first process opens the file. The other processes wait for the first process and get an empty
-    dict.
-    """
+    """Open the file of a map, and yield a dict of its datasets in the first process, {} in others."""
     with contextlib.ExitStack() as stack:
         data: dict[str, h5py.Dataset] = {}
         if jax.process_index() == 0:
@@ -159,11 +155,7 @@ def _file(path: StrPath, result: Result, dtypes: Mapping[str, np.dtype]) -> Iter
 
 
 def _fill(data: _Values, progress, task, devices, block, interpolate) -> Interpolation | None:
-    """Compute a map and write the values into `data`.
-
-    The arrays in `data` are [temperature, pressure, velocity]. The result is the `Interpolation`, or None if
-    every point was computed.
-    """
+    """Write a map into arrays [temperature, pressure, velocity]; return an `Interpolation` or None."""
     shape = result_shape(task.conditions)
     done, points = 0, math.prod(shape)
     tell = progress or (lambda *_: None)
@@ -172,10 +164,10 @@ def _fill(data: _Values, progress, task, devices, block, interpolate) -> Interpo
         found = collapse.collapse(task.scene, task.conditions, task.quantities, _model(task, devices))
         if found is not None:
             tell(0, points)
-            for T, j, piece in collapse.pieces(found, task.conditions):
+            for T, p, piece in collapse.pieces(found, task.conditions):
                 for name, array in data.items():
-                    array[T, j] = piece[name]
-                done += (T.stop - T.start) * shape[2]
+                    array[T, p] = piece[name]
+                done += (T.stop - T.start) * (p.stop - p.start) * shape[2]
                 tell(done, points)
             return found.interpolation
     shared = task.scene.heating is None
@@ -223,10 +215,7 @@ def _place(data: _Values, conditions: Conditions, batch: batches.MapBatch, value
 
 
 def _computed(tiling: batches.Tiling, task: batches.Task) -> Iterator[tuple[batches.MapBatch, Arrays]]:
-    """Yield each batch and its values.
-
-    The values are a dict of NumPy arrays of shape (pressures, pairs).
-    """
+    """Yield each batch and a dict of its values as NumPy arrays of shape (pressures, pairs)."""
     begun = ((batch, batches.launch(tiling, task, batch)) for batch in batches.batches(tiling))
     one = next(begun, None)
     while one is not None:

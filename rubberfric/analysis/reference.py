@@ -103,11 +103,7 @@ class Reference(NamedTuple):
 def case_of(
     scene: Scene, velocity: ArrayLike, pressure: ArrayLike, temperature: ArrayLike | None = None
 ) -> Case:
-    """Return the `Case` of a scene and conditions, in double precision.
-
-    A ValueError is raised if an argument is invalid, if there are no points, or if double precision is
-    switched off.
-    """
+    """Return the `Case` of a scene and conditions in double precision, or raise ValueError."""
     if jnp.result_type(float) != jnp.float64:
         raise ValueError(
             "errors are measured in float64, which is switched off; "
@@ -142,10 +138,7 @@ def refused(case: Case) -> str:
 
 
 def forward_of(quadrature: Quadrature) -> Callable[[Scene, CaseConditions], jax.Array]:
-    """Return a function that computes the quantities of a scene with a given quadrature.
-
-    The function takes (scene, conditions) and returns an array of shape (quantities, points).
-    """
+    """Return a function of (scene, conditions) to the quantities, an array of shape (quantities, points)."""
 
     def forward(scene: Scene, conditions: CaseConditions) -> jax.Array:
         solution = solve(scene, *conditions, quadrature=quadrature)
@@ -157,11 +150,9 @@ def forward_of(quadrature: Quadrature) -> Callable[[Scene, CaseConditions], jax.
 def gradient_of(
     quadrature: Quadrature,
 ) -> Callable[[Scene, CaseConditions, jax.Array], tuple[jax.Array, Any]]:
-    """Return a function that computes quantities and a gradient with a given quadrature.
+    """Return a function of (scene, conditions, weight) to (values, gradient of their weighted sum).
 
-    The function takes (scene, conditions, weight) and returns (values, gradient). `weight` and the values
-    have the shape (quantities, points). The gradient is the derivative of the weighted sum of the values with
-    respect to the scene and the conditions.
+    `weight` and the values have the shape (quantities, points).
     """
 
     def gradient(scene: Scene, conditions: CaseConditions, weight: jax.Array) -> tuple[jax.Array, Any]:
@@ -201,10 +192,7 @@ def outcome(gradient: Compiled, case: Case, dtype: type = jnp.float64) -> Outcom
 
 
 def measured(case: Case, quadrature: Quadrature, gradients: bool = True) -> tuple[Outcome, Compiled]:
-    """Evaluate a setting in double precision, and return the `Outcome` and the compiled function.
-
-    If `gradients` is False, the sensitivities are None.
-    """
+    """Evaluate a setting in double precision; return the `Outcome` and the compiled function."""
     at, ones = arguments(case, jnp.float64)
     if gradients:
         function, _ = compiled(gradient_of(quadrature), *at, ones)
@@ -220,10 +208,7 @@ def reference(case: Case, gradients: bool = True) -> Reference:
 
 
 def compare_outcomes(found: Outcome, exact: Outcome, case: Case) -> Errors:
-    """Return the errors of an outcome.
-
-    If an outcome has no sensitivities, only the errors of the values are computed.
-    """
+    """Return the errors of an outcome, without gradients if an outcome has no sensitivities."""
     scale = np.abs(exact.values)
     scale[QUANTITIES.index("separation")] += _NEGLIGIBLE * case.height
     worst = _relative(np.abs(found.values - exact.values), scale)
@@ -235,10 +220,7 @@ def compare_outcomes(found: Outcome, exact: Outcome, case: Case) -> Errors:
 
 
 def _relative(difference: np.ndarray, scale: np.ndarray) -> list[float]:
-    """Return the largest ratio along the last axis, for each row.
-
-    0/0 counts as 0. Other ratios that are not finite count as infinite.
-    """
+    """Return the largest ratio of each row, where 0/0 counts as 0 and other nonfinite ratios as infinite."""
     ratio = difference / np.where(scale > 0, scale, 1.0)
     ratio = np.where((scale > 0) | (difference == 0), ratio, np.inf)
     return [float(x) for x in np.max(np.where(np.isfinite(ratio), ratio, np.inf), -1)]
@@ -263,12 +245,8 @@ def node_count(scene: Scene, quadrature: Quadrature) -> int:
     laws = [pair.law for pair in rough_surfaces_of(scene)]
     if not laws:
         return 0
-
-    def nodes() -> tuple[jax.Array, jax.Array]:
-        mesh = build_mesh(laws, quadrature)
-        return mesh.q, mesh.angular_q
-
-    return sum(x.size for x in jax.eval_shape(nodes))
+    mesh = jax.eval_shape(lambda: build_mesh(laws, quadrature))
+    return mesh.q.size + mesh.angular_q.size
 
 
 def check_error(error: float) -> None:
@@ -286,10 +264,9 @@ def quadrature_for(
     *,
     gradients: bool = True,
 ) -> Quadrature:
-    """Find the cheapest setting that meets a relative error on a scene.
+    """Find the cheapest of `SETTINGS` that meets a relative error on a scene, in 10 to 30 s.
 
-    The function compares `SETTINGS` with the reference of this module in double precision. The comparison
-    takes 10 to 30 s, mostly for compilation.
+    The settings are compared with the reference of this module in double precision.
 
     Parameters
     ----------
@@ -298,8 +275,7 @@ def quadrature_for(
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
         conditions at which the error must be met, or their extremes. None: velocities 1e-8 ... 1e2 m/s and
         pressures 1e3 ... 1e7 Pa, one per decade, every shift at its reference temperature.
-    gradients : bool
-        if True, the gradients of these quantities must meet the error as well.
+    gradients : if True, the gradients of these quantities must meet the error as well
 
     Returns
     -------
@@ -321,7 +297,6 @@ def quadrature_for(
             f"error = {error:g}: the reference cannot resolve it on this scene, because two refinements "
             f"agree to {agreement:.1e} only; error must be >= {agreement / TRUSTED:.1e}"
         )
-    settings = SETTINGS
     reached = {}
 
     def meets(setting: Quadrature) -> bool:
@@ -330,10 +305,10 @@ def quadrature_for(
         return reached[setting] <= error
 
     # Bisect, because each setting is compiled.
-    first = bisect.bisect_left(settings, True, key=meets)
-    if first == len(settings):
+    first = bisect.bisect_left(SETTINGS, True, key=meets)
+    if first == len(SETTINGS):
         raise ValueError(
             f"error = {error:g}: none of {first} settings meets it on this scene; "
             f"the smallest error is {min(reached.values()):.1e}"
         )
-    return settings[first]
+    return SETTINGS[first]

@@ -24,7 +24,6 @@ from rubberfric.theory import paper
 from rubberfric.theory.quantities import QUANTITIES, Solution
 
 _KNOWN = 3.0  # errors below this multiple of the disagreement of the refinements are only bounded
-
 _KNOBS = tuple(field.name for field in dataclasses.fields(Quadrature))
 
 
@@ -64,10 +63,9 @@ class Accuracy(NamedTuple):
 
     @property
     def chosen(self) -> Row | None:
-        """Row of the cheapest setting whose values and gradients meet the error, or None.
+        """Row of the setting with the fewest nodes whose values and gradients meet the error, or None.
 
-        This is the setting with the fewest nodes, because run times scatter. Run times decide only between
-        equal numbers of nodes.
+        Run times scatter, so they decide only between equal numbers of nodes.
         """
         return self._cheapest(lambda errors: errors.worst, lambda row: row.gradient)
 
@@ -98,10 +96,10 @@ class Accuracy(NamedTuple):
         return table([*rows, *self._about_reference(), *self._choices()], headings, self._about())
 
     def write(self, path: StrPath) -> None:
-        """Write the rows as a CSV table, completely or not at all.
+        """Write the rows as a CSV table with two header rows, completely or not at all.
 
-        Two header rows have the names and the units. Errors below the resolution of the reference are written
-        as that resolution. A ValueError is raised if the file cannot be written.
+        Errors below the resolution of the reference are written as that resolution. A ValueError is raised if
+        the file cannot be written.
         """
         check_writable(path, (".csv",))
         quantities = ("area", "friction", "separation")
@@ -162,19 +160,13 @@ class Accuracy(NamedTuple):
         yield from self._choices()
 
     def _varied(self) -> tuple[str, ...]:
-        """Return the names of the fields of `Quadrature` that are shown.
-
-        The field `heat` is left out if all settings have the same value of `heat`.
-        """
+        """Return the shown fields of `Quadrature`: all, or all but `heat` if no row varies it."""
         settings = [row.setting for row in self.rows if row.method == "panels"]
         same = {knob for knob in ("heat",) if len({getattr(one, knob) for one in settings}) < 2}
         return tuple(knob for knob in _KNOBS if knob not in same)
 
     def _cells(self, row: Row, knobs: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the texts of a row of the table.
-
-        The texts are the setting, the nodes, six errors, two run times [ms] and two compile times [s].
-        """
+        """Return setting, nodes, six errors, two run times [ms] and two compile times [s] as texts."""
         errors = (
             "-" if error is None or known is None else "<" * (known > error) + f"{known:.0e}"
             for error, known in zip(row.errors, self.known(row), strict=True)
@@ -191,8 +183,8 @@ class Accuracy(NamedTuple):
         yield from self._choice("values and gradients", both, self.agreement.worst)
         for row in self.rows:
             if row.setting == self.automatic and row.dtype == "float64":
-                yield f"without a quadrature: {self._written(row)}"
                 errors = self.known(row)
+                yield f"without a quadrature: {self._written(row)}"
                 yield f"  {self._times(row)}, errors {errors.value:.0e} and {errors.gradient:.0e} or less"
         textbook = [row for row in self.rows if row.method == "textbook"]
         if textbook and values is not None:
@@ -222,11 +214,7 @@ class Accuracy(NamedTuple):
 
 
 def short_setting(setting: Quadrature | tuple[int, int], knobs: tuple[str, ...]) -> str:
-    """Format a setting as a short text.
-
-    A Quadrature becomes the values of the fields `knobs`, such as "8/5/1". A size of the textbook method
-    becomes a text such as "100 x 32".
-    """
+    """Format a setting as its values of `knobs`, "8/5/1", or a size of the textbook, "100 x 32"."""
     if not isinstance(setting, Quadrature):
         return f"{setting[0]} x {setting[1]}"
     return "/".join(f"{getattr(setting, knob):g}" for knob in knobs)
@@ -259,10 +247,9 @@ def accuracy(
 
     Errors of area, friction and separation and of their gradients are relative to a reference that validates
     itself (`rubberfric.analysis.reference`). Settings in single precision are compared at inputs rounded to
-    single precision. Single precision is left out if it cannot represent the scene. Times are medians over
-    alternating rounds of compiled calls for all three quantities at all points. The gradient of the sum of
-    the three quantities is taken with respect to every number of the scene and the conditions. The gradient
-    is computed together with the values.
+    single precision, unless it cannot represent the scene. Times are medians over alternating rounds of
+    compiled calls for all three quantities at all points, without and with the gradient of their sum with
+    respect to every number of the scene and the conditions.
 
     Parameters
     ----------
@@ -270,25 +257,20 @@ def accuracy(
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
         Gradients are compared at up to 30 of these points, equally spread; at 6 if a modulus is tabulated.
     error : wanted relative error [-], 0 ... 1
-    settings : sequence of Quadrature, or None
-        None: `rubberfric.analysis.reference.SETTINGS`, from a few nodes to far more than the default, and the
-        automatic setting of this scene.
+    settings : sequence of Quadrature, or None for `rubberfric.analysis.reference.SETTINGS`, from a few nodes
+        to far more than the default, and the automatic setting of this scene
     textbook : sequence of (nodes in ln q, nodes in phi)
         sizes of the textbook method: the equations of `rubberfric.theory.paper` with trapezoids, without
-        gradients here. Use () to omit it. It is omitted for scenes beyond the paper (`paper.covers`).
-    repeats : int, >= 1
-        rounds of timing.
-    progress : function of a line of text, or None
-        called before every step. A sweep takes half a minute or more.
+        gradients here. It is omitted for scenes beyond the paper (`paper.covers`).
+    repeats : rounds of timing, an int >= 1
+    progress : function of a line of text, called before every step, or None
     told : function of (row, its number, number of rows), or None
-        called with every new row. Run times are measured at the end and are still missing. The number of rows
-        is an upper bound at first.
+        called with every new row, still without run times. The number of rows is an upper bound at first.
 
     Returns
     -------
-    Accuracy. `chosen` is the cheapest setting for values and gradients, `chosen_values` for values alone.
-    A row is None if no setting meets `error`, or if the refinements of the reference do not agree to a tenth
-    of `error`.
+    Accuracy. `chosen` is the cheapest setting for values and gradients, `chosen_values` for values alone;
+    None if no setting meets `error`, or if the refinements of the reference do not agree to a tenth of it.
 
     Raises
     ------
@@ -303,32 +285,28 @@ def accuracy(
     tell("compiling the reference")
     exact = reference.reference(case)
 
-    left_out, sizes = (
-        reference.refused(case),
-        textbook if rough_surfaces(scene) and paper.covers(scene) else (),
-    )
+    left_out = reference.refused(case)
+    sizes = textbook if rough_surfaces(scene) and paper.covers(scene) else ()
     rows = len(settings) + len(sizes) + (0 if left_out else len(settings[::2]))
     measured: list[Timed] = []
 
-    def came(one: Timed) -> None:
-        measured.append(one)
+    def measure(what: str, function: Callable[..., Timed], *given: Any) -> None:
+        tell(f"row {len(measured) + 1} of {rows}: {what}")
+        measured.append(function(case, *given))
         if told is not None:
-            told(one[0], len(measured), rows)
+            told(measured[-1][0], len(measured), rows)
 
     for setting in settings:
-        tell(f"row {len(measured) + 1} of {rows}: compiling float64, {setting}")
-        came(_panels(case, exact.exact, setting, jnp.float64))
+        measure(f"compiling float64, {setting}", _panels, exact.exact, setting, jnp.float64)
     if not left_out:
         tell("reference for float32")
         at_rounded = reference.outcome(exact.compiled, reference.rounded(case))
         single = in_float32(settings, [row.errors.worst for row, _ in measured])
         rows = len(measured) + len(single) + len(sizes)
         for setting in single:
-            tell(f"row {len(measured) + 1} of {rows}: compiling float32, {setting}")
-            came(_panels(case, at_rounded, setting, jnp.float32))
+            measure(f"compiling float32, {setting}", _panels, at_rounded, setting, jnp.float32)
     for size in sizes:
-        tell(f"row {len(measured) + 1} of {rows}: textbook, {size[0]} x {size[1]}")
-        came(_textbook(case, exact.exact, size))
+        measure(f"textbook, {size[0]} x {size[1]}", _textbook, exact.exact, size)
 
     tell("run times")
     functions = {(i, name): f for i, (_, calls) in enumerate(measured) for name, f in calls.items()}
@@ -342,11 +320,7 @@ def accuracy(
 
 
 def in_float32(settings: Sequence[Quadrature], errors: Sequence[float]) -> list[Quadrature]:
-    """Select settings for single precision by their errors in double precision.
-
-    Only every second setting is selected, because a sweep spends most of its time on compilation. The last
-    selected setting is the first with an error below rounding.
-    """
+    """Return every second setting, to save compile time, up to the first with an error below rounding."""
     tried = []
     for setting, error in zip(settings[::2], errors[::2], strict=True):
         tried.append(setting)
@@ -356,10 +330,7 @@ def in_float32(settings: Sequence[Quadrature], errors: Sequence[float]) -> list[
 
 
 def in_turns(functions: Mapping[Key, Callable[[], Any]], rounds: int) -> dict[Key, float]:
-    """Return the median run time of each function [s].
-
-    The functions are called alternately in every round.
-    """
+    """Return the median run time of each function [s], which are called alternately in every round."""
     times: dict[Key, list[float]] = {name: [] for name in functions}
     for function in functions.values():
         jax.block_until_ready(function())
@@ -379,31 +350,19 @@ def in_turns(functions: Mapping[Key, Callable[[], Any]], rounds: int) -> dict[Ke
 
 
 def _panels(case: reference.Case, exact: reference.Outcome, setting: Quadrature, dtype: type) -> Timed:
-    """Compile and evaluate a setting, and return the `Row` and the functions to time.
-
-    The row has no run times yet.
-    """
+    """Compile and evaluate a setting; return the `Row` without run times, and the functions to time."""
     at, ones = reference.arguments(case, dtype)
     forward, forward_seconds = reference.compiled(reference.forward_of(setting), *at)
     gradient, gradient_seconds = reference.compiled(reference.gradient_of(setting), *at, ones)
     found = reference.outcome(gradient, case, dtype)
-    row = Row(
-        method="panels",
-        setting=setting,
-        dtype=np.dtype(dtype).name,
-        nodes=node_count(case.scene, setting),
-        errors=reference.compare_outcomes(found, exact, case),
-        compile_forward=forward_seconds,
-        compile_gradient=gradient_seconds,
-    )
+    errors = reference.compare_outcomes(found, exact, case)
+    row = Row("panels", setting, np.dtype(dtype).name, node_count(case.scene, setting), errors)
+    row = row._replace(compile_forward=forward_seconds, compile_gradient=gradient_seconds)
     return row, {"forward": lambda: forward(*at), "gradient": lambda: gradient(*at, ones)}
 
 
 def _textbook(case: reference.Case, exact: reference.Outcome, size: tuple[int, int]) -> Timed:
-    """Compile and evaluate a size of the textbook method, and return the `Row` and the function to time.
-
-    The row has no run times yet.
-    """
+    """Evaluate a size of the textbook method; return the `Row` without run time, and the function to time."""
     spectra = [body.spectrum for body in (case.scene.lower, case.scene.upper) if body.spectrum is not None]
     pieces = sum(one.power_law().q.size for one in spectra) - 1
     nodes = paper.trapezoid_nodes(max(2, round(size[0] / pieces)), size[1])

@@ -19,7 +19,7 @@ import numpy as np
 from rubberfric.analysis.maps import friction_map
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values, shown
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.io.friction_tables import AXES, FrictionTable, hats
+from rubberfric.io.friction_tables import AXES, FrictionTable
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.quantities import iterated, iterates
 
@@ -84,13 +84,13 @@ def friction_table(
         counts = [2 * n - 1 if k in worst else n for k, n in enumerate(counts)]
     share = (error - sum(own)) / max(shares, 1)
     kept = [np.array(_kept(axis, mu, 2 - k, share)) for k, axis in enumerate(axes)]
-    coarse, area, between = mu, area, mu
+    coarse = mu
     for k, keep in enumerate(kept):
         coarse, area = (np.take(values, keep, 2 - k) for values in (coarse, area))
-        between = _along(2 - k, hats(axes[k][keep], axes[k]), np.take(between, keep, 2 - k))
-    found = float(np.max(np.abs(between / mu - 1))) + sum(own)
     v, p, *T = (axis[keep] for axis, keep in zip(axes, kept, strict=True))
-    return FrictionTable(v, p, T[0] if T else None, coarse, area=area, error=found, title=title)
+    table = FrictionTable(v, p, T[0] if T else None, coarse, area=area, title=title)
+    between = table.at(*(axis.reshape(-1, *[1] * k) for k, axis in enumerate(axes)))
+    return table._replace(error=float(np.max(np.abs(between / mu - 1))) + sum(own))
 
 
 def _between(x):
@@ -140,10 +140,7 @@ def _halved(axis, mu, place):
 
 
 def _kept(axis, mu, place, share):
-    """Return the indices of the points of an axis that are kept.
-
-    Each kept point is as far from the previous kept point as the error `share` allows.
-    """
+    """Return the indices of kept points of an axis, each as far from the previous as `share` allows."""
     if axis.size == 1:
         return [0]
     values = np.moveaxis(mu, place, 0).reshape(axis.size, -1)
@@ -159,7 +156,3 @@ def _kept(axis, mu, place, share):
             last += 1
         kept.append(last)
     return kept
-
-
-def _along(place, weights, values):
-    return np.moveaxis(np.tensordot(weights, values, (1, place)), 0, place)

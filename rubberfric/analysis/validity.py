@@ -263,11 +263,7 @@ def full_contact_energy(
 
     Returns
     -------
-    array, broadcast shape [J/m^2]; 0 without roughness
-
-    Raises
-    ------
-    ValueError : as `contact_area`.
+    array, broadcast shape [J/m^2]; 0 without roughness. Raises as `contact_area`.
     """
     scene = scene.replace(heating=None, adhesion=None)
     scene, (velocity, _, temperature) = checked_arguments(scene, velocity, 1.0, temperature, quadrature)

@@ -200,10 +200,7 @@ def _quantity(result: Curves, name: str, ax: Axes | None) -> Axes:
 
 
 def _draw(axes: Axes, result: Curves, name: str, named: bool = True) -> None:
-    """Draw one quantity and a legend.
-
-    The legend names the parts of the friction. If `named` is True, the legend also names the conditions.
-    """
+    """Draw one quantity, with a legend of the parts of the friction and, if `named`, of the conditions."""
     labels, velocity = curve_labels(result.conditions), np.asarray(result.conditions.velocity)
     shown = shown_velocities(velocity)
     curves = [np.asarray(getattr(result.solution, name))[i, j] for i, j in labels]

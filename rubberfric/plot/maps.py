@@ -98,10 +98,7 @@ def plot_map(
 
 
 def figure_of_map(result: Result) -> Figure:
-    """Draw a row of panels for every quantity of a map.
-
-    Panels that look alike are merged into one panel.
-    """
+    """Draw a row of panels for every quantity of a map, with one panel for panels that look alike."""
     conditions = result.conditions
     fields = {name: values for name, values in result.solution._asdict().items() if values is not None}
     panels = _panels(conditions, None, None)
@@ -141,11 +138,7 @@ def _over_pressure(conditions: Conditions, temperature: int | None) -> bool:
 
 
 def _panels(conditions: Conditions, temperature: int | None, pressure: int | None) -> list[tuple]:
-    """Return a tuple (rows, y, title, place) for every panel.
-
-    `rows` holds the indices of the rows that are drawn, and `y` their coordinates on the y axis. `place` is
-    the index of the panel in an array of the solution.
-    """
+    """Return (rows, y, title, place) for every panel: indices of rows, their y, index into the solution."""
     T, p = conditions.temperature, conditions.pressure
     if _over_pressure(conditions, temperature):
         i = 0 if temperature is None else temperature
@@ -176,10 +169,7 @@ def _as_one(panels: list[tuple], conditions: Conditions, fields: dict[str, Any])
 
 
 def _axis(scale: Callable[[np.ndarray], np.ndarray], values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the indices of the distinct values > 0 in increasing order, and `scale` of these values.
-
-    At most `_DRAWN` values are returned, evenly selected.
-    """
+    """Return the indices of at most `_DRAWN` distinct values > 0 in increasing order, and their `scale`."""
     unique, index = np.unique(values, return_index=True)
     index = index[unique > 0]
     if index.size > _DRAWN:
@@ -188,10 +178,7 @@ def _axis(scale: Callable[[np.ndarray], np.ndarray], values: np.ndarray) -> tupl
 
 
 def _draw(drawn, x, label, logarithmic):
-    """Draw heat maps with a common colour scale, and contours in a contrasting colour.
-
-    `drawn` is a list of (axes, y, values).
-    """
+    """Draw (axes, y, values) as heat maps with one colour scale, and contours in a contrasting colour."""
     from matplotlib.colors import LogNorm, Normalize
     from matplotlib.ticker import LogLocator, MaxNLocator
 

@@ -67,10 +67,7 @@ def diverging() -> Colormap:
 
 
 def looks(count: int, points: int) -> list[dict[str, Any]]:
-    """Return the plot options for the colours and markers of `count` lines with `points` points.
-
-    Markers of neighbouring lines are staggered.
-    """
+    """Return the plot options of `count` lines with `points` points, with staggered markers."""
     several = count > 1
     step = max(1, -(-points // _MARKERS_OF_A_LINE))
     return [
