@@ -3,7 +3,7 @@
     python notebooks/measure.py            # all measurements, about two hours on two idle cores
     python notebooks/measure.py curves fits
 
-Every measurement is a command of its own. measured.md keeps the last output of each, with its date,
+Every measurement is one command. measured.md keeps the last output of each, with its date,
 processor, versions and run time. Boundary elements (`python notebooks/boundary_elements.py`) take longer
 and are not repeated here.
 """
