@@ -70,12 +70,13 @@ def find_table(path: StrPath, text: str, generic: str = "E", incomplete: bool = 
         if has_fields(line) or (line.startswith("##") and len(_SEPARATOR.split(line)) > 1)
     ]
     first = next((number for number, line in enumerate(text.splitlines(), start=1) if has_fields(line)), 0)
-    for place, (number, _) in enumerate(lines):
+    for place, (number, line) in enumerate(lines):
         for separator in SEPARATORS:
+            below = [row for _, row in lines[place + 1 : place + 3] if separator in line]
+            if not any(_any_number(_split(row, separator)) for row in below):
+                continue
             titles, known = _titles(lines, place, separator, generic)
-            count = sum(title.name is not None for title in known)
-            below = [_split(row, separator) for _, row in lines[place + 1 : place + 3]]
-            if count < 2 or not any(map(_any_number, below)):
+            if (count := sum(title.name is not None for title in known)) < 2:
                 continue
             following = _titles(lines, place + 1, separator, generic)[1]
             if sum(title.name is not None for title in following) >= count:
