@@ -93,7 +93,7 @@ class Design:
         if self.predicted is not None:
             old, new = self.predicted
             lines.append(f"error of the prediction: {_percent(old)} before, {_percent(new)} after")
-        lines.append("expected relative errors of the parameters, before and after")
+        lines.append("expected errors of the parameters (relative), before and after")
         width = max(map(len, self.names))
         for name, old, new in zip(self.names, self.rate * self.before, self.rate * self.after, strict=True):
             lines.append(f"  {name:<{width}}  {_percent(old):>10}  {_percent(new):>10}")
