@@ -122,7 +122,7 @@ def model_error_line(result: Result) -> str:
     low, high = found.contact
     page = "boundary_elements" if result.scene.contact_model == "paper" else "how_true"
     beyond = (
-        f"\nq1/q0 is {10**found.extrapolated:.2g} times larger than in any case; the range includes this"
+        f"\nq1/q0 is {10**found.extrapolated:.3g} times larger than in any case; the range includes this"
         if found.extrapolated
         else ""
     )

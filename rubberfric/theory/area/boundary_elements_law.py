@@ -160,7 +160,10 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
     beyond = math.log(END) * node
     height2 = surface.law.height2
     log_q = jnp.concatenate([jnp.log(mesh.q).reshape(-1), jnp.log(q1) + beyond])
-    grid, mean, along = _circle(log_q, _ENTRIES + _PER_PANEL * quadrature.panels if surface.relaxes else 1)
+    # A table of the modulus has kinks over ln omega, rounded over the width `detail`.
+    finer = 1.0 if surface.detail is None else min(4.0, max(1.0, _GRID / surface.detail))
+    entries = round(finer * (_ENTRIES + _PER_PANEL * quadrature.panels)) if surface.relaxes else 1
+    grid, mean, along = _circle(log_q, entries, finer)
     body, slab = surface.strained if surface.strained.material.deforms else surface.rough, None
     if body.layer is not None:
         layer, poisson = body.layer, poisson_of(body.material)
@@ -311,23 +314,24 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     return State(A, jnp.sum(mu_of_q, -1), mu_of_q, 1 / (1 + odds), converged)
 
 
-def _circle(log_q, count):
+def _circle(log_q, count, finer):
     """Return a grid of q cos(phi), and weights of integrals over the circle from values on this grid.
 
     The weights of the mean and of the integral with the factor cos(phi) have the shape (nodes, count). They
-    hold for functions of ln(q cos(phi)). `log_q` ends with the largest wavevector.
+    hold for functions of ln(q cos(phi)). `log_q` ends with the largest wavevector. The steps of the grid and
+    of the rule are divided by `finer`.
     """
     if count == 1:  # nothing depends on the frequency
         one = jnp.ones((log_q.size, 1), log_q.dtype)
         return jnp.exp(log_q[-1:]), one, 0 * one
-    t = _STEP * np.arange(int(_LAST / _STEP))
-    dphi = 4 * _STEP / np.cosh(t)
+    t = _STEP / finer * np.arange(int(finer * _LAST / _STEP))
+    dphi = 4 * _STEP / finer / np.cosh(t)
     dphi[0] /= 2
     dphi[-1] += 2 * np.pi - dphi.sum()  # the rest of the circle is at rest
     s = np.log(np.cosh(t))
     # The grid moves with q1, so that the error of the interpolation has no derivative.
     top = log_q[-1]
-    step = jnp.maximum(_GRID, (top - log_q[0] + float(s[-1])) / (count - 2 * _POINTS))
+    step = jnp.maximum(_GRID / finer, (top - log_q[0] + float(s[-1])) / (count - 2 * _POINTS))
     step = jax.lax.stop_gradient(step)
     to_nodes = _interpolation((top - log_q) / step + _POINTS, count)
     to_angles = _interpolation(typed(s, top) / step + _POINTS, count + _POINTS)
