@@ -1,5 +1,6 @@
 """Fit free parameters of a scene to measured data, the inverse problem."""
 
+import functools
 import time
 from collections.abc import Callable, Mapping
 
@@ -15,7 +16,7 @@ from fitting.parameters.scenes import as_scenes, each_scene
 from fitting.results.record import Minimum
 from fitting.results.result import FitResult
 from fitting.solvers.evaluation import residual_rows
-from fitting.solvers.iterate import NEGLIGIBLE, succeeded
+from fitting.solvers.objective import NEGLIGIBLE, succeeded
 from fitting.solvers.options import check_options, make_solver
 from fitting.solvers.problem import ASSUMED, finer, make_problem
 from fitting.solvers.runs import FIT_BATCH, Callback, run_fits
@@ -79,7 +80,7 @@ def fit(
         The result of another fit can be a prior: prior=fit_prony(data).as_prior("lower") | {...}.
     callback : called as callback(step, cost) after every step, or None
     loss, loss_width : "linear", "huber", "soft_l1" or "cauchy", and its width in standard errors
-        If the width is None, the loss is 95 % efficient for Gaussian data (`fitting.solvers.losses`).
+        If the width is None, the loss is 95 % efficient for Gaussian data (`fitting.solvers.objective`).
     decades : random starts of Positive parameters lie within a factor 10^decades of the scene's values
     max_steps, tolerance : limits of the method. If None, the method has default limits.
     quadrature : Quadrature of the forward model
@@ -105,11 +106,9 @@ def fit(
 
     Raises
     ------
-    ValueError
-        an invalid path, start, prior or option, data that the scene cannot predict, or more free parameters
-        than values and priors.
-    FloatingPointError
-        the model is not finite at any start.
+    ValueError : an invalid path, start, prior or option, data that the scene cannot predict, or more free
+        parameters than values and priors.
+    FloatingPointError : the model is not finite at any start.
 
     Notes
     -----
@@ -134,33 +133,31 @@ def fit(
     tell(f"compiling a fit of {problem.variables.size} numbers to {problem.targets.measured.size} values")
     x = random_starts(problem.variables, problem.start, key, starts, decades)
     runs = search(solver, problem, x, max_steps, callback)
-    # argmin would return a NaN.
-    best = int(np.argmin(np.where(np.isfinite(runs.cost), runs.cost, np.inf)))
-    if not np.isfinite(runs.cost[best]):
-        raise FloatingPointError(_not_finite(problem, data))
-    minima = _minima(problem, runs)
-    end, evaluations = runs.row(best), np.array([runs.nfev.sum(), runs.njev.sum()])
-    if quadrature is None:
-        problem, end, spent = _resolved(solver, problem, end, data, max_steps, callback, starts, tell)
-        evaluations += spent
-    end, spent = confirm_minimum(
-        problem, end, lambda x: _from(solver, problem, x, max_steps, callback, starts)[0]
-    )
+    end, minima = _lowest(problem, runs, data), _minima(problem, runs)
+    evaluations = np.array([runs.nfev.sum(), runs.njev.sum()])
+
+    def onward(problem, x):
+        # Keep the batch size, because another one would need a compilation.
+        batch = min(FIT_BATCH, starts)
+        end = run_fits(solver, problem, x[None], None, max_steps, callback, batch).row(0)
+        evaluations[:] += end.nfev, end.njev
+        return end
+
+    def judged(problem, end):
+        model = linearised(problem, end.x)
+        return end, model, uncertainty(problem, end.x, model)
+
+    while quadrature is None and succeeded(end.status) and (more := finer(problem, end.x, data)) is not None:
+        tell("fitting on, with the quadrature that the scene at the end of the fit needs")
+        problem, end = more, onward(more, end.x)
+    end, spent = confirm_minimum(problem, end, functools.partial(onward, problem))
     evaluations += spent
     tell("compiling and computing the covariance")
-    model = linearised(problem, end.x)
-    known = uncertainty(problem, end.x, model)
+    end, model, known = judged(problem, end)
     scales = [None if one.error is not None else ASSUMED for one in data]
     error_scale, rescaled = 1.0, scale_errors is True and None in scales
-    unknown = any(one.error is None for one in data)
-    to_estimate, assumed = unknown and scale_errors is not False, unknown
-
-    def again(problem, x):
-        """Fit again from x, and return the end, the linearised model, the uncertainty and the evaluations."""
-        end, spent = _from(solver, problem, x, max_steps, callback, starts)
-        model = linearised(problem, end.x)
-        return end, model, uncertainty(problem, end.x, model), spent
-
+    assumed = any(scale is not None for scale in scales)
+    to_estimate = assumed and scale_errors is not False
     for _ in range(ROUNDS if to_estimate or rescaled else 0):
         if problem.targets.measured.size - known.parameters < 0.5 or not succeeded(end.status):
             break
@@ -173,17 +170,15 @@ def fit(
             known = uncertainty(problem, end.x, model)
             break
         tell("fitting again, with errors from the scatter")
-        end, model, known, spent = again(problem, end.x)
-        evaluations += spent
+        end, model, known = judged(problem, onward(problem, end.x))
     if discrepancy is not None:
         asked, discrepancy = discrepancy, first_guess(discrepancy, scenes)
         for _ in range(ROUNDS if succeeded(end.status) and is_open(asked) else 0):
             discrepancy = averaged(problem, model, scenes, data, asked)
             problem = with_discrepancy(problem, scenes, data, discrepancy)
-            end, model, known, spent = again(problem, end.x)
-            evaluations += spent
-        judged = (problem, model, scenes, data, asked) if succeeded(end.status) else None
-        discrepancy = with_remark(discrepancy, asked, judged)
+            end, model, known = judged(problem, onward(problem, end.x))
+        found = (problem, model, scenes, data, asked) if succeeded(end.status) else None
+        discrepancy = with_remark(discrepancy, asked, found)
     return FitResult(
         scene_at_start=scene,
         free=dict(free),
@@ -207,23 +202,6 @@ def fit(
     )
 
 
-def _from(solver, problem, x, max_steps, callback, starts):
-    # Keep the batch size, because another one would need a compilation.
-    end = run_fits(solver, problem, x[None], None, max_steps, callback, min(FIT_BATCH, starts)).row(0)
-    return end, np.array([end.nfev, end.njev])
-
-
-def _resolved(solver, problem, end, data, max_steps, callback, starts, tell):
-    """Continue a fit until the quadrature is fine enough for the fitted scene."""
-    evaluations = np.zeros(2, int)
-    while succeeded(end.status) and (with_more := finer(problem, end.x, data)) is not None:
-        tell("fitting on, with the quadrature that the scene at the end of the fit needs")
-        problem = with_more
-        end, spent = _from(solver, problem, end.x, max_steps, callback, starts)
-        evaluations += spent
-    return problem, end, evaluations
-
-
 def _minima(problem, runs):
     """Return the distinct minima that the starts found, lowest first."""
     found = []
@@ -236,6 +214,14 @@ def _minima(problem, runs):
         else:
             found.append(Minimum(cost, 1, problem.values(runs.x[i])))
     return tuple(found)
+
+
+def _lowest(problem, runs, data):
+    """Return the result with the lowest cost, or raise FloatingPointError if the model is never finite."""
+    costs = np.where(np.isfinite(runs.cost), runs.cost, np.inf)  # argmin would return a NaN
+    if not np.isfinite(costs).any():
+        raise FloatingPointError(_not_finite(problem, data))
+    return runs.row(int(np.argmin(costs)))
 
 
 def _not_finite(problem, data):

@@ -10,7 +10,7 @@ import typing
 from pathlib import Path
 
 from fitting.commands.job import CONDITIONS, EXTRA, FILE_RULES, PRIOR_KEYS, TEXTS
-from fitting.commands.planning import KEYS as DESIGN
+from fitting.commands.work import KEYS as DESIGN
 from fitting.solvers.options import FILE_OPTIONS
 from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import Kind, fields_of, kinds

@@ -33,7 +33,7 @@ from fitting.parameters.constraints import Constraint, Positive, is_number
 from fitting.parameters.priors import Prior, Smooth
 from fitting.results.report import error_text
 from fitting.results.result import FitResult
-from fitting.solvers.iterate import CONVERGED, MESSAGES, PERFECT, STALLED
+from fitting.solvers.objective import CONVERGED, MESSAGES, PERFECT, STALLED
 from fitting.uncertainty.covariance import Direction
 from fitting.uncertainty.posterior import joint_prior
 from rubberfric.base import html, shown

@@ -15,8 +15,7 @@ PROGRAM = "rubberfric-fit"
 _SCENES = (".toml", ".h5")
 
 
-def check_fit_arguments(arguments: argparse.Namespace) -> None:
-    """Raise a ValueError if the arguments are wrong, before any work begins."""
+def _check_fit(arguments: argparse.Namespace) -> None:
     from pathlib import Path
 
     from rubberfric.base import check_writable
@@ -57,21 +56,12 @@ def _calibration_parser() -> Parser:
         prog=f"{PROGRAM} calibration",
         description="Fit data drawn from the priors of a job; report the coverage of its error bars.",
     )
-    parser.add_argument(
-        "job", metavar="JOB", help="job file (.toml) with a Gaussian prior of each free parameter"
-    )
-    parser.add_argument(
-        "--members", metavar="N", type=_count, default=1000, help="number of fits (default: 1000)"
-    )
-    parser.add_argument(
-        "--on",
-        choices=("normal", "samples"),
-        default="normal",
-        help="compare the true values with error bars, or with posterior draws, which takes longer",
-    )
-    parser.add_argument(
-        "--plot", metavar="FILE.png", help="draw the ranks of the true values (.png, .pdf or .svg)"
-    )
+    add = parser.add_argument
+    add("job", metavar="JOB", help="job file (.toml) with a Gaussian prior of each free parameter")
+    add("--members", metavar="N", type=_count, default=1000, help="number of fits (default: 1000)")
+    text = "compare the true values with error bars, or with posterior draws, which takes longer"
+    add("--on", choices=("normal", "samples"), default="normal", help=text)
+    add("--plot", metavar="FILE.png", help="draw the ranks of the true values (.png, .pdf or .svg)")
     parser.set_defaults(out=None)
     add_common(parser)
     return parser
@@ -92,22 +82,13 @@ def _laboratory_parser(kind: str, description: str, out: str, plot: str | None, 
 
 
 def _add_scene_and_columns(parser: Parser, body: str) -> None:
-    parser.add_argument("--scene", metavar="SCENE", help="scene that gets the result (default: a new one)")
-    parser.add_argument(
-        "--body", choices=("lower", "upper"), default=body, help=f"body of the scene (default: {body})"
-    )
-    parser.add_argument(
-        "--bad-rows",
-        choices=("error", "drop"),
-        default="error",
-        help="rows with empty or invalid values: an error (default), or left out",
-    )
-    parser.add_argument(
-        "--columns",
-        nargs="+",
-        metavar="NAME",
-        help='"name [unit]" of each column of a table, "-" to skip one',
-    )
+    add, bodies = parser.add_argument, ("lower", "upper")
+    add("--scene", metavar="SCENE", help="scene that gets the result (default: a new one)")
+    add("--body", choices=bodies, default=body, help=f"body of the scene (default: {body})")
+    text = "rows with empty or invalid values: an error (default), or left out"
+    add("--bad-rows", choices=("error", "drop"), default="error", help=text)
+    text = '"name [unit]" of each column of a table, "-" to skip one'
+    add("--columns", nargs="+", metavar="NAME", help=text)
 
 
 def _mastercurve_parser() -> Parser:
@@ -118,35 +99,19 @@ def _mastercurve_parser() -> Parser:
         "draw the master curve and the shifts",
         ".toml or .h5, or .csv",
     )
-    parser.add_argument("data", nargs="+", metavar="DATA", help="tables of E', E'' over frequency")
-    parser.add_argument(
-        "--temperature",
-        nargs="+",
-        type=float,
-        metavar="K",
-        help="temperature of each file [K], if the files do not contain it",
-    )
-    parser.add_argument(
-        "--reference",
-        type=float,
-        metavar="K",
-        help="temperature of the curve [K] (default: nearest to 293.15)",
-    )
-    parser.add_argument(
-        "--vertical",
-        choices=("none", "free", "entropic"),
-        default="none",
-        help="vertical shift (default: none)",
-    )
-    parser.add_argument(
-        "--per-decade", type=float, default=2.0, metavar="N", help="relaxation times per decade (default: 2)"
-    )
-    parser.add_argument(
-        "--poisson", type=float, metavar="NU", help="Poisson's ratio, needed for shear moduli (default: 0.5)"
-    )
-    parser.add_argument(
-        "--strain", metavar="DATA", help="strain sweep of a filled rubber, for its softening in the scene"
-    )
+    add = parser.add_argument
+    add("data", nargs="+", metavar="DATA", help="tables of E', E'' over frequency")
+    text = "temperature of each file [K], if the files do not contain it"
+    add("--temperature", nargs="+", type=float, metavar="K", help=text)
+    text = "temperature of the curve [K] (default: nearest to 293.15)"
+    add("--reference", type=float, metavar="K", help=text)
+    shifts = ("none", "free", "entropic")
+    add("--vertical", choices=shifts, default="none", help="vertical shift (default: none)")
+    text = "relaxation times per decade (default: 2)"
+    add("--per-decade", type=float, default=2.0, metavar="N", help=text)
+    text = "Poisson's ratio, needed for shear moduli (default: 0.5)"
+    add("--poisson", type=float, metavar="NU", help=text)
+    add("--strain", metavar="DATA", help="strain sweep of a filled rubber, for its softening in the scene")
     _add_scene_and_columns(parser, "upper")
     return parser
 
@@ -160,27 +125,17 @@ def _spectrum_parser() -> Parser:
         "draw the measured and the fitted spectrum",
         ".toml or .h5, or .csv",
     )
-    parser.add_argument("data", metavar="DATA", help="table of heights or of a spectrum")
-    parser.add_argument("--map", action="store_true", help="the file is a height map: x, y, z or a grid")
-    parser.add_argument(
-        "--spacing", nargs="+", type=float, metavar="M", help="dx, or dx and dy, of a grid of heights [m]"
-    )
-    parser.add_argument("--unit", metavar="UNIT", help="unit of a height map without units: m, mm, um, nm")
-    parser.add_argument(
-        "--normalisation", metavar="NAME", help="normalisation of C(q), see `rubberfric.roughness`"
-    )
-    parser.add_argument(
-        "--hurst", type=float, metavar="H", help="Hurst exponent, needed for a spectrum along a line"
-    )
-    parser.add_argument(
-        "--q1", type=float, metavar="Q", help="largest wavevector to fit [1/m] (default: last)"
-    )
-    parser.add_argument(
-        "--slope", type=float, metavar="S", help="continue or cut the roughness to this rms slope, often 1.3"
-    )
-    parser.add_argument(
-        "--table", action="store_true", help="put the measured spectrum itself into the scene"
-    )
+    add = parser.add_argument
+    add("data", metavar="DATA", help="table of heights or of a spectrum")
+    add("--map", action="store_true", help="the file is a height map: x, y, z or a grid")
+    add("--spacing", nargs="+", type=float, metavar="M", help="dx, or dx and dy, of a grid of heights [m]")
+    add("--unit", metavar="UNIT", help="unit of a height map without units: m, mm, um, nm")
+    add("--normalisation", metavar="NAME", help="normalisation of C(q), see `rubberfric.roughness`")
+    add("--hurst", type=float, metavar="H", help="Hurst exponent, needed for a spectrum along a line")
+    add("--q1", type=float, metavar="Q", help="largest wavevector to fit [1/m] (default: last)")
+    text = "continue or cut the roughness to this rms slope, often 1.3"
+    add("--slope", type=float, metavar="S", help=text)
+    add("--table", action="store_true", help="put the measured spectrum itself into the scene")
     _add_scene_and_columns(parser, "lower")
     return parser
 
@@ -189,22 +144,16 @@ def _job_parser() -> Parser:
     parser = _laboratory_parser(
         "job", "Write a job file for rubberfric-fit, and print it.", "job file to write", None, ".toml"
     )
-    parser.add_argument("scene", metavar="SCENE", help="scene file (.toml or .h5)")
-    parser.add_argument("data", nargs="+", metavar="DATA", help="tables of measured friction")
+    add = parser.add_argument
+    add("scene", metavar="SCENE", help="scene file (.toml or .h5)")
+    add("data", nargs="+", metavar="DATA", help="tables of measured friction")
     for name, unit in (("pressure", "Pa"), ("temperature", "K")):
-        parser.add_argument(f"--{name}", type=float, metavar=unit, help=f"used if the data lack it [{unit}]")
-    parser.add_argument("--relative", type=float, metavar="R", help="error of the data, 0.05 for 5 %%")
-    parser.add_argument(
-        "--shear",
-        action="store_true",
-        help="add contact shear to the scene, written as OUT_scene.toml, and free it",
-    )
-    parser.add_argument(
-        "--free",
-        nargs="+",
-        metavar="KEYPATH",
-        help="free parameters, all > 0 (default: q1 of each spectrum, and contact shear with --shear)",
-    )
+        add(f"--{name}", type=float, metavar=unit, help=f"used if the data lack it [{unit}]")
+    add("--relative", type=float, metavar="R", help="error of the data, 0.05 for 5 %%")
+    text = "add contact shear to the scene, written as OUT_scene.toml, and free it"
+    add("--shear", action="store_true", help=text)
+    text = "free parameters, all > 0 (default: q1 of each spectrum, and contact shear with --shear)"
+    add("--free", nargs="+", metavar="KEYPATH", help=text)
     return parser
 
 
@@ -216,24 +165,14 @@ def _table_parser() -> Parser:
         None,
         ".inp Abaqus, .k LS-DYNA, .csv, .json, .txt",
     )
-    parser.add_argument("fit", metavar="FIT", help="fit (.h5) or scene (.toml or .h5)")
+    add = parser.add_argument
+    add("fit", metavar="FIT", help="fit (.h5) or scene (.toml or .h5)")
     for name, unit in (("velocity", "m/s"), ("pressure", "Pa"), ("temperature", "K")):
-        parser.add_argument(
-            f"--{name}",
-            nargs="+",
-            type=float,
-            metavar=unit,
-            required=name != "temperature",
-            help=f"lowest and highest {name}, or one value [{unit}]",
-        )
-    parser.add_argument("--error", type=float, default=0.01, help="interpolation error (default: 0.01)")
-    parser.add_argument(
-        "--units",
-        nargs=3,
-        default=("m/s", "Pa", "K"),
-        metavar=("V", "P", "T"),
-        help="units of the table: m/s, mm/s or um/s; Pa, kPa, MPa or GPa; K or C (default: m/s Pa K)",
-    )
+        text, needed = f"lowest and highest {name}, or one value [{unit}]", name != "temperature"
+        add(f"--{name}", nargs="+", type=float, metavar=unit, required=needed, help=text)
+    add("--error", type=float, default=0.01, help="interpolation error (default: 0.01)")
+    text = "units of the table: m/s, mm/s or um/s; Pa, kPa, MPa or GPa; K or C (default: m/s Pa K)"
+    add("--units", nargs=3, default=("m/s", "Pa", "K"), metavar=("V", "P", "T"), help=text)
     return parser
 
 
@@ -277,8 +216,7 @@ def _check_table(arguments: argparse.Namespace) -> None:
             raise ValueError(f"--{name}: must be the lowest and the highest value, or one value")
 
 
-def fit_parser() -> Parser:
-    """Return the parser of `rubberfric-fit JOB`."""
+def _fit_parser() -> Parser:
     from rubberfric.base import VERSION
     from rubberfric.commands import Parser, add_common, add_outputs
 
@@ -289,25 +227,17 @@ def fit_parser() -> Parser:
         " calibration, measure the coverage of error bars; mastercurve, fit moduli of a DMA; spectrum, fit a"
         " measured surface; job, write a job file; table, write friction for a simulation.",
     )
-    parser.add_argument("--version", action="version", version=f"{PROGRAM} {VERSION}")
-    parser.add_argument("job", metavar="JOB", help="job file (.toml): scene, data, free parameters")
-    add_outputs(
-        parser, "FILE.h5", "write the fit; fitting.FitResult.load reads it", "draw data, fit and residuals"
-    )
-    parser.add_argument(
-        "--bootstrap", metavar="N", type=_count, help="fit N simulated data sets, report their spread"
-    )
-    parser.add_argument(
-        "--profile",
-        metavar="KEYPATH",
-        help="fix this parameter, or the q1 of a spectrum, at several values; print the cost",
-    )
-    parser.add_argument(
-        "--checkpoint",
-        metavar="FILE.h5",
-        help="save the bootstrap's state every minute; refused if it exists",
-    )
-    parser.add_argument("--resume", action="store_true", help="continue the checkpoint, if it exists")
+    add = parser.add_argument
+    add("--version", action="version", version=f"{PROGRAM} {VERSION}")
+    add("job", metavar="JOB", help="job file (.toml): scene, data, free parameters")
+    text = "write the fit; fitting.FitResult.load reads it"
+    add_outputs(parser, "FILE.h5", text, "draw data, fit and residuals")
+    add("--bootstrap", metavar="N", type=_count, help="fit N simulated data sets, report their spread")
+    text = "fix this parameter, or the q1 of a spectrum, at several values; print the cost"
+    add("--profile", metavar="KEYPATH", help=text)
+    text = "save the bootstrap's state every minute; refused if it exists"
+    add("--checkpoint", metavar="FILE.h5", help=text)
+    add("--resume", action="store_true", help="continue the checkpoint, if it exists")
     add_common(parser)
     return parser
 
@@ -334,9 +264,9 @@ class Command(NamedTuple):
 
 # "fit" is also the command that runs if none is named.
 COMMANDS = {
-    "fit": Command(fit_parser, check_fit_arguments, "work"),
-    "design": Command(_design_parser, _check_planning, "planning"),
-    "calibration": Command(_calibration_parser, _check_planning, "planning"),
+    "fit": Command(_fit_parser, _check_fit, "work"),
+    "design": Command(_design_parser, _check_planning, "work"),
+    "calibration": Command(_calibration_parser, _check_planning, "work"),
     "mastercurve": Command(_mastercurve_parser, _check_characterisation, "laboratory"),
     "spectrum": Command(_spectrum_parser, _check_characterisation, "laboratory"),
     "job": Command(_job_parser, _check_job, "laboratory"),

@@ -39,7 +39,7 @@
     starts = 8                          # max_steps, tolerance, scale_errors as in `fitting.fit`
     ...
 
-    [design]                            # optional, for `rubberfric-fit design`: `fitting.commands.planning`
+    [design]                            # optional, for `rubberfric-fit design`: `fitting.commands.work`
     ...
 """
 
@@ -86,25 +86,14 @@ class Job(NamedTuple):
     prior: dict[str, Prior]
     options: dict[str, Any]
     title: str
-    design: Any = None  # the table [design], see `fitting.commands.planning`
+    design: Any = None  # the table [design], see `fitting.commands.work`
 
 
 def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
     """Read a job file with its scene and data.
 
-    Parameters
-    ----------
-    path : path of the TOML file
-    outputs : paths of output files, which must not be files of the job
-
-    Returns
-    -------
-    Job
-
-    Raises
-    ------
-    ValueError
-        The job, a scene or data are invalid. The message names the file, the key, the value and the rule.
+    `outputs` are paths of output files, which must not be files of the job. If the job, a scene or data are
+    invalid, a ValueError names the file, the key, the value and the rule.
     """
     path = Path(path)
     if path.suffix.lower() != ".toml":
@@ -153,23 +142,14 @@ def _scene(path, key, file, of_data, data, outputs):
     files = {key: file}
     for i, one in enumerate(data):
         files[f"{of_data}[{i}].file"] = one.get("file") if isinstance(one, dict) else None
-    _check_outputs(path, files, outputs)
+    written = [Path(output).resolve() for output in outputs]
+    for own, name in files.items():
+        if isinstance(name, str) and (path.parent / name).resolve() in written:
+            raise ValueError(
+                f"{path}: {own} = {name!r}: is an input file of the job; choose another file for the output"
+            )
     scene = _read(path, key, file, rf.load_scene)
     return scene, [_data(path, f"{of_data}[{i}]", one) for i, one in enumerate(data)]
-
-
-def _check_outputs(path, files, outputs):
-    """Raise ValueError if an output would overwrite a file of the job.
-
-    `files` is a dict of key in the job -> name of a file. Names that are not text are ignored.
-    """
-    for key, name in files.items():
-        for output in outputs:
-            if isinstance(name, str) and (path.parent / name).resolve() == Path(output).resolve():
-                raise ValueError(
-                    f"{path}: {key} = {name!r}: is an input file of the job; choose another file for"
-                    " the output"
-                )
 
 
 def _text(path, key, value):
@@ -185,15 +165,10 @@ def _one(path, key, value):
 
 
 def _read(path, key, name, reader):
-    """Return `reader(file)` for the file `name`, whose path is relative to the folder of the job file.
-
-    Error messages begin with the path of the job file.
-    """
+    """Return `reader(file)` for the file `name`, whose path is relative to the folder of the job file."""
     file = path.parent / _text(path, key, name)
-    try:
+    with about(f"{path}: {key}"):
         return reader(file)
-    except ValueError as error:
-        raise ValueError(f"{path}: {key}: {error}") from None
 
 
 def _data(path, key, content):
@@ -211,7 +186,7 @@ def _data(path, key, content):
 def _check_paths(path, table, content, keys):
     """Raise ValueError if a key path in a table of the job has no quotes, or if the table "free" is empty.
 
-    TOML reads a key path without quotes as nested tables. `keys` are the keys of the innermost table.
+    TOML reads a key path without quotes as nested tables. The innermost table has the given keys.
     """
     toml.check_keys(path, table, content, content)
     if table == "free" and not content:
@@ -276,10 +251,8 @@ def _discrepancy(path, content):
 
 
 def _made(path, key, cls, values):
-    try:
+    with about(f"{path}: {key}"):
         return cls(**values)
-    except ValueError as error:
-        raise ValueError(f"{path}: {key}: {error}") from None
 
 
 def _options(path, content):
@@ -295,11 +268,11 @@ def _options(path, content):
 
 
 @contextmanager
-def about(path: StrPath) -> Iterator[None]:
-    """Put the path of a job file before the message of a ValueError, in a `with` block."""
+def about(what: StrPath) -> Iterator[None]:
+    """Put the path of a job file, or a key in it, before the message of a ValueError, in a `with` block."""
     try:
         yield
     except np.linalg.LinAlgError:  # a ValueError, but not about the input
         raise
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+        raise ValueError(f"{what}: {error}") from None

@@ -24,13 +24,14 @@ from fitting.characterise.master_curve import fit_master_curve
 from fitting.characterise.prony import fit_prony
 from fitting.characterise.softening import softening_from_sweep
 from fitting.characterise.spectrum import fit_spectrum
+from fitting.commands.work import Output, finish
 from fitting.data.files import read
 from fitting.data.kinds import ModulusData, SpectrumData
 from fitting.parameters.constraints import Positive
 from fitting.results.result import FitResult, friction_table
 from fitting.solvers.problem import make_problem
 from rubberfric.base import Progress, as_path, check_writable, write_durably
-from rubberfric.commands import Interrupts, write_outputs
+from rubberfric.commands import Interrupts
 from rubberfric.io import toml
 from rubberfric.plot import plot_spectrum, save_figure
 
@@ -47,7 +48,12 @@ _FREE_SHEAR = ("shear.tau_f0", "shear.c", "shear.v0", "shear.shift.energy")
 def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
     """Fit shifts and a Prony series to moduli, write files, and return the exit status."""
     del interrupts
-    data = [_moduli(arguments, path, T) for path, T in _with_temperatures(arguments)]
+    given = arguments.temperature or [None] * len(arguments.data)
+    if len(given) != len(arguments.data):
+        raise ValueError(
+            f"--temperature has {len(given)} values for {len(arguments.data)} files; give one for each file"
+        )
+    data = [_moduli(arguments, path, T) for path, T in zip(arguments.data, given, strict=True)]
     temperatures = [T for one in data if one.temperature is not None for T in np.ravel(one.temperature)]
     options: dict[str, Any] = {"poisson": arguments.poisson or 0.5}
     texts, curve, moduli = [], None, data[0]
@@ -67,8 +73,11 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
     changes: dict[str, Any] = {"material": series.material}
     if arguments.strain is not None:
         sweep = rf.io.read_table(arguments.strain, ["strain", "E_stor", "E_loss"], poisson=arguments.poisson)
-        changes["softening"] = softening_from_sweep(sweep["strain"], sweep["E_stor"], sweep["E_loss"])
-        texts.append(_of_softening(changes["softening"]))
+        softening = softening_from_sweep(sweep["strain"], sweep["E_stor"], sweep["E_loss"])
+        changes["softening"] = softening
+        ends = (float(values[-1]) for values in (softening.strain, softening.storage, softening.loss))
+        text = "At a strain of {:.3g}, E' is {:.3g} and E'' {:.3g} times the value at rest.\n"
+        texts.append(text.format(*ends))
 
     def write(path: str) -> None:
         if as_path(path).suffix.lower() == ".csv":
@@ -79,21 +88,6 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
     return _ended(arguments, show, texts, write, lambda: (series if curve is None else curve).plot())
 
 
-def _of_softening(softening):
-    storage, loss = float(softening.storage[-1]), float(softening.loss[-1])
-    strain = float(softening.strain[-1])
-    return f"At a strain of {strain:.3g}, E' is {storage:.3g} and E'' {loss:.3g} times the value at rest.\n"
-
-
-def _with_temperatures(arguments):
-    given = arguments.temperature or [None] * len(arguments.data)
-    if len(given) != len(arguments.data):
-        raise ValueError(
-            f"--temperature has {len(given)} values for {len(arguments.data)} files; give one for each file"
-        )
-    return list(zip(arguments.data, given, strict=True))
-
-
 def _moduli(arguments, path, temperature):
     options = {"columns": arguments.columns, "poisson": arguments.poisson, "kind": "modulus"}
     data = read(path, temperature=temperature, bad_rows=arguments.bad_rows, **options)
@@ -102,11 +96,7 @@ def _moduli(arguments, path, temperature):
 
 
 def _with_body(arguments, other, **changes):
-    """Return a scene in which one body has the given changes.
-
-    The scene is read from the file of --scene. Without --scene, a new scene is created, whose second body is
-    `other`.
-    """
+    """Return the scene of --scene, or a new one with the body `other`, in which one body has the changes."""
     if arguments.scene is not None:
         scene = rf.load_scene(arguments.scene)
         return scene.replace(**{arguments.body: getattr(scene, arguments.body).replace(**changes)})
@@ -123,7 +113,10 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
     spectrum: Any = rf.TabulatedSpectrum(data.q, data.C) if arguments.table else found.spectrum
     if arguments.slope is not None:
         spectrum = rf.with_cutoff(spectrum, arguments.slope)
-    texts = [text, found.report(), _of_slope(spectrum)]
+    q1 = float(spectrum.q[-1] if spectrum.q1 is None else spectrum.q1)
+    slope, height = float(rf.rms_slope(spectrum)), float(rf.roughness.rms_height(spectrum))
+    texts = [text, found.report()]
+    texts.append(f"In the scene: q1 = {q1:.4g} 1/m, rms height {height:.3g} m, rms slope {slope:.3g}.\n")
 
     def write(path: str) -> None:
         if as_path(path).suffix.lower() == ".csv":
@@ -135,10 +128,7 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
 
 
 def _measured_spectrum(arguments):
-    """Return SpectrumData, the cut-off q0, and a line of text about the measurement.
-
-    q0 is None if the first wavevector of the data is the cut-off.
-    """
+    """Return SpectrumData, the cut-off q0 (None: the first wavevector), and a line of text about them."""
     if arguments.normalisation is not None:
         data = read(
             arguments.data,
@@ -164,12 +154,6 @@ def _measured_spectrum(arguments):
     return SpectrumData(found.q[1:], np.asarray(C)[1:]), float(found.q[0]), text
 
 
-def _of_slope(spectrum):
-    q1 = float(spectrum.q[-1] if spectrum.q1 is None else spectrum.q1)
-    slope, height = float(rf.rms_slope(spectrum)), float(rf.roughness.rms_height(spectrum))
-    return f"In the scene: q1 = {q1:.4g} 1/m, rms height {height:.3g} m, rms slope {slope:.3g}.\n"
-
-
 def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
     """Write and print a job file for `rubberfric-fit`, and return the exit status."""
     del interrupts
@@ -182,7 +166,9 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
             raise ValueError(f"{place}: has contact shear already: leave out --shear")
         scene, place = scene.replace(shear=_SHEAR), out.with_name(f"{out.stem}_scene.toml")
         check_writable(place, (".toml",))
-    free = arguments.free or [*(_FREE_SHEAR if added else ()), *_cutoffs(scene)]
+    rough = [side for side in ("lower", "upper") if getattr(scene, side).spectrum is not None]
+    cutoffs = [f"{side}.spectrum.q1" for side in rough]
+    free = arguments.free or [*(_FREE_SHEAR if added else ()), *cutoffs]
     given = {name: getattr(arguments, name) for name in ("pressure", "temperature", "relative")}
     given = {name: value for name, value in given.items() if value is not None}
     # Errors in the job show before anything is written.
@@ -195,21 +181,12 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
     text = "\n".join(lines) + "\n"
     if added:
         rf.save_scene(place, scene)
-    failure = write_outputs(show, ("writing", str(out), lambda path: write_durably(path, text.encode())))
-    if failure is not None:
-        raise failure
-    show.end()
-    print(text, end="", flush=True)
+    finish(show, text, ("writing", str(out), lambda path: write_durably(path, text.encode())))
     return 0
 
 
 def _from(out, path):
     return os.path.relpath(path, out.parent).replace(os.sep, "/")
-
-
-def _cutoffs(scene):
-    bodies = (("lower", scene.lower), ("upper", scene.upper))
-    return [f"{name}.spectrum.q1" for name, body in bodies if body.spectrum is not None]
 
 
 def run_table(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
@@ -227,10 +204,7 @@ def run_table(arguments: argparse.Namespace, interrupts: Interrupts, show: Progr
         table = rf.analysis.friction_table(rf.load_scene(arguments.fit), *axes, error=arguments.error)
     else:
         table = friction_table(result, *axes, error=arguments.error)
-    units = {
-        f"unit_{name}": unit
-        for name, unit in zip(("velocity", "pressure", "temperature"), arguments.units, strict=True)
-    }
+    units = dict(zip(("unit_velocity", "unit_pressure", "unit_temperature"), arguments.units, strict=True))
     text = (
         f"mu at {table.velocity.size} velocities, {table.pressure.size} pressures"
         + (f", {table.temperature.size} temperatures" if table.temperature is not None else "")
@@ -252,12 +226,8 @@ def _ended(
     draw: Callable[[], Any] | None,
 ) -> int:
     """Write the files of --out and --plot, print the texts, and return the exit status."""
-    outputs = [("writing", arguments.out, write)]
+    outputs: list[Output] = [("writing", arguments.out, write)]
     if draw is not None:
         outputs.append(("drawing", arguments.plot, lambda path: save_figure(path, draw())))
-    failure = write_outputs(show, *outputs)
-    show.end()
-    print("\n".join(text.rstrip("\n") + "\n" for text in texts), end="", flush=True)
-    if failure is not None:
-        raise failure
+    finish(show, "\n".join(text.rstrip("\n") + "\n" for text in texts), *outputs)
     return 0

@@ -1,13 +1,10 @@
-r"""Batches of an ensemble: one compiled step for many fits, distributed over the devices of a mesh.
+"""Batches of an ensemble: one compiled step for many fits, distributed over the devices of a mesh.
 
-Each device has a batch of members. In one call, the device takes one step of every fit in the batch. A
-processor takes these steps one after the other: one fit keeps a core busy, the working set of the fit stays
-in the cache, empty places of the batch take no time, and the results are bit-identical for every size of
-the batch. One fit would not keep an accelerator busy, so an accelerator takes all steps of a batch in one
-vectorised function.
-
-Devices do not exchange data in a step. The results of a step, a few numbers for each member, go to all
-processes. Each process keeps the state of the whole ensemble.
+In one call, each device takes one step of every fit in its batch. A processor takes these steps one after the
+other: one fit keeps a core busy, its working set stays in the cache, empty places of the batch take no time,
+and the results are bit-identical for every size of the batch. An accelerator takes all steps of a batch in
+one vectorised function. The results, a few numbers for each member, go to all processes, and each process
+keeps the state of the whole ensemble.
 """
 
 import functools
@@ -21,7 +18,7 @@ from jax.sharding import AxisType, NamedSharding
 from jax.sharding import PartitionSpec as P
 
 from fitting.ensemble.members import Members
-from fitting.solvers.iterate import CONVERGED, RUNNING, Iterate
+from fitting.solvers.objective import CONVERGED, RUNNING, Iterate
 from fitting.solvers.ordered import start_z
 from fitting.solvers.problem import Numbers, Targets
 from fitting.solvers.residuals import solver_objective
@@ -58,19 +55,7 @@ def make_batch(
 ) -> Batch:
     """Compile the functions of an ensemble, with the largest batch that fits into memory.
 
-    Parameters
-    ----------
-    members : Members
-    devices : list of devices
-    size : number of members per device. If None, the number follows from all members and the memory.
-    vectorised : True if a device computes all members of a batch simultaneously. If None, this is the case
-        unless the device is a processor.
-    max_memory : largest memory of a device for a step [B]
-
-    Raises
-    ------
-    ValueError
-        a step does not fit into `max_memory`.
+    See `run_ensemble` for the arguments. Raise ValueError if a step does not fit into `max_memory`.
     """
     vectorised = devices[0].platform != "cpu" if vectorised is None else vectorised
     mesh = jax.make_mesh((len(devices),), (AXIS,), axis_types=(AxisType.Auto,), devices=devices)
@@ -80,7 +65,8 @@ def make_batch(
         shapes, tree = jax.tree.flatten(_shapes(members, tried * len(devices), mesh))
         program = members.solver, members.problem.structure, mesh, vectorised, tree, tuple(shapes)
         step = _compiled(*program, stepping=True)
-        peak = _peak(step)
+        found = step.memory_analysis()
+        peak = int(found.temp_size_in_bytes + found.argument_size_in_bytes + found.output_size_in_bytes)
         if peak <= max_memory:
             break
         if tried == 1 or size:
@@ -95,10 +81,7 @@ def make_batch(
 
 
 def blank_iterate(members: Members) -> Iterate:
-    """Return the iterates of all members before the first step, with a leading axis of members.
-
-    x contains the starts, the status is RUNNING, and all other arrays are zero.
-    """
+    """Return the iterates of all members before the first step, all zero except x and status."""
     targets, x = jax.tree.map(lambda a: a[0], (members.targets, members.starts))
     shapes = jax.eval_shape(functools.partial(_begin, members), members.problem.numbers, targets, x)
     blank = jax.tree.map(lambda s: np.zeros((len(members), *s.shape), s.dtype), shapes)
@@ -115,13 +98,9 @@ def _begin(members, numbers, targets, x):
 def advance_members(
     batch: Batch, program: Program, members: Members, iterate: Iterate, which: np.ndarray
 ) -> Iterate:
-    """Return the iterates of the members `which` after one call of `program`, as NumPy arrays.
+    """Return the iterates of at most `batch.count` members `which` after one call of `program`, in NumPy.
 
-    Parameters
-    ----------
-    program : batch.start or batch.step
-    iterate : iterate of all members
-    which : indices of at most batch.count members
+    `program` is the start or the step of the batch, and `iterate` has a row for each member.
     """
     # Members are dealt to the devices in turn, so that the last few are distributed evenly.
     place = np.arange(which.size)
@@ -141,10 +120,7 @@ def advance_members(
 
 @functools.lru_cache(maxsize=8)  # a second ensemble of the same kind compiles nothing
 def _compiled(solver, structure, mesh, vectorised, tree, shapes, stepping):
-    """Compile one step of a batch for arguments of given shapes; the first evaluation if `stepping` is False.
-
-    All devices get the results of all members.
-    """
+    """Compile one step of a batch, or the first evaluation, whose results go to all devices."""
 
     def one(numbers, targets, iterate):
         objective = solver_objective(structure, numbers, targets)
@@ -182,8 +158,3 @@ def _put(array, mesh, spec):
     # A callback fills the array, because the devices may belong to several processes.
     array = np.asarray(array)
     return jax.make_array_from_callback(array.shape, NamedSharding(mesh, spec), lambda index: array[index])
-
-
-def _peak(compiled):
-    found = compiled.memory_analysis()
-    return int(found.temp_size_in_bytes + found.argument_size_in_bytes + found.output_size_in_bytes)

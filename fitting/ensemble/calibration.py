@@ -17,12 +17,10 @@ posterior is right, also along curved valleys.
 """
 
 import dataclasses
-import functools
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import scipy
 
@@ -34,11 +32,12 @@ from fitting.ensemble.run import run_ensemble
 from fitting.parameters.constraints import Constraint
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import GaussianRows, Prior
-from fitting.solvers.iterate import succeeded
+from fitting.solvers.evaluation import errors_of_slopes, evaluate_rows
 from fitting.solvers.levenberg_marquardt import NEAR_MINIMUM
+from fitting.solvers.objective import succeeded
 from fitting.solvers.options import check_options
 from fitting.solvers.problem import Problem, Targets, make_problem
-from fitting.solvers.residuals import padded, predictions, residuals_and_jacobian
+from fitting.solvers.residuals import padded
 from fitting.uncertainty.covariance import KNOWN
 from fitting.uncertainty.discrepancy import check_discrepancy, with_discrepancy
 from fitting.uncertainty.importance import doubtful, effective, guided, log_weights, places, tail_index
@@ -89,10 +88,7 @@ class Calibration:
 
     @property
     def doubtful(self) -> np.ndarray:
-        """Indices of the fits whose draws are unreliable.
-
-        Draws are unreliable if the effective sample size is small, or if the tail index is well above 0.7.
-        """
+        """Indices of the fits whose draws have a small effective size, or a tail index well above 0.7."""
         if self.effective is None or self.tail is None:
             return np.zeros(0, int)
         return np.flatnonzero(doubtful(self.effective, self.tail, self.draws))
@@ -109,26 +105,17 @@ class Calibration:
         return np.minimum((self.place * (draws + 1)).astype(int), draws)
 
     def coverage(self, level: float = 0.95) -> np.ndarray:
-        """Return the share of true values within central intervals of probability `level`.
-
-        The result has the shape (size,).
-        """
+        """Return the share of true values within central intervals of probability `level`, shape (size,)."""
         check_options(level=level)
         return np.mean(np.abs(self.place - 0.5) < 0.5 * level, 0)
 
     def distribution(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return points between 0 and 1, and the share of fits whose rank u is below each point.
-
-        The points have the shape (points,), and the shares have the shape (points, size).
-        """
+        """Return points between 0 and 1, and the share of fits with u below each point, (points, size)."""
         at = np.arange(1, _POINTS) / _POINTS
         return at, np.mean(self.place[:, None] < at[:, None], 0)
 
     def envelope(self, level: float = 0.99) -> tuple[np.ndarray, np.ndarray]:
-        """Return lower and upper limits of `distribution`, two arrays of shape (points,).
-
-        The distribution of a uniform u is within the limits at all points with the probability `level`.
-        """
+        """Return limits, of shape (points,), that a uniform u keeps everywhere with probability `level`."""
         check_options(level=level)
         count, at = len(self.place), np.arange(1, _POINTS) / _POINTS
         # Number of uniform samples below every point: cumulative sums of a multinomial distribution.
@@ -220,6 +207,9 @@ def calibration(
 ) -> Calibration:
     """Run a simulation-based calibration of a planned fit in one ensemble.
 
+    If the draws of some fits are unreliable, a RuntimeWarning names their rows, which are in `doubtful`.
+    Raise ValueError as `fitting.fit`, and for data without errors or a number without a Gaussian prior.
+
     Parameters
     ----------
     scene, free, quadrature : as for `fitting.fit`
@@ -234,19 +224,6 @@ def calibration(
     discrepancy : as for `fitting.fit`, with a given amplitude and width; the data include this model error
     callback : as for `fitting.run_ensemble`; with "samples", the number of fits done
         is counted a second time, from 0, during the draws
-
-    Returns
-    -------
-    Calibration
-
-    Raises
-    ------
-    ValueError : as in `fitting.fit`, and for data without errors or a free number without a Gaussian prior.
-
-    Warns
-    -----
-    RuntimeWarning
-        the draws of some fits are unreliable; the message names their rows, which are in `doubtful`.
     """
     check_options(count=members, n=draws, key=key, prior=prior)
     if draws < _LEAST:
@@ -268,15 +245,14 @@ def calibration(
         problem = with_discrepancy(problem, [scene] * len(data), data, discrepancy)
     key = jax.random.key(0) if key is None else key
     x, targets = _twins(problem, members, key)
-    fits = Members(
-        "calibration", problem, x, targets, NEAR_MINIMUM, NEAR_MINIMUM.max_steps, np.full(members, -1)
-    )
+    fits = Members("calibration", problem, x, targets, NEAR_MINIMUM, NEAR_MINIMUM.max_steps)
     found = run_ensemble(fits, callback=callback)
     good = succeeded(found.status)
     x, targets = x[good], targets._replace(measured=targets.measured[good])
-    whole = padded(problem, targets)
-    precision = _precisions(whole.structure, whole.numbers, whole.targets, jnp.asarray(found.x[good]))
-    covariance = np.linalg.inv(np.asarray(precision))
+    of = padded(problem)
+    _, slopes = evaluate_rows(of.structure, of.numbers, found.x[good], slopes=True)
+    jacobian = np.stack([errors_of_slopes(of, one) for one in slopes])
+    covariance = np.linalg.inv(np.swapaxes(jacobian, 1, 2) @ jacobian)
     deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     normal = scipy.special.ndtr((x - found.x[good]) / deviation)
     result = Calibration(
@@ -303,13 +279,9 @@ def calibration(
 
 
 def _twins(problem: Problem, members: int, key: jax.Array) -> tuple[np.ndarray, Targets]:
-    """Draw true parameters from the priors, and data from the scenes with these parameters.
-
-    Return the true x of shape (members, size), and `Targets` with measured values of shape (members, rows).
-    """
-    pairs = zip(problem.structure.prior.terms, problem.numbers.prior, strict=True)
-    drawn = [(term.elements, *numbers) for term, numbers in pairs if isinstance(term, GaussianRows)]
-    known = [i for elements, *_ in drawn for i in elements]
+    """Return true x from the priors, (members, size), and `Targets` with data drawn from their scenes."""
+    drawn = [prior for prior in problem.numbers.prior if isinstance(prior, GaussianRows)]
+    known = [i for prior in drawn for i in prior.elements]
     bare = [name for i, name in enumerate(problem.names) if i not in known]
     if bare:
         raise ValueError(
@@ -318,30 +290,9 @@ def _twins(problem: Problem, members: int, key: jax.Array) -> tuple[np.ndarray, 
         )
     draw_truth, draw_noise = jax.random.split(key)
     x = np.empty((members, len(known)))
-    mean, sigma = (np.concatenate([np.asarray(one[k]) for one in drawn]) for k in (1, 2))
+    mean, sigma = (np.concatenate([getattr(prior, k) for prior in drawn]) for k in ("mean", "sigma"))
     x[:, known] = mean + sigma * np.asarray(jax.random.normal(draw_truth, (members, len(known))))
     of = padded(problem)
-    model = np.asarray(_models(of.structure, of.numbers, jnp.asarray(x)))[:, of.data]
+    model = evaluate_rows(of.structure, of.numbers, x.astype(problem.start.dtype))[0][:, of.data]
     targets = jax.tree.map(lambda a: np.asarray(a)[None], problem.targets)
     return x, targets._replace(measured=model + drawn_errors(problem, members, draw_noise))
-
-
-@functools.partial(jax.jit, static_argnums=0)
-def _models(structure, numbers, x):
-    # One x after the other, because the prediction of one x keeps a core busy.
-    return jax.lax.map(lambda x: predictions(structure, numbers, x)[0], x)
-
-
-@functools.partial(jax.jit, static_argnums=0)
-def _precisions(structure, numbers, targets, x):
-    """Return the matrix J^T J at every row of `x`, where J includes the rows of the priors.
-
-    J^T J depends on the errors of the data, but not on the measured values.
-    """
-    one = jax.tree.map(lambda a: a[0], targets)
-
-    def precision(x):
-        jacobian = residuals_and_jacobian(structure, numbers, one, x)[1]
-        return jacobian.T @ jacobian
-
-    return jax.lax.map(precision, x)

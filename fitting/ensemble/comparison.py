@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import rubberfric as rf
 from fitting.data.measured import Measured
+from fitting.parameters.scenes import by_name
 from fitting.results.record import FitRecord
+from fitting.results.report import aligned_table
 from fitting.uncertainty.criteria import ALONE, Criteria, criteria
 from rubberfric.base import html
 
@@ -64,13 +65,7 @@ class Comparison:
 
     def report(self) -> str:
         """Return the table of the variants and the interpretation as text of several lines."""
-        rows = [HEADINGS, *self._table()]
-        widths = [max(len(row[k]) for row in rows) for k in range(len(HEADINGS))]
-        lines = []
-        for row in rows:
-            cells = [row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))]
-            lines.append("  ".join(cells).rstrip())
-        return "\n".join([*lines, "", *self.words]) + "\n"
+        return "\n".join([*aligned_table([HEADINGS, *self._table()]), "", *self.words]) + "\n"
 
     def to_dataframe(self) -> Any:
         """Return the variants as a pandas.DataFrame indexed by name. Pandas must be installed."""
@@ -123,8 +118,7 @@ def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Compariso
 
     Raises
     ------
-    ValueError : fewer than two fits, an object that is not a fit, or fits with different data, losses or
-        treatment of errors.
+    ValueError : fewer than two fits, or fits with different data, losses or treatment of errors.
 
     Notes
     -----
@@ -136,28 +130,19 @@ def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Compariso
     fits = list(named.values())
     for name, one in list(named.items())[1:]:
         _check_same(next(iter(named)), fits[0], name, one)
-    found = {name: criteria(one, _amplitudes(one)) for name, one in named.items()}
+    found = {}
+    for name, one in named.items():
+        # An estimated amplitude and width of the model error are further parameters.
+        error = one.discrepancy
+        found[name] = criteria(one, 0 if error is None else error.estimated + bool(error.parts))
     order = sorted(named, key=lambda name: found[name].loo)
-    best = found[order[0]].left_out
     variants = []
     for name in order:
         own, fit = found[name], named[name]
-        away = 2 * (best - own.left_out)
-        variants.append(
-            Variant(
-                name,
-                own.parameters,
-                fit.chisqr,
-                fit.redchi,
-                own.aic,
-                own.aicc,
-                own.bic,
-                own.loo,
-                float(away.sum()),
-                float(np.sqrt(away.size * np.var(away, ddof=1))) if away.size > 1 else np.inf,
-                fit.verdict.explains,
-            )
-        )
+        away = 2 * (found[order[0]].left_out - own.left_out)
+        stderr = float(np.sqrt(away.size * np.var(away, ddof=1))) if away.size > 1 else np.inf
+        values = own.parameters, fit.chisqr, fit.redchi, own.aic, own.aicc, own.bic, own.loo
+        variants.append(Variant(name, *values, float(away.sum()), stderr, fit.verdict.explains))
     return Comparison(tuple(variants), tuple(_words(variants, named, found)))
 
 
@@ -167,10 +152,8 @@ def is_distinguishable(one: Variant) -> bool:
 
 
 def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str, Criteria]) -> list[str]:
-    alike, worse = (
-        [one for one in variants if not is_distinguishable(one)],
-        [one for one in variants if is_distinguishable(one)],
-    )
+    alike = [one for one in variants if not is_distinguishable(one)]
+    worse = [one for one in variants if is_distinguishable(one)]
     first = alike[0].name
     if len(alike) == 1:
         lines = [f"{first!r} predicts left-out values best, by more than chance"]
@@ -206,14 +189,9 @@ def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str,
                 f"{name!r}: LOO is not reliable, {alone.size} value{'s' * (alone.size > 1)} alone determine"
                 f"{'s' * (alone.size == 1)} a number of the scene, first {_place(fit, alone[0])}"
             )
-    if len({_prior_text(fit) for fit in fits.values()}) > 1:
+    if len({repr(sorted(fit.prior.items(), key=lambda item: item[0])) for fit in fits.values()}) > 1:
         lines.append("their priors differ: deviations from priors are not included in the criteria")
     return lines
-
-
-def _amplitudes(fit):
-    """Return how many of the two parameters of the model error, amplitude and width, were estimated."""
-    return 0 if fit.discrepancy is None else fit.discrepancy.estimated + bool(fit.discrepancy.parts)
 
 
 def _place(fit, k):
@@ -225,15 +203,8 @@ def _place(fit, k):
     raise IndexError(k)
 
 
-def _prior_text(fit):
-    return repr(sorted(fit.prior.items(), key=lambda item: item[0]))
-
-
 def _named(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> dict[str, FitRecord]:
-    """Return the fits as a dict by name.
-
-    Fits from a list are named after the optional parts of the scenes.
-    """
+    """Return the fits as a dict by name, in a list after the optional parts of the scenes."""
     if isinstance(results, Mapping):
         named = dict(results)
     elif isinstance(results, list | tuple):
@@ -254,10 +225,9 @@ def _named(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> dict[str, 
 
 def _what(fit: FitRecord) -> str:
     """Name the optional parts of the scene of a fit."""
-    scene: Any = fit.scene_at_start
-    scenes = scene.values() if isinstance(scene, dict) else [scene]
+    scenes = by_name(fit.scene_at_start).values()
     parts = [name for name in _OPTIONS if any(getattr(one, name) is not None for one in scenes)]
-    parts += ["area_correction"] * any(isinstance(one, rf.Scene) and one.area_correction for one in scenes)
+    parts += ["area_correction"] * any(one.area_correction for one in scenes)
     parts += ["discrepancy"] * (fit.discrepancy is not None)
     return " + ".join(parts) or "plain"
 
@@ -273,10 +243,8 @@ def _check_same(name: str, fit: FitRecord, other_name: str, other: FitRecord) ->
     for i, (one, another) in enumerate(zip(fit.data, other.data, strict=True)):
         if not _same(one, another):
             raise ValueError(f"{where}: data[{i}], {another.label!r}, differs: must be the same data")
-    structures = fit.problem.structure, other.problem.structure
-    losses = [
-        (one.loss, float(x.problem.numbers.width)) for one, x in zip(structures, (fit, other), strict=True)
-    ]
+    problems = fit.problem, other.problem
+    losses = [(one.structure.loss, float(one.numbers.width)) for one in problems]
     if losses[0] != losses[1]:
         raise ValueError(f"{where}: losses are {losses[1]} and {losses[0]}; they must be the same")
     if (fit.error_scale != 1) != (other.error_scale != 1):

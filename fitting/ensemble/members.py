@@ -27,13 +27,13 @@ from fitting.data.kinds import DataSets, data_by_scene
 from fitting.parameters.constraints import Constraint
 from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import as_scenes
-from fitting.solvers.iterate import MESSAGES, succeeded
 from fitting.solvers.levenberg_marquardt import NEAR_MINIMUM
+from fitting.solvers.objective import MESSAGES, succeeded
 from fitting.solvers.options import Solver, check_options, make_solver
 from fitting.solvers.problem import Problem, Targets, make_problem
 from fitting.solvers.runs import Runs
 from fitting.solvers.search import random_starts
-from fitting.uncertainty.intervals import Bootstrap, SolvedProblem
+from fitting.uncertainty.intervals import SolvedProblem
 from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 from rubberfric.base import StrPath, check_writable, replacing
 from rubberfric.io import hdf5
@@ -54,7 +54,7 @@ class EnsembleResult:
     names : key paths of the free elements
     x, values : variables of the solver, and values of the elements, shape (members, size)
     cost : cost at x, shape (members,)
-    status : how each member ended, a constant of `fitting.solvers.iterate`, shape (members,)
+    status : how each member ended, a constant of `fitting.solvers.objective`, shape (members,)
     nfev, njev : evaluations of the residuals and of their Jacobian, shape (members,)
     seconds : wall time without compilation, summed over all runs that a checkpoint joins
     devices : number of devices in the (last) run
@@ -109,13 +109,14 @@ class EnsembleResult:
 
     def report(self) -> str:
         """Return the results of the members as text of several lines."""
-        lines = ["[[Ensemble]]", f"    kind     = {self.kind}", f"    members  = {len(self)}"]
-        lines += [
-            f"    {np.sum(self.status == s):8d} {text}" for s, text in MESSAGES.items() if s in self.status
-        ]
         listed = ", ".join(map(str, self.failed[:10])) + ", ..." * (self.failed.size > 10)
-        lines += [f"    failed: {listed}"] if self.failed.size else []
-        lines += [
+        ended = [(np.sum(self.status == s), text) for s, text in MESSAGES.items() if s in self.status]
+        lines = [
+            "[[Ensemble]]",
+            f"    kind     = {self.kind}",
+            f"    members  = {len(self)}",
+            *(f"    {count:8d} {text}" for count, text in ended),
+            *[f"    failed: {listed}"] * bool(self.failed.size),
             f"    {self.nfev.sum()} evaluations, {self.njev.sum()} of them with derivatives,"
             f" in {self.seconds:.4g} s on {self.devices} device{'s' * (self.devices > 1)}",
             f"    a step took {self.peak / 1e6:.4g} MB of each for a batch of {self.batch}",
@@ -169,7 +170,7 @@ class Members:
     targets : `Targets` with a leading axis, which has one entry per member or one entry for all
     solver : solver as for `fitting.solvers.runs.run_fits`
     max_steps : largest number of steps of a member
-    parameter : index of the parameter that is fixed at its start, -1 for none, shape (members,)
+    parameter : for profiles, index of the parameter that is fixed at its start, shape (members,)
     source : FitResult from which the members were derived, or None
     level : confidence level of the intervals of a profile
     """
@@ -180,9 +181,14 @@ class Members:
     targets: Targets
     solver: Solver
     max_steps: int
-    parameter: np.ndarray
+    parameter: np.ndarray | None = None
     source: SolvedProblem | None = None
     level: float = 0.95
+
+    def __post_init__(self) -> None:
+        dtype = self.problem.start.dtype
+        object.__setattr__(self, "starts", np.asarray(self.starts, dtype))
+        object.__setattr__(self, "targets", jax.tree.map(lambda a: np.asarray(a, dtype), self.targets))
 
     def __len__(self) -> int:
         return len(self.starts)
@@ -195,21 +201,12 @@ class Members:
         """Key path of every free element."""
         return self.problem.names
 
-    def bootstrap(self, ensemble: EnsembleResult) -> Bootstrap:
-        """Return the `Bootstrap` that follows from the results of these members."""
-        if self.kind != "bootstrap" or self.source is None:
-            raise ValueError(
-                f"members are of kind {self.kind!r}: must be 'bootstrap', from bootstrap_members"
-            )
-        return self.source.bootstrap_of(ensemble.x, ensemble.status)
-
     def profiles(self, ensemble: EnsembleResult) -> dict[str, LikelihoodProfile]:
         """Return the profiles that follow from the results of these members, as a dict by parameter name.
 
-        Further fits are made until the threshold is reached, as in `FitResult.profile`. A warning reports a
-        minimum with a lower cost than the fit, or an interval of several parts.
+        Further fits are made until the threshold is reached, with warnings as in `FitResult.profile`.
         """
-        if self.kind != "profile" or self.source is None:
+        if self.parameter is None or self.source is None:
             raise ValueError(f"members are of kind {self.kind!r}: must be 'profile', from profile_members")
         found = {}
         for i in dict.fromkeys(self.parameter.tolist()):
@@ -225,7 +222,8 @@ class Members:
         """Return the SHA-256 hash of structure, constants, data, starts and solver of a run."""
         digest = hashlib.sha256()
         # The text of the scene's tree and the variables is complete: classes, static fields, key paths.
-        for part in (self.kind, self.problem.structure, self.solver, self.max_steps):
+        static = self.problem.structure, jax.tree.structure(self.problem.numbers)
+        for part in (self.kind, static, self.solver, self.max_steps):
             digest.update(repr(part).encode() + b"\0")
         for array in jax.tree.leaves((self.problem.numbers, self.targets, self.starts)):
             array = np.ascontiguousarray(array)
@@ -251,21 +249,15 @@ def multi_start(
 ) -> Members:
     """Return `Members` for the fit of one problem from several starts.
 
+    Every member is a single run of the solver. `fitting.fit` does more for each of its few starts: robust
+    losses begin with least squares, and a fit that drove a parameter towards zero is repeated. To finish,
+    call `fitting.fit` with the scene of the best member.
+
     Parameters
     ----------
     starts : number of starts, or start vectors of shape (members, size) in the variables of the solver
         If a number is given, the first start has the values of the scene, and the other starts are random.
     other arguments : as for `fitting.fit`
-
-    Returns
-    -------
-    Members
-
-    Notes
-    -----
-    Every member is a single run of the solver. `fitting.fit` does more for each of its few starts: robust
-    losses begin with least squares, and a fit that drove a parameter towards zero is repeated. To finish,
-    call `fitting.fit` with the scene of the best member.
     """
     count = starts if isinstance(starts, int) else 1
     check_options(method=method, starts=count, key=key, prior=prior)
@@ -281,14 +273,12 @@ def multi_start(
         if x.ndim != 2 or x.shape[1] != size or not len(x):
             raise ValueError(f"starts has shape {x.shape}: must be (members, {size})")
     targets = jax.tree.map(lambda a: a[None], problem.targets)
-    return _members("starts", problem, x, targets, make_solver(method, tolerance, max_steps), max_steps)
+    solver = make_solver(method, tolerance, max_steps)
+    return Members("starts", problem, x, targets, solver, max_steps or solver.max_steps)
 
 
 def bootstrap_members(
-    result: SolvedProblem,
-    count: int = 1000,
-    key: jax.Array | None = None,
-    tolerance: float | None = None,
+    result: SolvedProblem, count: int = 1000, key: jax.Array | None = None, tolerance: float | None = None
 ) -> Members:
     """Return `Members` for a parametric bootstrap, which fits data drawn from a fitted model.
 
@@ -299,20 +289,17 @@ def bootstrap_members(
     result : FitResult
     count : number of data sets
     key : jax.random.key, or None for key(0); the data sets are the same as in `FitResult.bootstrap`
-    tolerance : tolerance of the solver. If None, the default of the solver is used. With 1e-6, a member
-        ends within 1/50 of a standard error of the minimum, and takes two thirds of the steps.
+    tolerance : tolerance of the solver, or None for its default
+        With 1e-6, a member ends within 1/50 of a standard error of the minimum, in two thirds of the steps.
     """
     check_options(count=count)
     starts, targets = result.bootstrap_fits(count, key)
     solver = NEAR_MINIMUM if tolerance is None else dataclasses.replace(NEAR_MINIMUM, tolerance=tolerance)
-    return _members("bootstrap", result.problem, starts, targets, solver, source=result)
+    return Members("bootstrap", result.problem, starts, targets, solver, solver.max_steps, source=result)
 
 
 def profile_members(
-    result: SolvedProblem,
-    names: str | Sequence[str] | None = None,
-    level: float = 0.95,
-    points: int = 8,
+    result: SolvedProblem, names: str | Sequence[str] | None = None, level: float = 0.95, points: int = 8
 ) -> Members:
     """Return `Members` for profiles: each parameter is fixed in turn at 2 * `points` + 1 values.
 
@@ -328,15 +315,6 @@ def profile_members(
     rows = 2 * points + 1
     moving = np.concatenate([np.repeat(targets.moving, rows, axis=0) for _, targets in fits])
     targets = jax.tree.map(lambda a: a[None], result.problem.targets)._replace(moving=moving)
-    parameter = np.argmin(moving, axis=1)
     starts = np.concatenate([starts for starts, _ in fits])
-    return _members("profile", result.problem, starts, targets, NEAR_MINIMUM, None, parameter, result, level)
-
-
-def _members(kind, problem, starts, targets, solver, max_steps=None, parameter=None, source=None, level=0.95):
-    dtype = problem.start.dtype
-    targets = jax.tree.map(lambda a: np.asarray(a, dtype), targets)
-    parameter = np.full(len(starts), -1) if parameter is None else parameter
-    starts = np.asarray(starts, dtype)
-    steps = solver.max_steps if max_steps is None else max_steps
-    return Members(kind, problem, starts, targets, solver, steps, parameter, source, level)
+    steps, parameter = NEAR_MINIMUM.max_steps, np.argmin(moving, axis=1)
+    return Members("profile", result.problem, starts, targets, NEAR_MINIMUM, steps, parameter, result, level)

@@ -27,7 +27,7 @@ from jax.experimental import multihost_utils
 
 from fitting.ensemble.batches import advance_members, blank_iterate, make_batch
 from fitting.ensemble.members import EnsembleResult, Members
-from fitting.solvers.iterate import INTERRUPTED, OUT_OF_STEPS, RUNNING, Iterate
+from fitting.solvers.objective import INTERRUPTED, OUT_OF_STEPS, RUNNING, Iterate
 from fitting.solvers.options import check_options
 from fitting.solvers.ordered import end_x
 from rubberfric.base import VERSION, StrPath, check_writable, shown, write_durably
@@ -58,18 +58,10 @@ def write_checkpoint(path: StrPath, fingerprint: str, checkpoint: Checkpoint) ->
 
 
 def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Checkpoint:
-    """Read a checkpoint from a file.
+    """Read a checkpoint with the fingerprint of the job, and arrays of the same shapes as `blank`.
 
-    Parameters
-    ----------
-    fingerprint : fingerprint of the job to be continued
-    blank : checkpoint of the same job before the first step; the file must have arrays of the same shapes
-
-    Raises
-    ------
-    ValueError
-        the file is truncated, is not a checkpoint, or is from another job or version. The message is one line
-        and names the file.
+    Raise ValueError, in one line with the file, if the file is truncated, is not a checkpoint, or is from
+    another job or version.
     """
     with hdf5.reading(path, _FORMAT) as file:
         found = hdf5.plain(file.attrs.get("rubberfric_version"))
@@ -87,11 +79,8 @@ def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Check
             raise ValueError(
                 "belongs to another job; scene, data, free parameters, starts and solver must be the same"
             )
-        hdf5.check_names(
-            file,
-            ("begun", "steps", "iterate"),
-            ("format", "format_version", "rubberfric_version", "fingerprint", "seconds"),
-        )
+        attributes = ("format", "format_version", "rubberfric_version", "fingerprint", "seconds")
+        hdf5.check_names(file, ("begun", "steps", "iterate"), attributes)
         leaves, tree = jax.tree.flatten(blank.iterate)
         iterate = [_same(file, f"iterate/{i}", leaf) for i, leaf in enumerate(leaves)]
         begun, steps = (_same(file, name, getattr(blank, name)) for name in ("begun", "steps"))
@@ -111,15 +100,9 @@ def _same(file: h5py.File, name: str, like: np.ndarray) -> np.ndarray:
 
 
 def check_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint, resume: bool) -> Checkpoint:
-    """Return the first checkpoint of a run, after a test that checkpoints can be written.
+    """Return the checkpoint in the file, or `blank` if none exists, after a test that it can be written.
 
-    The checkpoint is read from the file if the file exists. Otherwise `blank` is returned.
-
-    Raises
-    ------
-    ValueError
-        the path cannot be written to, or the run cannot be continued from the existing file. The message is
-        one line.
+    Raise ValueError, in one line, if that is impossible, or if the run cannot be continued from the file.
     """
     check_writable(path, (".h5",))
     if Path(path).exists() and not resume:
@@ -177,14 +160,11 @@ def run_ensemble(
         one line, before the first step: an invalid option, a path that cannot be written to, a checkpoint
         that is truncated or of another job or version, too little memory for one member.
 
-    Warns
-    -----
-    RuntimeWarning
-        a checkpoint could not be written (for example, the disk is full). The run continues with
-        the previous checkpoint, and tries to write again after `every` seconds.
-
     Notes
     -----
+    If a checkpoint cannot be written, as on a full disk, a RuntimeWarning is given, the previous checkpoint
+    is kept, and the run tries again after `every` seconds.
+
     To use the cores of a processor as devices of JAX, begin the script with
     ``jax.config.update("jax_num_cpu_devices", n)``. To use several processes, run the same script in each.
     The script must begin with ``jax.distributed.initialize(address, processes, id)``, which this library
@@ -193,9 +173,8 @@ def run_ensemble(
     `resume` continues.
 
     To the last bit, the results of a member do not depend on the other members and, unless `vectorised`, on
-    the size of the batch. A resumed run therefore gives the results of an uninterrupted one. The number of
-    devices or processes has no influence either, with one exception: XLA compiles differently for one device
-    and for several, so rounding may differ. The cost of a converged member then agrees to 1e-12.
+    the size of the batch. A resumed run gives the results of an uninterrupted one. XLA compiles differently
+    for one device and for several, so rounding may differ; the cost of a converged member agrees to 1e-12.
     """
     if not isinstance(members, Members):
         raise ValueError(f"members is a {type(members).__name__}: must be Members, as from multi_start")
@@ -289,10 +268,7 @@ class _Record:
             self.write()
 
     def _take_in(self):
-        """Copy the pending rows into the checkpoint.
-
-        If an interrupt stops the copy, the rows stay pending, and the next call copies all rows again.
-        """
+        """Copy the pending rows into the checkpoint. After an interrupt, the next call copies them again."""
         if self.pending is None:
             return
         which, iterate, steps, seconds = self.pending
@@ -318,10 +294,7 @@ class _Record:
 
 
 def _several_processes(devices):
-    """Return True if there are several processes and the devices belong to all of them.
-
-    Return False if the devices belong to this process only. Raise ValueError for any other devices.
-    """
+    """Return True if the devices belong to all of several processes, False if only to this process."""
     owners = {device.process_index for device in devices}
     if owners != {jax.process_index()} and owners != set(range(jax.process_count())):
         raise ValueError(
@@ -333,13 +306,11 @@ def _several_processes(devices):
 
 def _from_first(checkpoint):
     """Broadcast the checkpoint of the first process to all processes, and return this checkpoint."""
-    leaves, tree = jax.tree.flatten(checkpoint)
-    # Sent as bytes, because a sum over processes would change the bits of a NaN.
-    sent = [multihost_utils.broadcast_one_to_all(_bytes(leaf)) for leaf in leaves]
-    pairs = zip(sent, leaves, strict=True)
-    arrays = [np.asarray(new).view(leaf.dtype).reshape(leaf.shape).copy() for new, leaf in pairs]
-    return jax.tree.unflatten(tree, arrays)
 
+    def sent(array):
+        # Sent as bytes, because a sum over processes would change the bits of a NaN.
+        own = np.frombuffer(np.ascontiguousarray(array).tobytes(), np.uint8)
+        received = np.asarray(multihost_utils.broadcast_one_to_all(own))
+        return received.view(array.dtype).reshape(array.shape).copy()
 
-def _bytes(array):
-    return np.frombuffer(np.ascontiguousarray(array).tobytes(), np.uint8)
+    return jax.tree.map(sent, checkpoint)

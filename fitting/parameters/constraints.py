@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 import jax
 import numpy as np
 
-from fitting.parameters.scenes import Scenes, by_name, owner_of, paths_of
-from rubberfric.base import Leaf, PhysicalObject, fields_of
+from fitting.parameters.scenes import Scenes, by_name, field_of, owner_of, paths_of
+from rubberfric.base import fields_of
 from rubberfric.roughness import cutoff
 
 Start = float | Sequence[float] | None
@@ -134,16 +134,10 @@ def common_values(
     places: list[LeafElements],
     leaves: list[np.ndarray],
 ) -> np.ndarray:
-    """Return the values in the scene of the elements that a key path names.
+    """Return the values in the scene of the elements that a key of `free` names.
 
-    A shared element must have one value in all scenes, unless the rule gives a start value.
-
-    Parameters
-    ----------
-    path, rule : key and value of an item of `free`
-    paths : key paths that `path` stands for, one for each scene if the parameter is shared
-    places : leaf and elements of each path in `paths`
-    leaves : leaves of the scenes
+    `path` stands for `paths`, one for each scene if the parameter is shared, which name the elements
+    `places`. A shared element must have one value in all scenes, unless the rule gives a start value.
     """
     values = [leaves[leaf][list(elements)] if elements else leaves[leaf][None] for leaf, elements in places]
     for one, (_, elements), here in zip(paths, places, values, strict=True):
@@ -163,10 +157,7 @@ def common_values(
 
 
 def start_values(path: str, rule: Positive | Bounded | Free, values: np.ndarray) -> np.ndarray:
-    """Return the start value of every element of a free parameter.
-
-    If the rule gives no start value, return `values`, the values in the scene.
-    """
+    """Return the start value of every element of a free parameter, by default `values` of the scene."""
     if rule.start is None:
         return values
     try:
@@ -187,11 +178,7 @@ def start_values(path: str, rule: Positive | Bounded | Free, values: np.ndarray)
 def value_range(
     path: str, rule: Positive | Bounded | Free, values: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (low, width) of the allowed range, one number for every element.
-
-    For Bounded, low and low + width are the bounds. For Free, width is the scale. Otherwise low is 0, and
-    width is 1. Raise ValueError if a start value in `values` is outside the range.
-    """
+    """Return `low` and `width` of `Constants`. Raise ValueError if a start value is outside the range."""
     zero, one = np.zeros(values.shape), np.ones(values.shape)
     if isinstance(rule, Positive):
         if not (values > 0).all():
@@ -213,37 +200,33 @@ def value_range(
 
 
 def with_starts(scene: Scenes, free: Mapping[str, Constraint]) -> Scenes:
-    """Return the scene with start values for free numbers that are None in the scene.
+    """Return the scene with start values for free numbers that are None in the scene, such as q1 of a table.
 
-    An example is q1 of a table. The start value follows from the rule, or is the end of the table.
+    The start value follows from the rule, or is the end of the table.
     """
-    given = {}
     for path, rule in ((path, rule) for key, rule in free.items() for path in paths_of(scene, key)):
         owner, name = owner_of(scene, path)
-        field = fields_of(type(owner)).get(name) if isinstance(owner, PhysicalObject) else None
-        if not (isinstance(field, Leaf) and field.optional and getattr(owner, name) is None):
+        field = field_of(owner, name)
+        if field is None or not field.optional or getattr(owner, name) is not None or isinstance(rule, Tied):
             continue
         if isinstance(rule, RmsSlope):
-            given[path] = cutoff_of(scene, path, rule.slope)
-        elif isinstance(rule, Tied):
-            continue
+            value = cutoff_of(scene, path, rule.slope)
         elif isinstance(rule.start, int | float):
-            given[path] = rule.start
+            value = rule.start
         elif name == "q1" and (power_law := getattr(owner, "power_law", None)):
-            given[path] = power_law().q[-1]  # a table without a cut-off ends with its last entry
-    if isinstance(scene, dict):
-        for path, value in given.items():
-            name, _, below = path.partition(".")
-            scene = scene | {name: scene[name].replace({below: value})}
-        return scene
-    return scene.replace(given) if given else scene
+            value = power_law().q[-1]  # a table without a cut-off ends with its last entry
+        else:
+            continue
+        if isinstance(scene, dict):
+            one, _, below = path.partition(".")
+            scene = scene | {one: scene[one].replace({below: value})}
+        else:
+            scene = scene.replace({path: value})
+    return scene
 
 
 def cutoff_of(scene: Scenes, path: str, slope: float | jax.Array) -> jax.Array:
-    """Return the q1 at which the rms slope of a spectrum is `slope`.
-
-    Raise ValueError if no such q1 exists, or if `path` is not the q1 of a spectrum.
-    """
+    """Return the q1 at which the rms slope of a spectrum is `slope`, or raise ValueError if none exists."""
     owner, name = owner_of(scene, path)
     if name != "q1" or not (hasattr(owner, "power_law") and name in fields_of(type(owner))):
         raise ValueError(f"free[{path!r}]: RmsSlope is for the q1 of a spectrum; must end in .q1")
@@ -254,11 +237,7 @@ def cutoff_of(scene: Scenes, path: str, slope: float | jax.Array) -> jax.Array:
 
 
 def cutoff_path(scene: Scenes, path: str | None) -> str:
-    """Return the key path of the q1 of a spectrum.
-
-    If `path` is None, return the path of the only q1 in the scene. Raise ValueError if `path` names another
-    number, or if `path` is None and the scene has no q1 or several.
-    """
+    """Return `path`, which must be the q1 of a spectrum, or the path of the only q1 if `path` is None."""
     known = [
         f"{name}.{side}.spectrum.q1".lstrip(".")
         for name, one in by_name(scene).items()
@@ -275,9 +254,6 @@ def cutoff_path(scene: Scenes, path: str | None) -> str:
 
 
 def last_wavevector(scene: Scenes, path: str) -> float:
-    """Return the largest possible q1 at a key path [1/m].
-
-    The largest q1 is the last wavevector of a table, or inf if the spectrum is not a table.
-    """
+    """Return the largest possible q1 [1/m], the last wavevector of a table, or inf for other spectra."""
     ends = [getattr(owner_of(scene, one)[0], "q", None) for one in paths_of(scene, path)]
     return min((float(q[-1]) for q in ends if q is not None), default=float("inf"))

@@ -1,7 +1,6 @@
 """Joint normal prior of several correlated numbers of a scene, for example the result of another fit."""
 
 import dataclasses
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +9,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from fitting.parameters.scenes import find, path_over
-from fitting.parameters.selection import PriorContext, Selection
+from fitting.parameters.selection import STATIC, PriorContext, Selection
 from fitting.parameters.variables import Array
 
 # Constant numbers are refused if their distance from the prior is less probable than this.
@@ -48,11 +47,9 @@ class Correlated:
 
     def __post_init__(self) -> None:
         size = np.size(self.mean)
-        for name in ("mean", "covariance", "low", "high", "places"):
-            value = getattr(self, name)
-            if name == "places" and value is None:
-                continue
-            shape = (size, size) if name == "covariance" else (size,)
+        names = ("mean", "covariance", "low", "high", *["places"] * (self.places is not None))
+        for name in names:
+            value, shape = getattr(self, name), (size, size) if name == "covariance" else (size,)
             try:
                 found = np.asarray(value, float)
             except (TypeError, ValueError):
@@ -69,11 +66,8 @@ class Correlated:
         if not jnp.isfinite(coordinates(*map(np.array, (self.mean, self.low, self.high)))).all():
             raise ValueError("Correlated: mean must be finite and between low and high")
 
-    def read(self, place: PriorContext) -> list[tuple["CorrelatedRows", tuple[np.ndarray, ...]]]:
-        """Return the structure and the numbers of the prior, as a list with one pair.
-
-        Raise ValueError if the prior does not apply to the scene.
-        """
+    def read(self, place: PriorContext) -> list["CorrelatedRows"]:
+        """Return the rows of the prior, as a list with one entry."""
         where, chosen = place.where, place.selection(",", ", or several separated by commas")
         mean, low, high = (np.array(value) for value in (self.mean, self.low, self.high))
         if chosen.size != mean.size:
@@ -103,7 +97,7 @@ class Correlated:
                     f" {mean[i]:.6g};"
                     " free it, or start from the scene of the fit that the prior comes from"
                 )
-        return [(CorrelatedRows(chosen), (centre, whitener(covariance), low, high))]
+        return [CorrelatedRows(chosen, centre, whitener(covariance), low, high)]
 
     def _check_places(self, place: PriorContext, chosen: Selection) -> None:
         """Raise ValueError unless every element has the abscissa that `places` states."""
@@ -124,39 +118,35 @@ class Correlated:
             i += count
 
 
-class CorrelatedRows(NamedTuple):
-    """Rows that a `Correlated` prior adds to the residuals.
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass(frozen=True)
+class CorrelatedRows:
+    """Rows that a `Correlated` prior adds to the residuals."""
 
-    The numbers of the prior are t(mean), C^(-1/2), low and high.
-    """
-
-    chosen: Selection
+    chosen: Selection = dataclasses.field(metadata=STATIC)
+    centre: Array  # t(mean)
+    whiten: Array  # C^(-1/2)
+    low: Array
+    high: Array
 
     @property
     def size(self) -> int:
         """Number of rows."""
         return self.chosen.size
 
-    def rows(self, numbers: tuple[Array, ...], leaves: list[Array], x: jax.Array) -> jax.Array:
+    def rows(self, leaves: list[Array], x: jax.Array) -> jax.Array:
         """Return the residuals of the prior for the leaves of a scene, shape (size,)."""
         del x
-        centre, whiten, low, high = numbers
-        return jnp.asarray(whiten) @ (coordinates(self.chosen.of(leaves), low, high) - centre)
+        t = coordinates(self.chosen.of(leaves), self.low, self.high)
+        return jnp.asarray(self.whiten) @ (t - self.centre)
 
     def moved(self, to: dict[int, int]) -> "CorrelatedRows":
-        """Return the rows for a scene whose leaves have other indices.
-
-        `to` maps the index of a leaf to the new index.
-        """
-        return CorrelatedRows(self.chosen.moved(to))
+        """Return the rows for a scene whose leaf i has the index to[i]."""
+        return dataclasses.replace(self, chosen=self.chosen.moved(to))
 
 
 def coordinates(v: Array, low: Array, high: Array) -> jax.Array:
-    """Return the transformed values t(v) of a `Correlated` prior.
-
-    t(v) is ln((v - low) / (high - v)) if both limits are finite, ln(v - low) if only low is finite, and v
-    without limits. t(v) is not finite if v is outside the limits.
-    """
+    """Return the transformed values t(v) of a `Correlated` prior, not finite outside the limits."""
     floor, roof = jnp.isfinite(low), jnp.isfinite(high)
     # The branch that is not selected must have a finite derivative.
     above = jnp.log(jnp.where(floor, v - jnp.where(floor, low, 0.0), 1.0))
@@ -165,10 +155,7 @@ def coordinates(v: Array, low: Array, high: Array) -> jax.Array:
 
 
 def whitener(covariance: np.ndarray) -> np.ndarray:
-    """Return W with W C W^T = 1 for a covariance matrix C.
-
-    The standard deviations in C may differ by many orders of magnitude.
-    """
+    """Return W with W C W^T = 1 for a covariance C, whose deviations may differ by orders of magnitude."""
     size = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
     # Smaller eigenvalues are rounding, if a number is an exact function of others.

@@ -101,43 +101,31 @@ class Discrepancy:
 
 
 def rational_quadratic(x: np.ndarray, width: float) -> np.ndarray:
-    """Return the correlation of model errors at the abscissae x of one curve, shape (n, n).
-
-    The correlation is 1 / (1 + (x_i - x_j)^2 / (2 width^2)).
-    """
+    """Return the correlation of model errors at the abscissae x of one curve with a given width, (n, n)."""
     return 1 / (1 + 0.5 * ((x[:, None] - x) / width) ** 2)
 
 
 def squared_exponential(x: np.ndarray, width: float) -> np.ndarray:
-    """Return the correlation of model errors at the abscissae x of one curve, shape (n, n).
-
-    The correlation is exp(-(x_i - x_j)^2 / (2 width^2)).
-    """
+    """Return the correlation of model errors of one width at the abscissae x of one curve, (n, n)."""
     return np.exp(-0.5 * ((x[:, None] - x) / width) ** 2)
 
 
 def between_curves(near: np.ndarray, curve: np.ndarray, shared: float) -> np.ndarray:
-    """Return the correlation of model errors at the points of several curves, shape (n, n).
+    """Return the correlation at the points of several curves from `near`, the one within a curve, (n, n).
 
-    `near`, of shape (n, n), is the correlation within one curve. `curve`, of shape (n,), is the index of the
-    curve of every point. Points on different curves have the correlation `shared` times `near`.
+    `curve` is the index of the curve of every point. Different curves have `shared` times the correlation.
     """
     return np.where(curve[:, None] == curve, near, shared * near)
 
 
 def covariances(x: np.ndarray, curve: np.ndarray, discrepancy: Discrepancy) -> np.ndarray:
-    """Return the covariance of the model errors of all points, shape (n, n).
-
-    `x` and `curve`, of shape (n,), are the abscissa ln(v a_T) of every point and the index of its curve.
-    """
+    """Return the covariance of the model errors at the abscissae x = ln(v a_T) on the curves, (n, n)."""
     amplitude, width = discrepancy.amplitude, discrepancy.width
     if amplitude is None or width is None:
         raise ValueError("Discrepancy: amplitude and width must be numbers, or be estimated first")
-    parts = discrepancy.parts
-    if parts:
-        near = np.sum([a**2 * squared_exponential(x, w) for a, w in parts], axis=0)
-    else:
-        near = amplitude**2 * rational_quadratic(x, width)
+    near = amplitude**2 * rational_quadratic(x, width)
+    if discrepancy.parts:
+        near = np.sum([a**2 * squared_exponential(x, w) for a, w in discrepancy.parts], axis=0)
     return between_curves(near, curve, discrepancy.shared)
 
 

@@ -6,7 +6,7 @@ as the glassy modulus, and `Correlated` (`fitting.parameters.correlated`) for th
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +15,7 @@ import numpy as np
 from fitting.parameters.constraints import FOLLOWING, is_number
 from fitting.parameters.correlated import Correlated
 from fitting.parameters.scenes import Scenes, find, owner_of, path_over
-from fitting.parameters.selection import PriorContext, Rows, Selection
+from fitting.parameters.selection import STATIC, PriorContext, Rows, Selection
 from fitting.parameters.variables import Array, Constants, Variables, slopes_of, to_x
 from rubberfric.base import unit_of
 
@@ -45,11 +45,8 @@ class Gaussian:
             if several:
                 object.__setattr__(self, name, tuple(map(float, each)))
 
-    def read(self, place: PriorContext) -> list[tuple["GaussianRows", tuple[np.ndarray, np.ndarray]]]:
-        """Return the structure and the numbers of the prior, as a list with one pair.
-
-        Raise ValueError if the key is not a free parameter, or if a mean violates the rule of the parameter.
-        """
+    def read(self, place: PriorContext) -> list["GaussianRows"]:
+        """Return the rows of the prior, as a list with one entry."""
         find(place.scene, place.key)  # raises an error with similar paths
         group, variables, constants = place.group(), place.variables, place.constants
         if group is None or group.kind in FOLLOWING:
@@ -61,45 +58,43 @@ class Gaussian:
             if size not in (1, part.size):
                 raise ValueError(f"{place.where}: {name} has {size} numbers: must have {part.size} or one")
         mean = np.broadcast_to(np.asarray(self.mean, float), part.shape)
-        at = _x_of_mean(place.where, group, mean, constants.low[part], constants.width[part])
-        sigma = np.asarray(self.sigma, float) / slopes_of(group.kind, np.asarray(constants.width)[part], at)
-        return [(GaussianRows(tuple(part.tolist())), (at, sigma))]
+        low, width = np.asarray(constants.low)[part], np.asarray(constants.width)[part]
+        if group.kind == "Positive" and not (mean > 0).all():
+            raise ValueError(
+                f"{place.where}: mean = {mean.min():g}: must be > 0, because the parameter is Positive"
+            )
+        inside = (low < mean) & (mean < low + width)
+        if group.kind == "Bounded" and not inside.all():
+            bad = mean[np.argmin(inside)]
+            raise ValueError(f"{place.where}: mean = {bad:g}: must be inside the parameter's bounds")
+        at = to_x(group.kind, low, width, mean)
+        sigma = np.asarray(self.sigma, float) / slopes_of(group.kind, width, at)
+        return [GaussianRows(tuple(part.tolist()), at, sigma)]
 
 
-class GaussianRows(NamedTuple):
-    """Rows that a `Gaussian` prior adds to the residuals.
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass(frozen=True)
+class GaussianRows:
+    """Rows that a `Gaussian` prior adds to the residuals."""
 
-    The numbers of the prior are the mean and the standard deviation of x.
-    """
-
-    elements: tuple[int, ...]  # in x
+    elements: tuple[int, ...] = dataclasses.field(metadata=STATIC)  # in x
+    mean: Array  # of x
+    sigma: Array
 
     @property
     def size(self) -> int:
         """Number of rows."""
         return len(self.elements)
 
-    def rows(self, numbers: tuple[Array, Array], leaves: list[Array], x: jax.Array) -> jax.Array:
+    def rows(self, leaves: list[Array], x: jax.Array) -> jax.Array:
         """Return the residuals of the prior at x, shape (size,)."""
         del leaves
-        mean, sigma = numbers
-        return (x[np.array(self.elements)] - mean) / sigma
+        return (x[np.array(self.elements)] - self.mean) / self.sigma
 
     def moved(self, to: dict[int, int]) -> "GaussianRows":
         """Return the rows unchanged, because the residuals depend on x and not on leaves."""
         del to
         return self
-
-
-def _x_of_mean(where, group, mean, low, width):
-    """Return the value of x for the prior mean of every element of a free parameter."""
-    if group.kind == "Positive" and not (mean > 0).all():
-        raise ValueError(f"{where}: mean = {mean.min():g}: must be > 0, because the parameter is Positive")
-    inside = (low < mean) & (mean < low + width)
-    if group.kind == "Bounded" and not inside.all():
-        bad = mean[np.argmin(inside)]
-        raise ValueError(f"{where}: mean = {bad:g}: must be inside the parameter's bounds")
-    return to_x(group.kind, low, width, mean)
 
 
 # Temperatures of a table span a small part of a decade, so u is T divided by this temperature [K].
@@ -128,11 +123,8 @@ class Smooth:
         if not (is_number(self.sigma) and self.sigma > 0):
             raise ValueError(f"Smooth: sigma = {self.sigma!r}: must be a finite number > 0")
 
-    def read(self, place: PriorContext) -> list[tuple["SmoothRows", float]]:
-        """Return a list with the structure and sigma for every vector in the key.
-
-        Raise ValueError if a vector has fewer than three elements, an element <= 0, or no free element.
-        """
+    def read(self, place: PriorContext) -> list["SmoothRows"]:
+        """Return the rows for every vector in the key."""
         found = []
         for path in (path.strip() for path in place.key.split(",")):
             leaf, elements = find(place.scene, path)
@@ -155,40 +147,37 @@ class Smooth:
                 )
             owner, name = owner_of(place.scene, over)
             warm = unit_of(type(owner), name) == "K"
-            found.append((SmoothRows(leaf, at, values.size, warm), float(self.sigma)))
+            found.append(SmoothRows(leaf, at, values.size, warm, float(self.sigma)))
         return found
 
 
-class SmoothRows(NamedTuple):
-    """Rows that a `Smooth` prior of one vector adds to the residuals.
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass(frozen=True)
+class SmoothRows:
+    """Rows that a `Smooth` prior of one vector adds to the residuals."""
 
-    The only number of the prior is sigma.
-    """
-
-    leaf: int  # index of the leaf with the vector
-    over: int  # index of the leaf with the abscissa
-    count: int  # elements of the vector
-    warm: bool  # True if the abscissa is a temperature
+    leaf: int = dataclasses.field(metadata=STATIC)  # index of the leaf with the vector
+    over: int = dataclasses.field(metadata=STATIC)  # index of the leaf with the abscissa
+    count: int = dataclasses.field(metadata=STATIC)  # elements of the vector
+    warm: bool = dataclasses.field(metadata=STATIC)  # True if the abscissa is a temperature
+    sigma: Any
 
     @property
     def size(self) -> int:
         """Number of rows."""
         return self.count - 2
 
-    def rows(self, sigma: Array, leaves: list[Array], x: jax.Array) -> jax.Array:
+    def rows(self, leaves: list[Array], x: jax.Array) -> jax.Array:
         """Return the residuals of the prior for the leaves of a scene, shape (size,)."""
         del x
         at = jnp.asarray(leaves[self.over])
         order = jnp.argsort(at)
         u = at[order] / _STEP if self.warm else jnp.log10(at[order])
-        return jnp.diff(jnp.diff(jnp.log(jnp.asarray(leaves[self.leaf])[order])) / jnp.diff(u)) / sigma
+        return jnp.diff(jnp.diff(jnp.log(jnp.asarray(leaves[self.leaf])[order])) / jnp.diff(u)) / self.sigma
 
     def moved(self, to: dict[int, int]) -> "SmoothRows":
-        """Return the rows for a scene whose leaves have other indices.
-
-        `to` maps the index of a leaf to the new index.
-        """
-        return self._replace(leaf=to[self.leaf], over=to[self.over])
+        """Return the rows for a scene whose leaf i has the index to[i]."""
+        return dataclasses.replace(self, leaf=to[self.leaf], over=to[self.over])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -224,103 +213,67 @@ class Sum:
         if not (is_number(self.sigma) and self.sigma > 0):
             raise ValueError(f"Sum: sigma = {self.sigma!r}: must be a finite number > 0")
 
-    def read(self, place: PriorContext) -> list[tuple["SumRows", tuple[float, float, float]]]:
-        """Return the structure and the numbers of the prior, as a list with one pair.
-
-        Raise ValueError if the sum is not > 0, or if the fit changes none of the summands.
-        """
+    def read(self, place: PriorContext) -> list["SumRows"]:
+        """Return the row of the prior, as a list with one entry."""
         chosen = place.selection("+", " or a sum with some")
         start = float(np.sum(np.asarray(chosen.of(place.start))))
         if not start > 0:
             raise ValueError(f"{place.where}: the sum starts at {start:g}: must be > 0")
         low = -np.inf if self.low is None else float(np.log(self.low))
         high = np.inf if self.high is None else float(np.log(self.high))
-        return [(SumRows(chosen), (low, high, float(self.sigma)))]
+        return [SumRows(chosen, low, high, float(self.sigma))]
 
 
-class SumRows(NamedTuple):
-    """Row that a `Sum` prior adds to the residuals.
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass(frozen=True)
+class SumRows:
+    """Row that a `Sum` prior adds to the residuals."""
 
-    The numbers of the prior are ln low, ln high and sigma.
-    """
-
-    chosen: Selection
+    chosen: Selection = dataclasses.field(metadata=STATIC)
+    low: Any  # ln low
+    high: Any  # ln high
+    sigma: Any
 
     @property
     def size(self) -> int:
         """Number of rows."""
         return 1
 
-    def rows(self, numbers: tuple[Array, Array, Array], leaves: list[Array], x: jax.Array) -> jax.Array:
+    def rows(self, leaves: list[Array], x: jax.Array) -> jax.Array:
         """Return the residual of the prior for the leaves of a scene, shape (1,)."""
         del x
-        low, high, sigma = numbers
         log_sum = jnp.log(jnp.sum(self.chosen.of(leaves)))
-        beyond = jnp.maximum(log_sum - high, 0.0) - jnp.maximum(low - log_sum, 0.0)
-        return (beyond / sigma)[None]
+        beyond = jnp.maximum(log_sum - self.high, 0.0) - jnp.maximum(self.low - log_sum, 0.0)
+        return (beyond / self.sigma)[None]
 
     def moved(self, to: dict[int, int]) -> "SumRows":
-        """Return the rows for a scene whose leaves have other indices.
-
-        `to` maps the index of a leaf to the new index.
-        """
-        return SumRows(self.chosen.moved(to))
+        """Return the rows for a scene whose leaf i has the index to[i]."""
+        return dataclasses.replace(self, chosen=self.chosen.moved(to))
 
 
 Prior = Gaussian | Smooth | Sum | Correlated
 PRIORS: dict[str, type[Prior]] = {cls.__name__: cls for cls in (Gaussian, Smooth, Sum, Correlated)}
 
 
-class PriorStructure(NamedTuple):
-    """Hashable structure of all priors of a fit."""
-
-    terms: tuple[Rows, ...]
-
-    def moved(self, to: dict[int, int]) -> "PriorStructure":
-        """Return the structure for a scene whose leaves have other indices.
-
-        `to` maps the index of a leaf to the new index.
-        """
-        return PriorStructure(tuple(term.moved(to) for term in self.terms))
-
-
-# Numbers of the priors, one pytree for each term.
-PriorNumbers = tuple[Any, ...]
-
-
 def read_priors(
     scene: Scenes, variables: Variables, constants: Constants, prior: Mapping[str, Prior] | None
-) -> tuple[PriorStructure, PriorNumbers]:
-    """Return the structure and the numbers of all priors of a fit.
-
-    The message of a ValueError names the key of the prior that is wrong.
-    """
-    terms, numbers = [], []
+) -> tuple[Rows, ...]:
+    """Return the rows that the priors of a fit add to the residuals."""
+    found: list[Rows] = []
     for key, rule in (prior or {}).items():
         where = f"prior[{key!r}]"
         if not isinstance(rule, tuple(PRIORS.values())):
             raise ValueError(f"{where} = {rule!r}: must be Gaussian, Smooth, Sum or Correlated")
-        for term, own in rule.read(PriorContext(where, key, scene, variables, constants)):
-            terms.append(term)
-            numbers.append(own)
-    return PriorStructure(tuple(terms)), tuple(numbers)
+        found += rule.read(PriorContext(where, key, scene, variables, constants))
+    return tuple(found)
 
 
-def prior_residuals(
-    structure: PriorStructure, numbers: PriorNumbers, scene: Scenes, x: jax.Array
-) -> jax.Array:
-    """Return the residuals of all priors at x in one array of shape (rows,).
-
-    The residuals have the order of the priors.
-    """
-    leaves = jax.tree.leaves(scene) if structure.terms else []
-    rows = [term.rows(own, leaves, x) for term, own in zip(structure.terms, numbers, strict=True)]
-    return jnp.concatenate(rows) if rows else jnp.zeros(0, x.dtype)
+def prior_residuals(priors: tuple[Rows, ...], scene: Scenes, x: jax.Array) -> jax.Array:
+    """Return the residuals of all priors at x in one array, in the order of the priors."""
+    leaves = jax.tree.leaves(scene) if priors else []
+    return jnp.concatenate([jnp.zeros(0, x.dtype), *(prior.rows(leaves, x) for prior in priors)])
 
 
-def prior_size(structure: PriorStructure) -> int:
-    """Return the number of residuals of all priors except `Sum` priors.
-
-    The residual of a `Sum` prior is zero within the limits and does not count as a datum.
-    """
-    return sum(term.size for term in structure.terms if not isinstance(term, SumRows))
+def prior_size(priors: tuple[Rows, ...]) -> int:
+    """Return the number of rows of priors that count as data. A `Sum` is zero within its limits."""
+    return sum(prior.size for prior in priors if not isinstance(prior, SumRows))

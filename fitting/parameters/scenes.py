@@ -37,10 +37,7 @@ _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 
 
 def as_scenes(scene: rf.Scene | Mapping[str, rf.Scene]) -> Scenes:
-    """Return a scene unchanged, or a mapping of name -> scene as a dict.
-
-    Raise ValueError if `scene` is another object or a name cannot be the first step of a key path.
-    """
+    """Return a scene, or a dict of name -> scene. Raise ValueError for another object or an invalid name."""
     if isinstance(scene, rf.Scene):
         return scene
     if not isinstance(scene, Mapping):
@@ -59,10 +56,7 @@ def as_scenes(scene: rf.Scene | Mapping[str, rf.Scene]) -> Scenes:
 
 
 def by_name(scenes: _S | dict[str, _S]) -> dict[str, _S]:
-    """Return a dict of scene name -> object.
-
-    If there is a single scene, `scenes` is the object itself, and the name is "".
-    """
+    """Return a dict of scene name -> object. The name of a single scene is ""."""
     return scenes if isinstance(scenes, dict) else {"": scenes}
 
 
@@ -72,10 +66,7 @@ def each_scene(scenes: Scenes, names: Sequence[str]) -> list[rf.Scene]:
 
 
 def chosen_scene(scenes: Scenes, name: str | None) -> rf.Scene:
-    """Return the scene with the given name, or the only scene of a fit if `name` is None.
-
-    Raise ValueError if no scene has this name, or if `name` is None although there are several scenes.
-    """
+    """Return the scene with the given name, or the only scene of a fit if `name` is None."""
     if name is None and isinstance(scenes, rf.Scene):
         return scenes
     if isinstance(scenes, rf.Scene):
@@ -86,19 +77,10 @@ def chosen_scene(scenes: Scenes, name: str | None) -> rf.Scene:
 
 
 def paths_of(scenes: Scenes, path: Any) -> list[str]:
-    """Return a list of the key paths that `path` stands for.
-
-    If there are several scenes, a path that begins with "*" stands for one key path in every scene. Any other
-    path stands for itself.
-    """
+    """Return the key paths that `path` stands for: one for every scene if it begins with "*", else itself."""
     if isinstance(scenes, dict) and isinstance(path, str) and path.startswith(ALL):
         return [f"{name}.{path.removeprefix(ALL)}" for name in scenes]
     return [path]
-
-
-def next_step(owner: Any, step: str) -> Any:
-    """Return the object in `owner` that a step of a key path names, or None if `owner` lacks this step."""
-    return owner.get(step) if isinstance(owner, dict) else getattr(owner, step, None)
 
 
 def scene_paths(scene: Scenes) -> list[str]:
@@ -108,15 +90,10 @@ def scene_paths(scene: Scenes) -> list[str]:
 
 
 def find(scene: Scenes, path: str) -> tuple[int, tuple[int, ...] | None]:
-    """Return the index of the leaf that a key path names, and the elements that the path names.
+    """Return the index of the leaf that a key path names, and its elements, or None for a scalar leaf.
 
-    The elements are None for a scalar leaf. A shared parameter has the leaf of the first scene.
-
-    Raises
-    ------
-    ValueError
-        The path is unknown (the message suggests similar paths), names a static field or an object, or has
-        elements that do not exist.
+    A shared parameter has the leaf of the first scene. Raise ValueError if the path is unknown (the message
+    suggests similar paths), names a static field or an object, or has elements that do not exist.
     """
     parsed = parse_key_path(paths_of(scene, path)[0])
     names = scene_paths(scene)
@@ -127,34 +104,29 @@ def find(scene: Scenes, path: str) -> tuple[int, tuple[int, ...] | None]:
 
 
 def owner_of(scene: Scenes, path: str) -> tuple[Any, str]:
-    """Return the object that contains the number at a key path, and the name of the number.
-
-    The object is None if the scene has no such object.
-    """
+    """Return the object that contains the number at a key path, None if missing, and the number's name."""
     *steps, name = parse_key_path(paths_of(scene, path)[0]).names
     owner: Any = scene
     for step in steps:
-        owner = next_step(owner, step)
+        owner = owner.get(step) if isinstance(owner, dict) else getattr(owner, step, None)
     return owner, name
 
 
-def path_over(scene: Scenes, path: str) -> str | None:
-    """Return the key path of the abscissa of a vector, or None if the vector has no abscissa.
-
-    E of a Prony series has the abscissa tau. A column of a table has the first column as abscissa.
-    """
-    owner, name = owner_of(scene, path)
+def field_of(owner: Any, name: str) -> Leaf | None:
+    """Return the declaration of a number of an object, or None if the object has no such number."""
     field = fields_of(type(owner)).get(name) if isinstance(owner, PhysicalObject) else None
-    if not (isinstance(field, Leaf) and field.over is not None):
-        return None
-    return f"{path.split('[')[0].rpartition('.')[0]}.{field.over}"
+    return field if isinstance(field, Leaf) else None
+
+
+def path_over(scene: Scenes, path: str) -> str | None:
+    """Return the key path of the abscissa of a vector, such as tau for E of a Prony series, or None."""
+    field = field_of(*owner_of(scene, path))
+    over = None if field is None else field.over
+    return None if over is None else f"{path.split('[')[0].rpartition('.')[0]}.{over}"
 
 
 def leaf_names(path: str, elements: tuple[int, ...] | None) -> list[str]:
-    """Return the key path of every element, such as "upper.material.E[3]".
-
-    If `elements` is None, the list contains only the key path of the scalar leaf.
-    """
+    """Return the key path of every element, such as "upper.material.E[3]", or of a scalar leaf."""
     name = path.split("[")[0]
     return [name] if elements is None else [f"{name}[{i}]" for i in elements]
 
@@ -192,6 +164,10 @@ class End(NamedTuple):
     leaf: int
     element: int | None  # None: a scalar leaf
 
+    def name(self, paths: list[str]) -> str:
+        """Return the key path of the number, given the paths of all leaves of the scene."""
+        return leaf_names(paths[self.leaf], None if self.element is None else (self.element,))[0]
+
 
 class OrderedPair(NamedTuple):
     """Positions of two numbers of a scene that must satisfy low <= high."""
@@ -216,10 +192,7 @@ def ordered_pairs(scene: Scenes) -> tuple[OrderedPair, ...]:
 
 
 def in_order(pairs: tuple[OrderedPair, ...], leaves: Any) -> Any:
-    """Return True if low <= high for all pairs of numbers in the leaves of a scene.
-
-    The result is a boolean scalar array, except if there are no pairs.
-    """
+    """Return True, or a boolean scalar array, if low <= high for all pairs of numbers in `leaves`."""
     found = True
     for low, high in dict.fromkeys((pair.low.leaf, pair.high.leaf) for pair in pairs):
         own = [pair for pair in pairs if (pair.low.leaf, pair.high.leaf) == (low, high)]
@@ -236,16 +209,11 @@ def check_start(scene: Scenes, pairs: tuple[OrderedPair, ...], leaves: list[np.n
     names = scene_paths(scene)
     for low, high in pairs:
         below, above = (
-            float(leaves[end.leaf] if end.element is None else leaves[end.leaf][end.element])
-            for end in (low, high)
+            float(leaves[end.leaf][() if end.element is None else end.element]) for end in (low, high)
         )
         if below - above > _ROUNDING * abs(above):
-            one, other = (
-                leaf_names(names[end.leaf], None if end.element is None else (end.element,))[0]
-                for end in (high, low)
-            )
+            one, other = (end.name(names) for end in (high, low))
             raise ValueError(
                 f"free: {one} starts at {above:g}, below {other} at {below:g}: the first must be >= the"
-                " second;"
-                " give start="
+                " second; give start="
             )

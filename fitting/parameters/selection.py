@@ -1,6 +1,6 @@
 """Numbers of a scene that a prior constrains, and the interface of all kinds of priors."""
 
-from typing import Any, NamedTuple, Protocol, Self
+from typing import NamedTuple, Protocol, Self
 
 import jax
 import jax.numpy as jnp
@@ -9,35 +9,29 @@ import numpy as np
 from fitting.parameters.scenes import Scenes, find, leaf_names
 from fitting.parameters.variables import Array, Constants, Group, Variables
 
+# Metadata of a field that determines compiled functions. The other fields of `Rows` are numbers.
+STATIC = {"static": True}
+
 
 class Rows(Protocol):
-    """Hashable structure of one prior, which computes the rows that the prior adds to the residuals.
-
-    The numbers of the prior are a separate pytree, so a change of the numbers needs no compilation.
-    """
+    """Rows that a prior adds to the residuals, a pytree whose numbers can change without compilation."""
 
     @property
     def size(self) -> int:
         """Number of residuals that the prior adds."""
         ...
 
-    def rows(self, numbers: Any, leaves: list[Array], x: jax.Array) -> jax.Array:
+    def rows(self, leaves: list[Array], x: jax.Array) -> jax.Array:
         """Return the residuals of the prior from the leaves of a scene and from x, shape (size,)."""
         ...
 
     def moved(self, to: dict[int, int]) -> Self:
-        """Return the rows for a scene whose leaves have other indices.
-
-        `to` maps the index of a leaf to the new index.
-        """
+        """Return the rows for a scene whose leaf i has the index to[i]."""
         ...
 
 
 class Selection(NamedTuple):
-    """Numbers of a scene that the key of a prior names.
-
-    The three fields have one entry for every key path. A selection is hashable.
-    """
+    """Numbers of a scene that the key of a prior names, with one entry for every key path; hashable."""
 
     paths: tuple[str, ...]
     leaves: tuple[int, ...]  # index of the leaf
@@ -63,17 +57,11 @@ class Selection(NamedTuple):
         return jnp.concatenate(parts)
 
     def moved(self, to: dict[int, int]) -> "Selection":
-        """Return the selection for a scene whose leaves have other indices.
-
-        `to` maps the index of a leaf to the new index.
-        """
+        """Return the selection for a scene whose leaf i has the index to[i]."""
         return self._replace(leaves=tuple(to[leaf] for leaf in self.leaves))
 
     def changing(self, variables: Variables) -> np.ndarray:
-        """Return a boolean array of shape (size,) that is True for the elements that a fit changes.
-
-        A fit changes free elements, and elements that depend on free elements, such as tied elements.
-        """
+        """Return booleans of shape (size,), True for elements that are free or depend on free ones."""
         free = {(group.leaf, chosen) for group in variables.groups for chosen in group.elements or (None,)}
         pairs = zip(self.leaves, self.elements, strict=True)
         return np.array([(leaf, one) in free for leaf, chosen in pairs for one in chosen or (None,)])
@@ -98,9 +86,9 @@ class PriorContext(NamedTuple):
         return next((group for group in self.variables.groups if group.path == self.key), None)
 
     def selection(self, separator: str, separated: str) -> Selection:
-        """Return the elements that the key names. Raise ValueError if the fit changes none of them.
+        """Return the elements that the key, several paths with a `separator`, names.
 
-        `separator` separates key paths in the key. `separated` is a part of the error message.
+        Raise ValueError, with the words `separated`, if the fit changes none of them.
         """
         paths = tuple(path.strip() for path in self.key.split(separator))
         found = [find(self.scene, path) for path in paths]

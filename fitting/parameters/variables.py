@@ -65,10 +65,7 @@ class Group(NamedTuple):
 
 
 class Variables(NamedTuple):
-    """Hashable structure of a set of free parameters.
-
-    A function is compiled once for each structure.
-    """
+    """Hashable structure of a set of free parameters. A function is compiled once for each structure."""
 
     tree: Hashable  # structure of the scene, as jax.tree flattens it
     groups: tuple[Group, ...]
@@ -79,6 +76,11 @@ class Variables(NamedTuple):
     def own(self) -> list[Group]:
         """Groups with separate elements in x, which are all except Tied, RmsSlope and Shared."""
         return [group for group in self.groups if group.kind not in FOLLOWING]
+
+    @property
+    def kinds(self) -> list[str]:
+        """Kind of the rule of every element of x."""
+        return [group.kind for group in self.own for _ in range(*group.slot)]
 
 
 class Constants(NamedTuple):
@@ -91,23 +93,10 @@ class Constants(NamedTuple):
 
 
 def free_parameters(scene: Scenes, free: Mapping[str, Constraint]) -> tuple[Variables, Constants, np.ndarray]:
-    """Return the variables, constants and start vector for the free parameters of a scene, or of several.
+    """Return the variables, the constants and the start vector x for the free parameters of scenes.
 
-    Parameters
-    ----------
-    scene : Scene, or dict of name -> Scene, cast to one dtype
-    free : dict of key path -> Positive, Bounded, Free, Tied or RmsSlope
-
-    Returns
-    -------
-    (Variables, Constants, x), x a NumPy array of shape (size,)
-
-    Raises
-    ------
-    ValueError
-        A key path is unknown, names a static field or an object, or is free twice, or the start value
-        violates the rule. The message names the key path. If the path is unknown, the message suggests
-        similar paths.
+    The scenes have one dtype, and x has the shape (size,). A ValueError names the key path if it is unknown,
+    names a static field or an object, is free twice, or has a start value that violates the rule.
     """
     if not isinstance(free, dict) or not free:
         raise ValueError('free: must be a dict of key paths, like {"upper.spectrum.hurst": Bounded(0.3, 1)}')
@@ -154,10 +143,7 @@ def free_parameters(scene: Scenes, free: Mapping[str, Constraint]) -> tuple[Vari
 
 
 def _take(path, places, taken):
-    """Record in `taken` that the key path `path` frees the elements at `places`.
-
-    Raise ValueError if another key path already frees one of the elements.
-    """
+    """Record in `taken` that `path` frees the elements at `places`, which must not be free already."""
     for leaf, elements in places:
         for element in elements or (None,):
             if (leaf, element) in taken:
@@ -168,10 +154,7 @@ def _take(path, places, taken):
 
 
 def to_x(kind: str, low: Array, width: Array, values: Any) -> Any:
-    """Return the variables x that correspond to the values of elements with the rule `kind`.
-
-    `from_x` is the inverse function.
-    """
+    """Return the variables x of elements with the rule `kind` from their values."""
     xp = jnp if isinstance(values, jax.Array) else np
     if kind == "Positive":
         return xp.log(values)
@@ -197,11 +180,7 @@ def slopes_of(kind: str, width: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _follow(rules, groups, leaves, tree):
-    """Return all groups, with the slots of Tied groups set, and the ratios of the dependent groups.
-
-    The ratios are a list with one array for each dependent group: the ratios of a Tied group, or the slope of
-    an RmsSlope group.
-    """
+    """Return all groups, with the slots of Tied groups set, and the list `ratios` of `Constants`."""
     by_path = {group.path: group for group in groups}
     done, ratios = [], []
     for group in groups:
@@ -236,19 +215,13 @@ def _follow(rules, groups, leaves, tree):
 
 
 def to_values(variables: Variables, constants: Constants, x: Array) -> Array:
-    """Return the values of the free elements at x, shape (..., size).
-
-    The result is a NumPy array if x is a NumPy array.
-    """
+    """Return the values of the free elements at x, shape (..., size), in NumPy if x is a NumPy array."""
     xp = np if isinstance(x, np.ndarray) else jnp
     return xp.concatenate(list(_by_slot(variables, constants, x).values()), -1)
 
 
 def _by_slot(variables, constants, x) -> dict[tuple[int, int], Array]:
-    """Return a dict of slot -> values of the free elements in this slot of x.
-
-    The values depend only on the elements of x in the slot, so derivatives are sparse.
-    """
+    """Return a dict of slot -> values, which depend only on this slot of x, so derivatives are sparse."""
     xp = np if isinstance(x, np.ndarray) else jnp
     low, width, parts = xp.asarray(constants.low), xp.asarray(constants.width), {}
     for group in variables.own:

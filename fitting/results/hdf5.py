@@ -19,8 +19,7 @@
     /uncertainty        covariance and correlation of the values, and the other fields of
                         `fitting.uncertainty.covariance.Uncertainty`
     /minima             cost, count and values of the distinct minima
-    /discrepancy        attributes amplitude, width, shared, estimated, parts, remark; missing
-                        without a discrepancy
+    /discrepancy        attributes amplitude, width, shared, estimated, parts, remark; may be missing
     /estimated          relative error of every data set, NaN where errors were given
     /samples            draws from the posterior, in files saved by `fitting.results.samples`
 
@@ -42,7 +41,7 @@ from fitting.parameters.priors import PRIORS, Prior
 from fitting.parameters.scenes import Scenes, each_scene
 from fitting.results.record import FitRecord, Minimum
 from fitting.results.report import report, unit
-from fitting.solvers.iterate import MESSAGES
+from fitting.solvers.objective import MESSAGES
 from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import ASSUMED, make_problem
 from fitting.uncertainty.covariance import Direction, Uncertainty
@@ -52,44 +51,26 @@ from rubberfric.io import hdf5, read_object, read_quadrature, write_object, writ
 
 RuleOrPrior = TypeVar("RuleOrPrior", bound=Constraint | Prior)
 
-# Arrays and numbers of the uncertainty, stored unchanged.
+# Arrays of the uncertainty, stored unchanged: the unit, and the dimension (of length size).
 _ARRAYS = {
-    "deviation": "-",
-    "covariance": "products of /parameters/units",
-    "correlation": "-",
-    "directions": "-",
-    "deviations": "-",
-    "spread": "-",
-    "x": "-",
-    "stretch": "-",
+    **dict.fromkeys(("deviation", "deviations", "x", "stretch"), ("-", 1)),
+    **dict.fromkeys(("correlation", "directions", "spread"), ("-", 2)),
+    "covariance": ("products of /parameters/units", 2),
 }
 _NUMBERS = {"rank": int, "condition": float, "parameters": float, "chisqr": float}
 ResultType = TypeVar("ResultType", bound=FitRecord)
 
 FIT_FORMAT = "rubberfric fit"
 
-# Attributes of the file that are fields of the result.
-FIELDS = {
-    "method": str,
-    "status": int,
-    "cost": float,
-    "nfev": int,
-    "njev": int,
-    "seconds": float,
-    "error_scale": float,
-}
-DISCREPANCY = tuple(field.name for field in dataclasses.fields(Discrepancy))
-# Attributes of the file that are settings of the problem.
+# Attributes of the file that are fields of the result, and attributes that are settings of the problem.
+_COUNTS, _REALS = ("status", "nfev", "njev"), ("cost", "seconds", "error_scale")
+FIELDS = {"method": str, **dict.fromkeys(_COUNTS, int), **dict.fromkeys(_REALS, float)}
 OPTIONS = {"loss": str, "loss_width": float}
-_ATTRIBUTES = (
-    *("format", "format_version", "rubberfric_version", "title", "message", "assumed"),
-    *FIELDS,
-    *OPTIONS,
-)
+_TEXTS = ("format", "format_version", "rubberfric_version", "title", "message", "assumed")
 GROUPS = ("scene_at_start", "data", "free", "prior", "quadrature", "parameters", "uncertainty", "minima")
 
 
-def write_scenes(parent: h5py.Group, name: str, scenes: Scenes) -> None:
+def _write_scenes(parent: h5py.Group, name: str, scenes: Scenes) -> None:
     """Write a scene as the group `name`, or a dict of scenes as subgroups of the group."""
     if not isinstance(scenes, dict):
         write_object(parent, name, scenes)
@@ -99,14 +80,13 @@ def write_scenes(parent: h5py.Group, name: str, scenes: Scenes) -> None:
         write_object(group, own, scene)
 
 
-def read_scenes(group: h5py.Group) -> Any:
-    """Read the scene, or the dict of scenes by name, that `write_scenes` wrote to a group."""
+def _read_scenes(group: h5py.Group) -> Any:
     if "kind" in group.attrs:
         return read_object(group)
     return {name: read_object(one) for name, one in group.items()}
 
 
-def write_rules(group: h5py.Group, rules: Mapping[str, Constraint | Prior]) -> None:
+def _write_rules(group: h5py.Group, rules: Mapping[str, Constraint | Prior]) -> None:
     """Write rules or priors as numbered groups, because a key path cannot name a group."""
     for i, (path, rule) in enumerate(rules.items()):
         one = group.create_group(str(i))
@@ -119,14 +99,11 @@ def write_rules(group: h5py.Group, rules: Mapping[str, Constraint | Prior]) -> N
                 one.attrs[field.name] = value if isinstance(value, str) else np.asarray(value, float)
 
 
-def read_rules(group: h5py.Group, classes: Mapping[str, type[RuleOrPrior]]) -> dict[str, RuleOrPrior]:
-    """Read the rules or priors in a group, and return them as a dict by key path.
-
-    If a rule is invalid, a ValueError names its group in the file.
-    """
+def _read_rules(group: h5py.Group, classes: Mapping[str, type[RuleOrPrior]]) -> dict[str, RuleOrPrior]:
+    """Read the rules or priors in a group as a dict by key path."""
     rules = {}
-    for one in numbered(group):
-        found = {name: _python(value) for name, value in one.attrs.items()}
+    for one in _numbered(group):
+        found = {k: v.tolist() if isinstance(v, np.generic | np.ndarray) else v for k, v in one.attrs.items()}
         found |= {name: hdf5.read_values(one, name, "-").tolist() for name in list(one)}
         kind, path = found.pop("rule", None), found.pop("path", None)
         if kind not in classes:
@@ -140,8 +117,7 @@ def read_rules(group: h5py.Group, classes: Mapping[str, type[RuleOrPrior]]) -> d
     return rules
 
 
-def write_parameters(group: h5py.Group, result: FitRecord) -> None:
-    """Write names, values, units and x of the free elements."""
+def _write_parameters(group: h5py.Group, result: FitRecord) -> None:
     hdf5.write_values(group, "x", result.x, "-")
     units = []
     for free in result.variables.own:
@@ -153,9 +129,9 @@ def write_parameters(group: h5py.Group, result: FitRecord) -> None:
         hdf5.write_values(group, name, np.asarray(getattr(result, name)), "as in units")
 
 
-def write_uncertainty(group: h5py.Group, known: Uncertainty) -> None:
+def _write_uncertainty(group: h5py.Group, known: Uncertainty) -> None:
     """Write the uncertainty, except the reasons for withheld error bars, which are in /parameters."""
-    for name, units in _ARRAYS.items():
+    for name, (units, _) in _ARRAYS.items():
         hdf5.write_values(group, name, getattr(known, name), units)
     for name, kind in _NUMBERS.items():
         group.attrs[name] = kind(getattr(known, name))
@@ -166,14 +142,9 @@ def write_uncertainty(group: h5py.Group, known: Uncertainty) -> None:
     hdf5.write_texts(below, "text", [direction.text for direction in known.unidentified])
 
 
-def read_uncertainty(group: h5py.Group, parameters: h5py.Group, size: int) -> Uncertainty:
-    """Return the `Uncertainty` that `write_uncertainty` and `write_parameters` wrote."""
+def _read_uncertainty(group: h5py.Group, parameters: h5py.Group, size: int) -> Uncertainty:
     hdf5.check_names(group, (*_ARRAYS, "unidentified"), tuple(_NUMBERS))
-    vectors = ("deviation", "deviations", "x", "stretch")
-    arrays = {
-        name: hdf5.read_array(group, name, units, (size,) if name in vectors else (size, size))
-        for name, units in _ARRAYS.items()
-    }
+    arrays = {name: hdf5.read_array(group, name, units, (size,) * n) for name, (units, n) in _ARRAYS.items()}
     below = hdf5.subgroup(group, "unidentified")
     texts = hdf5.read_texts(below, "text")
     loadings = hdf5.read_array(below, "loadings", "-", (len(texts), size))
@@ -187,46 +158,31 @@ def read_uncertainty(group: h5py.Group, parameters: h5py.Group, size: int) -> Un
     )
 
 
-def write_minima(group: h5py.Group, minima: Iterable[Minimum], size: int) -> None:
-    """Write the cost, the values and the number of starts of every minimum."""
+def _write_minima(group: h5py.Group, minima: Iterable[Minimum], size: int) -> None:
+    values = np.array([minimum.values for minimum in minima], float).reshape(-1, size)
     hdf5.write_values(group, "cost", np.array([minimum.cost for minimum in minima], float), "-")
-    hdf5.write_values(
-        group, "values", np.array([m.values for m in minima], float).reshape(-1, size), "as in units"
-    )
+    hdf5.write_values(group, "values", values, "as in units")
     group["count"] = np.array([minimum.count for minimum in minima], int)
 
 
-def read_minima(group: h5py.Group, size: int) -> tuple[Minimum, ...]:
-    """Return the tuple of `Minimum` that `write_minima` wrote."""
+def _read_minima(group: h5py.Group, size: int) -> tuple[Minimum, ...]:
     cost = np.asarray(hdf5.read_values(group, "cost", "-"))
     values = hdf5.read_array(group, "values", "as in units", (cost.size, size))
     count = hdf5.read_counts(group, "count", cost.size)
     return tuple(map(Minimum, cost.tolist(), count.tolist(), values))
 
 
-def numbered(group: h5py.Group) -> Iterator[h5py.Group]:
+def _numbered(group: h5py.Group) -> Iterator[h5py.Group]:
     """Return the subgroups "0", "1", ... of a group in numerical order."""
     return (hdf5.subgroup(group, str(i)) for i in range(len(group)))
 
 
-def _python(value):
-    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
-
-
 def save(
-    path: StrPath,
-    result: FitRecord,
-    title: str = "",
-    samples: Callable[[h5py.Group], None] | None = None,
+    path: StrPath, result: FitRecord, title: str = "", samples: Callable[[h5py.Group], None] | None = None
 ) -> None:
-    """Write a fit to an HDF5 file (.h5), completely or not at all.
+    """Write a fit to an HDF5 file (.h5), completely or not at all, and the draws if `samples` writes them.
 
-    `samples` is a function that writes the draws from the posterior of the fit to a group, or None.
-
-    Raises
-    ------
-    ValueError
-        the suffix is not .h5, or the folder is missing or not writable. The message is one line.
+    Raise ValueError, with one line, if the suffix is not .h5, or the folder is missing or not writable.
     """
     check_writable(path, (".h5",))
     text = report(result)
@@ -237,29 +193,27 @@ def save(
         file.attrs.update(message=result.message, title=title, loss=structure.loss)
         file.attrs["loss_width"], file.attrs["assumed"] = float(numbers.width), result.assumed
         file["report"] = text
-        write_scenes(file, "scene_at_start", result.scene_at_start)
+        _write_scenes(file, "scene_at_start", result.scene_at_start)
         hdf5.write_texts(file, "data_scenes", result.data_scenes)
         try:
-            write_scenes(file, "scene", result.scene)
+            _write_scenes(file, "scene", result.scene)
         except ValueError:  # the constructors may refuse the fitted values
             if "scene" in file:
                 del file["scene"]
         group = file.create_group("data")
         for i, one in enumerate(result.data):
             one.write_group(group.create_group(str(i)))
-        write_rules(file.create_group("free"), result.free)
-        write_rules(file.create_group("prior"), result.prior)
+        _write_rules(file.create_group("free"), result.free)
+        _write_rules(file.create_group("prior"), result.prior)
         write_quadrature(file, structure.quadrature)
         if result.discrepancy is not None:
-            own = dataclasses.asdict(result.discrepancy)
-            file.create_group("discrepancy").attrs.update(
-                {k: v for k, v in own.items() if v not in (None, ())}
-            )
+            own = {k: v for k, v in dataclasses.asdict(result.discrepancy).items() if v not in (None, ())}
+            file.create_group("discrepancy").attrs.update(own)
         estimated = [np.nan if scale is None else scale for scale in result.estimated]
         hdf5.write_values(file, "estimated", np.array(estimated), "-")
-        write_parameters(file.create_group("parameters"), result)
-        write_uncertainty(file.create_group("uncertainty"), result.uncertainty)
-        write_minima(file.create_group("minima"), result.minima, len(result.names))
+        _write_parameters(file.create_group("parameters"), result)
+        _write_uncertainty(file.create_group("uncertainty"), result.uncertainty)
+        _write_minima(file.create_group("minima"), result.minima, len(result.names))
         if samples is not None:
             samples(file.create_group("samples"))
 
@@ -268,19 +222,12 @@ def load(path: StrPath, cls: type[ResultType]) -> ResultType:
     """Load a fit from a file written by `save`, as an object of the class `cls`.
 
     Numbers are equal to the last bit if they are loaded in the precision of the fit (float64 becomes
-    float32 unless JAX's x64 mode is on).
-
-    Raises
-    ------
-    ValueError
-        the file is invalid. The message is one line with the file, the fault and the rule.
+    float32 unless JAX's x64 mode is on). If the file is invalid, a ValueError names the file, the fault and
+    the rule.
     """
     with hdf5.reading(path, FIT_FORMAT) as file:
-        hdf5.check_names(
-            file,
-            ("report", "scene", "data_scenes", "estimated", "discrepancy", "samples", *GROUPS),
-            _ATTRIBUTES,
-        )
+        known = ("report", "scene", "data_scenes", "estimated", "discrepancy", "samples", *GROUPS)
+        hdf5.check_names(file, known, (*_TEXTS, *FIELDS, *OPTIONS))
         return cls(**_read(file, {name: hdf5.subgroup(file, name) for name in GROUPS}))
 
 
@@ -290,10 +237,10 @@ def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
         raise ValueError(f"status = {found['status']!r}: must be one of {', '.join(map(str, MESSAGES))}")
     if found["method"] not in SOLVERS:
         raise ValueError(f"method = {found['method']!r}: {closest(found['method'], tuple(SOLVERS))}")
-    scene = read_scenes(groups["scene_at_start"])
+    scene = _read_scenes(groups["scene_at_start"])
     of = hdf5.read_texts(file, "data_scenes") if "data_scenes" in file else [""] * len(groups["data"])
-    data = tuple(read_group(group) for group in numbered(groups["data"]))
-    free, prior = read_rules(groups["free"], CONSTRAINTS), read_rules(groups["prior"], PRIORS)
+    data = tuple(read_group(group) for group in _numbered(groups["data"]))
+    free, prior = _read_rules(groups["free"], CONSTRAINTS), _read_rules(groups["prior"], PRIORS)
     quadrature = read_quadrature(file)
     problem = make_problem(scene, data, free, prior, options["loss"], options["loss_width"], quadrature, of)
     scales = hdf5.read_array(file, "estimated", "-", (len(data),)).tolist()
@@ -307,7 +254,7 @@ def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
     problem = problem._replace(targets=problem.targets._replace(error=error))
     if "discrepancy" in file:
         group = hdf5.subgroup(file, "discrepancy")
-        hdf5.check_names(group, (), DISCREPANCY)
+        hdf5.check_names(group, (), tuple(field.name for field in dataclasses.fields(Discrepancy)))
         discrepancy = Discrepancy(**{name: hdf5.plain(value) for name, value in group.attrs.items()})
         problem = with_discrepancy(problem, each_scene(scene, of), data, discrepancy)
     return {
@@ -319,10 +266,10 @@ def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
         "problem": problem,
         "discrepancy": discrepancy,
         "x": hdf5.read_array(groups["parameters"], "x", "-", (size,)),
-        "minima": read_minima(groups["minima"], size),
+        "minima": _read_minima(groups["minima"], size),
         "estimated": estimated,
         # Older files have no such attribute. There, an error equal to ASSUMED was assumed.
         "assumed": bool(file.attrs.get("assumed", ASSUMED in scales)),
-        "uncertainty": read_uncertainty(groups["uncertainty"], groups["parameters"], size),
+        "uncertainty": _read_uncertainty(groups["uncertainty"], groups["parameters"], size),
         **found,
     }

@@ -1,11 +1,20 @@
-"""Plots of fits: data, fit, residuals; correlations. They need matplotlib: pip install 'rubberfric[plot]'."""
+"""Plots of fits: data, fit, residuals; profiles; correlations.
 
+They need matplotlib: pip install 'rubberfric[plot]'.
+"""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
 import numpy as np
 
-from fitting.results.pictures import curve_colours, fitted_curves, lines, measured_points, plot_correlation
 from fitting.results.record import FitRecord
+from fitting.solvers.evaluation import at_conditions, model_rows, residual_rows
+from fitting.solvers.problem import Block
+from fitting.solvers.residuals import forward, predictions
+from fitting.uncertainty.intervals import Band
 from fitting.uncertainty.likelihood_profile import plot_profile
-from rubberfric.base import StrPath
+from rubberfric.base import StrPath, quick_jit
 from rubberfric.plot import save_figure, style
 
 __all__ = ["plot_correlation", "plot_fit", "plot_profile", "save_plot"]
@@ -20,20 +29,33 @@ LABELS = {
 _LEVEL = 0.95
 # A residual is drawn at the edge of the axes if it exceeds this multiple of the median, and the rest by half.
 _OUTLYING = 8.0
+# Largest number of conditions that are drawn with lines; above it data sets are drawn without lines.
+_CURVES = 10
+# Number of points of a line.
+_POINTS = 120
+# Share of white in the colour of the highest pressure of a temperature.
+_LIGHTER = 0.5
+# Marks a missing temperature or pressure.
+_ABSENT = -1.0
+# Largest number of parameters with a number in every cell, and with signs in cells of large correlations.
+_NUMBERS, _SIGNS = 14, 40
+_LARGE = 0.5
+# Size of the cells in a new figure, and the margin around them [inch].
+_CELL, _AROUND = 0.38, 2.6
 
 
 def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
     """Draw measured and fitted values, and below each panel the residuals in standard errors.
 
     Friction and area are drawn against log10 v, with one curve for each temperature and pressure. E' and E''
-    are drawn against omega, and C is drawn against q, with logarithmic axes. E'' has open symbols and dashed
-    lines. The 95 % band of each curve is shaded. Measured points have the error bars that the fit used.
+    are drawn against omega, and C against q, with logarithmic axes. E'' has open symbols and dashed lines.
+    The 95 % band of each curve is shaded. Measured points have the error bars that the fit used. Points at
+    velocities <= 0 are left out. With more than ten different conditions, small crosses show the fitted
+    values instead of lines.
 
     Parameters
     ----------
     result : FitResult
-        Points at velocities <= 0 have no logarithm and are left out. If the data have more than ten
-        different conditions, small crosses show the fitted values instead of lines.
     ax : sequence of matplotlib axes, or None
         Two axes for each quantity among the data, a panel and the residuals below, in the order friction,
         area, modulus, spectrum. If None, the axes belong to a new figure, `ax[0].figure`, which is not
@@ -42,11 +64,6 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
     Returns
     -------
     sequence of the axes, top to bottom
-
-    Raises
-    ------
-    ValueError
-        `ax` has the wrong number of axes.
     """
     if not isinstance(result, FitRecord):
         raise ValueError(f"result is a {type(result).__name__}: must be of class FitResult")
@@ -60,7 +77,7 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
     for quantity, upper, lower in zip(present, ax[::2], ax[1::2], strict=True):
         points = measured_points(result, quantity)
         curves = fitted_curves(points)
-        fitted = lines(result, quantity, points, curves, _LEVEL)
+        fitted = _fitted_lines(result, quantity, points, curves)
         handles = _draw(quantity, points, curves, fitted, upper, lower)
         handles += _dress(quantity, points, upper, lower)
         if handles:
@@ -95,13 +112,8 @@ def _draw(quantity, points, curves, fitted, upper, lower):
     handles = []
     for curve, line in zip(curves, fitted, strict=True):
         colour, where = tones[curve.look], curve.where
-        look = {
-            "color": colour,
-            "marker": style.MARKERS[curve.look % len(style.MARKERS)],
-            "markersize": 3.5,
-            "markerfacecolor": "white" if curve.part else colour,
-            "linestyle": "none",
-        }
+        look = {"color": colour, "marker": style.MARKERS[curve.look % len(style.MARKERS)], "markersize": 3.5}
+        look |= {"markerfacecolor": "white" if curve.part else colour, "linestyle": "none"}
         x, dashes = scaled(points.x[where]), "--" if curve.part else "-"
         errors = points.below[where], points.above[where]
         upper.errorbar(x, points.measured[where], errors, elinewidth=0.7, **look)
@@ -109,10 +121,9 @@ def _draw(quantity, points, curves, fitted, upper, lower):
         if line is None or where.size == 1:
             upper.plot(x, points.fitted[where], "x", color=colour, markersize=3)
         if line is not None:
-            upper.plot(scaled(line[0]), line[1].value, dashes, color=colour, linewidth=1.2)
-            upper.fill_between(
-                scaled(line[0]), line[1].low, line[1].high, color=colour, alpha=0.25, linewidth=0
-            )
+            at, band = scaled(line[0]), line[1]
+            upper.plot(at, band.value, dashes, color=colour, linewidth=1.2)
+            upper.fill_between(at, band.low, band.high, color=colour, alpha=0.25, linewidth=0)
             look["linestyle"] = dashes
         handles.append(upper.plot([], [], label=curve.text or "data, fit", **look)[0])
     if any(fitted):
@@ -174,3 +185,203 @@ def _mark_outliers(quantity, points, outlying, upper, lower):
             at = x[outlying & beyond]
             axes.plot(at, np.full(at.size, height), marker, transform=axes.get_xaxis_transform(), **look)
     return upper.plot([], [], "^", label="outlier, beyond the axes", **look)[0]
+
+
+class PlottedPoints(NamedTuple):
+    """All measured and fitted points of one quantity, as arrays of equal length."""
+
+    x: np.ndarray  # velocity, omega or q, > 0
+    measured: np.ndarray
+    below: np.ndarray  # lengths of the error bar
+    above: np.ndarray
+    fitted: np.ndarray
+    residual: np.ndarray  # (measured - fitted) / error, of the logarithms where errors are relative
+    part: np.ndarray  # 0, and 1 for E''
+    body: np.ndarray  # "lower", "upper", or ""
+    temperature: np.ndarray  # _ABSENT if missing
+    pressure: np.ndarray
+    source: np.ndarray  # label of the data set
+    scene: np.ndarray  # name of the scene, "" for a single scene
+
+
+class PlottedCurve(NamedTuple):
+    """Points that share one line of a plot, or the points of one data set if the plot has no lines."""
+
+    text: str
+    conditions: tuple[str, str, float, float] | None  # (scene, body, temperature, pressure), None: no line
+    part: int
+    look: int  # number of the colour and marker
+    where: np.ndarray  # indices of its points, by increasing x
+
+
+def measured_points(result: FitRecord, quantity: str) -> PlottedPoints:
+    """Return the points of all data sets of a quantity, except points at velocities <= 0."""
+    problem = result.problem
+    model, residual = model_rows(problem, result.x), residual_rows(problem, result.x)
+    parts = []
+    for one, rows, scene in zip(result.data, problem.order, result.data_scenes, strict=True):
+        if one.quantity != quantity:
+            continue
+        parts_of_one, size = len(one.values), rows.size // len(one.values)
+        body = next(b.body for b in problem.structure.blocks if b.rows[0] <= rows[0] < b.rows[1])
+        measured, error, fitted = one.measured, np.asarray(problem.targets.error)[rows], model[rows]
+        below = above = error
+        if one.logarithmic:
+            below, above, fitted = -measured * np.expm1(-error), measured * np.expm1(error), np.exp(fitted)
+
+        def every(name, size=size, count=parts_of_one, one=one):
+            value = getattr(one, name, None)
+            return np.tile(np.full(size, _ABSENT) if value is None else value, count)
+
+        parts.append(
+            (
+                every(one.conditions[0]), measured, below, above, fitted, -residual[rows],
+                np.repeat(np.arange(parts_of_one), size), np.full(rows.size, body or ""),
+                every("temperature"), every("pressure"), np.full(rows.size, one.label),
+                np.full(rows.size, scene),
+            )
+        )  # fmt: skip
+    points = PlottedPoints(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return PlottedPoints(*(column[points.x > 0] for column in points))
+
+
+def fitted_curves(points: PlottedPoints) -> list[PlottedCurve]:
+    """Return one curve for each combination of scene, body, temperature and pressure, and for E' and E''.
+
+    If there are more than ten combinations, the points are grouped by data set, without conditions.
+    """
+    columns = (points.scene, points.body, points.temperature, points.pressure)
+    each = list(zip(*(column.tolist() for column in columns), strict=True))
+    keys = sorted(set(each))
+    if len(keys) <= _CURVES:
+        several = len({key[1] for key in keys}) > 1
+        groups = [(_text(key, several), key, np.array([one == key for one in each])) for key in keys]
+    else:
+        groups = [(label, None, points.source == label) for label in dict.fromkeys(points.source.tolist())]
+    curves = []
+    for look, (text, key, mask) in enumerate(groups):
+        for part in range(int(points.part.max()) + 1):
+            where = np.flatnonzero(mask & (points.part == part))
+            where = where[np.argsort(points.x[where], kind="stable")]
+            name = ("$E''$" if part else "$E'$") if points.part.any() else ""
+            curves.append(PlottedCurve(", ".join(filter(None, (text, name))), key, part, look, where))
+    return curves
+
+
+def curve_colours(curves: list[PlottedCurve]) -> np.ndarray:
+    """Return the RGBA colour of every `look`, shape (looks, 4).
+
+    With several temperatures and pressures, each temperature has its own tone, and higher pressures are
+    lighter.
+    """
+    conditions = {curve.look: curve.conditions for curve in curves}
+    keys = [None if key is None else key[:3] for key in conditions.values()]
+    families = list(dict.fromkeys(keys))
+    if None in keys or len(families) in (0, 1, len(keys)):
+        return style.colours(max(len(keys), 1))
+    colours = style.colours(len(families))[[families.index(key) for key in keys]]
+    for look, key in enumerate(keys):
+        members = [k for k, other in enumerate(keys) if other == key]
+        share = members.index(look) / max(len(members) - 1, 1)
+        colours[look, :3] += _LIGHTER * share * (1 - colours[look, :3])
+    return colours
+
+
+def _text(key, several):
+    scene, body, temperature, pressure = key
+    texts = [scene] * bool(scene) + [body] * several
+    if pressure != _ABSENT:
+        texts.append(f"{pressure / 1e6:.4g} MPa")
+    if temperature != _ABSENT:
+        texts.append(f"{style.signed(round(temperature - 273.15, 2) + 0.0)} °C")
+    return ", ".join(texts)
+
+
+def _fitted_lines(result, quantity, points, curves):
+    """Return a pair (x, Band) for every curve, as in `FitResult.band`, or None without conditions."""
+    found = {}
+    for curve in curves:
+        if curve.conditions is not None and curve.conditions not in found:
+            x = np.geomspace(*points.x[curve.where][[0, -1]], _POINTS)
+            found[curve.conditions] = x, _band(result, quantity, x, *curve.conditions)
+    pairs = [found.get(curve.conditions) for curve in curves]
+    return [
+        pair and (pair[0], Band(*(column[curve.part] for column in pair[1])))
+        for curve, pair in zip(curves, pairs, strict=True)
+    ]
+
+
+def _band(result, quantity, x, scene, body, temperature, pressure):
+    """Return the `Band` at x with a row for each part, E' and E'' of a modulus."""
+    T, p = (None if value == _ABSENT else np.full(x.size, value) for value in (temperature, pressure))
+    conditions = {"modulus": (x, T), "spectrum": (x,)}.get(quantity, (x, p, T))
+    at = result.uncertainty.x
+    found = at_conditions(result.problem, (quantity, body or None, scene), conditions, at)
+    if found is None:  # the compiled function of the fit does not cover these conditions
+        block = Block(quantity, body or None, False, (0, x.size * (2 if quantity == "modulus" else 1)), scene)
+        structure = result.problem.structure._replace(blocks=(block,))
+        numbers = result.problem.numbers._replace(conditions=(conditions,))
+        found = map(np.asarray, _value_and_slopes(structure, numbers, jnp.asarray(at)))
+    return Band(*(column.reshape(-1, x.size) for column in result.widened(*found, _LEVEL)))
+
+
+@quick_jit(static_argnums=(0,))
+def _value_and_slopes(structure, numbers, x):
+    return forward(lambda x: predictions(structure, numbers, x)[0], x)
+
+
+def plot_correlation(result: Any, ax: style.Axes | None = None) -> style.Axes:
+    """Draw the correlation matrix of a fit's free parameters.
+
+    Each cell shows the correlation as a number. With more than 14 parameters, a cell shows only the sign, and
+    only if the correlation is beyond +-0.5. With more than 40 parameters, the cells have no text. Cells of
+    parameters without an error bar are hatched.
+
+    Parameters
+    ----------
+    result : FitResult, PronyFit or SpectrumFit
+    ax : matplotlib axes, which are returned
+        If None, they belong to a new figure, `ax.figure`, which is not registered with pyplot. The colour bar
+        is the last of `ax.figure.axes`.
+    """
+    if not hasattr(result, "correlation"):
+        result = getattr(result, "fit", result)
+    if not (hasattr(result, "names") and hasattr(result, "correlation")):
+        raise ValueError(f"result is a {type(result).__name__}: must be a FitResult, PronyFit or SpectrumFit")
+    names, correlation = list(result.names), np.asarray(result.correlation)
+    side = _AROUND + max(_CELL * min(len(names), 2 * _NUMBERS), 1.5)
+    axes = style.one_axes(ax, (side + 0.8, side))
+    mesh = axes.imshow(correlation, cmap=style.diverging(), vmin=-1, vmax=1, interpolation="nearest")
+    axes.grid(False)  # which a notebook may have switched on
+    small = "small" if len(names) <= _NUMBERS else "x-small"
+    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=small)
+    axes.set_yticks(range(len(names)), names, fontsize=small)
+    _write(axes, correlation)
+    _hatch(axes, correlation)
+    axes.figure.colorbar(mesh, ax=axes, shrink=0.8).set_label("correlation [-]")
+    return axes
+
+
+def _write(axes, correlation):
+    # Numbers or signs, so that the signs can be read without colours.
+    count = len(correlation)
+    if count > _SIGNS:
+        return
+    for (i, j), value in np.ndenumerate(correlation):
+        if not np.isfinite(value):
+            continue
+        text = f"{round(value, 2) + 0.0:.2f}".replace("-", "\N{MINUS SIGN}")
+        if count > _NUMBERS:
+            text = "" if i == j or abs(value) < _LARGE else "\N{MINUS SIGN}" if value < 0 else "+"
+        axes.text(j, i, text, ha="center", va="center", fontsize="x-small")
+
+
+def _hatch(axes, correlation):
+    from matplotlib.patches import Patch, Rectangle
+
+    look = {"facecolor": "0.9", "edgecolor": "0.6", "hatch": "////", "linewidth": 0}
+    for i, j in np.argwhere(~np.isfinite(correlation)):
+        axes.add_patch(Rectangle((j - 0.5, i - 0.5), 1, 1, **look))
+    if not np.isfinite(correlation).all():
+        patch = Patch(label="error bar withheld", **look)
+        axes.legend(handles=[patch], fontsize="small", loc="lower left", bbox_to_anchor=(0, 1))

@@ -13,7 +13,7 @@ from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import ALL, Scenes
 from fitting.parameters.variables import Variables
 from fitting.solvers.evaluation import residual_rows
-from fitting.solvers.iterate import MESSAGES, succeeded
+from fitting.solvers.objective import MESSAGES, succeeded
 from fitting.solvers.problem import make_problem
 from fitting.uncertainty.covariance import Direction, uncertainty
 from fitting.uncertainty.intervals import SolvedProblem, Valley, valleys
@@ -46,7 +46,7 @@ class FitRecord(SolvedProblem):
     scene_at_start, free, prior, method, data : as given to `fitting.fit`
     discrepancy : as given, with the estimated amplitude and width
     data_scenes : name of the scene of each data set, "" for a single scene
-    status : how the fit ended, a constant of `fitting.solvers.iterate`
+    status : how the fit ended, a constant of `fitting.solvers.objective`
     nfev, njev : number of evaluations of the residuals and of their Jacobian
     seconds : wall time [s]
     minima : distinct minima that the starts found
@@ -70,13 +70,14 @@ class FitRecord(SolvedProblem):
     def __getitem__(self, path: str) -> Fitted:
         """Return a free parameter, or all free elements of an array, as in result["gamma"].stderr.
 
-        Raises
-        ------
-        KeyError : the path was not free.
+        Raise KeyError if the path was not free.
         """
         columns = self.values, self.stderr, self.start_values
-        if isinstance(self.scene_at_start, dict):
-            path = self._shared(path)
+        scene, _, below = path.partition(".")
+        if isinstance(self.scene_at_start, dict) and scene in self.scene_at_start:
+            # The shared name, such as *.shear.tau_f0, if all scenes share the parameter.
+            shared = {name.split("[")[0] for name in self.names if name.startswith(ALL)}
+            path = f"{ALL}{below}" if f"{ALL}{below}".split("[")[0] in shared else path
         if path in self.names:
             return Fitted(*(float(column[self.names.index(path)]) for column in columns))
         which = [i for i, name in enumerate(self.names) if name.startswith(f"{path}[")]
@@ -86,18 +87,10 @@ class FitRecord(SolvedProblem):
         return Fitted(*(column[which] for column in columns))
 
     def freed(self, path: str, rule: Constraint | None = None) -> Self:
-        """Return this record with the parameter `path` free in addition, at the value in the fitted scene.
+        """Return this record with the parameter `path` free in addition, by default Positive().
 
-        Nothing is fitted again, so the result is not a minimum with respect to the new parameter.
-
-        Parameters
-        ----------
-        path : key path of a number of the scene
-        rule : rule of the parameter. If None, the rule is Positive().
-
-        Raises
-        ------
-        ValueError : as `fitting.fit`
+        Nothing is fitted again, so the result is not a minimum with respect to the new parameter. Raise
+        ValueError as `fitting.fit`.
         """
         of, loss, width = self.data_scenes, self.problem.structure.loss, float(self.problem.numbers.width)
         free = self.free | {path: Positive() if rule is None else rule}
@@ -106,13 +99,6 @@ class FitRecord(SolvedProblem):
         problem = problem._replace(targets=problem.targets._replace(error=self.problem.targets.error))
         known = uncertainty(problem, problem.start)
         return dataclasses.replace(self, free=free, problem=problem, x=problem.start, uncertainty=known)
-
-    def _shared(self, path):
-        # The shared name, such as *.shear.tau_f0, if all scenes share the parameter.
-        scene, _, below = path.partition(".")
-        shared = f"{ALL}{below}"
-        known = {name.split("[")[0] for name in self.names}
-        return shared if scene in self.scene_at_start and shared.split("[")[0] in known else path
 
     def to_dataframe(self) -> Any:
         """Return the free parameters as a pandas.DataFrame indexed by key path. Pandas must be installed."""

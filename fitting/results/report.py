@@ -1,5 +1,6 @@
 """Report of a fit as text, in the layout of lmfit's fit_report; values are rounded to their errors."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import jax
@@ -7,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from fitting.data.kinds import AreaData, FrictionData
-from fitting.parameters.constraints import FOLLOWING, RmsSlope, Tied
+from fitting.parameters.constraints import RmsSlope
 from fitting.parameters.correlated import Correlated
 from fitting.parameters.discrepancy import text_of
 from fitting.parameters.priors import Smooth, Sum
@@ -37,13 +38,11 @@ def unit(scene: Scenes, path: str) -> str:
 def variable_rows(result: FitRecord) -> list[tuple[str, ...] | str]:
     """Return texts for every free element: name, value, error, unit, relative error, start, remark.
 
-    The elements in the middle of a long array are replaced by one line of text.
+    One line of text replaces the middle of a long array.
     """
     values, starts, errors = result.values, result.start_values, result.stderr
     names, rows = result.names, []
-    for group in result.variables.groups:
-        if group.kind in FOLLOWING:
-            continue
+    for group in result.variables.own:
         slot, scale = list(range(*group.slot)), unit(result.scene_at_start, group.path)
         hidden = slot[LISTED // 2 : -(LISTED // 2)] if len(slot) > LISTED else []
         for i in slot:
@@ -62,10 +61,7 @@ def variable_rows(result: FitRecord) -> list[tuple[str, ...] | str]:
 
 
 def _by_scatter(result, error):
-    """Return the error times sqrt(reduced chi-square), in brackets.
-
-    Return "" if the verdict does not reject the scene, or if the errors are already scaled.
-    """
+    """Return the error times sqrt(reduced chi-square) in brackets if the verdict rejects the scene."""
     if result.verdict.explains is not False or result.error_scale != 1 or not result.redchi > 1:
         return ""
     return f"[{error * np.sqrt(result.redchi):#.2g}]"
@@ -89,13 +85,9 @@ def tied_lines(result: FitRecord) -> list[str]:
     """Return a line with the value and the rule for every key path that is tied to another key path."""
     leaves, lines = jax.tree.leaves(result.scene), []
     groups = [group for group in result.variables.groups if group.kind in ("Tied", "RmsSlope")]
-    rules = [
-        rule
-        for path, rule in result.free.items()
-        if isinstance(rule, Tied | RmsSlope)
-        for _ in paths_of(result.scene_at_start, path)
-    ]
-    for group, rule, ratio in zip(groups, rules, result.problem.numbers.constants.ratios, strict=True):
+    rules = {one: rule for path, rule in result.free.items() for one in paths_of(result.scene_at_start, path)}
+    for group, ratio in zip(groups, result.problem.numbers.constants.ratios, strict=True):
+        rule = rules[group.path]
         values, ratio = np.atleast_1d(leaves[group.leaf])[list(group.elements or (0,))], np.asarray(ratio)
         scale = unit(result.scene_at_start, group.path)
         said = f"{ratio[0]:.6g} times" if np.ptp(ratio) == 0 else "in a fixed ratio to"
@@ -108,10 +100,7 @@ def tied_lines(result: FitRecord) -> list[str]:
 
 
 def error_text(result: Any, name: str, value: float) -> str:
-    """Return the error of a value as text, or the reason for a missing error bar, or "(fixed)".
-
-    `result` is a FitResult or PronyFit, and `name` is the last step of a key path.
-    """
+    """Return the error of a value as text, or why it has none. `name` is the last step of a key path."""
     errors = dict(zip((full.rsplit(".", 1)[1] for full in result.names), result.stderr, strict=True))
     withheld = {full.rsplit(".", 1)[1]: why for full, why in result.withheld.items()}
     if name in withheld:
@@ -122,12 +111,10 @@ def error_text(result: Any, name: str, value: float) -> str:
 def report(result: FitRecord) -> str:
     """Return the report of a `fitting.FitResult` as text of several lines.
 
-    The sections are [[Verdict]], [[Fit]], [[Data]], [[Statistics]] and [[Variables]] with value, standard
-    error and start. The further sections [[Tied]], [[Priors]], [[Not identified]], [[Minima]] and
-    [[Correlations]] are left out if empty. [[Not identified]] numbers the directions that the data do not
-    determine, and the reasons for missing error bars refer to these numbers. The first line states if the fit
-    did not converge, or if the scene does not explain the data. If an array has more free elements than
-    `LISTED`, only the first and the last elements are listed.
+    Empty sections are left out. [[Not identified]] numbers the directions that the data do not determine, to
+    which the reasons for missing error bars refer. The first line states if the fit did not converge, or if
+    the scene does not explain the data. If an array has more free elements than `LISTED`, only the first and
+    the last elements are listed.
     """
     lines = [line for line in headlines(result) for line in (line, "")]
     sections = {
@@ -149,10 +136,7 @@ def report(result: FitRecord) -> str:
 
 
 def headlines(result: FitRecord) -> list[str]:
-    """Return a headline if the fit did not succeed or the verdict rejects the scene.
-
-    The list is empty for a good fit.
-    """
+    """Return a list with a headline if the fit did not succeed or the verdict rejects the scene."""
     if not result.success:
         return [f"THE FIT DID NOT SUCCEED: {result.message}"]
     found = result.verdict
@@ -202,15 +186,9 @@ def _fit(result):
 
 
 def _contact_model(result):
-    kinds = (FrictionData, AreaData)
-    scenes = [
-        scene
-        for one, scene in zip(result.data, each_scene(result.scene_at_start, result.data_scenes), strict=True)
-        if isinstance(one, kinds)
-    ]
-    if not scenes:
-        return {}
-    return {"contact": "; ".join(dict.fromkeys(map(_contact_text, scenes)))}
+    pairs = zip(result.data, each_scene(result.scene_at_start, result.data_scenes), strict=True)
+    texts = [_contact_text(scene) for one, scene in pairs if isinstance(one, FrictionData | AreaData)]
+    return {"contact": "; ".join(dict.fromkeys(texts))} if texts else {}
 
 
 def _contact_text(scene):
@@ -270,17 +248,12 @@ def _variables(result):
             row = (f"{name}:", value, f"+/- {error}", scale, share, f"(start = {start})", remark)
         rows.append(row)
     cells = [row for row in rows if isinstance(row, tuple)]
-    widths = [max(len(row[k]) for row in cells) for k in range(7)]
-    lines = []
-    for row in rows:
-        if isinstance(row, tuple):
-            padded = (
-                cell.rjust(width) if k in (1, 4) else cell.ljust(width)
-                for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-            )
-            row = "  ".join(padded).rstrip().replace("  +/-", " +/-", 1)
-        lines.append(row)
-    return lines
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    layout = "  ".join(f"{{:{'>' if k in (1, 4) else '<'}{width}}}" for k, width in enumerate(widths))
+    return [
+        layout.format(*row).rstrip().replace("  +/-", " +/-", 1) if isinstance(row, tuple) else row
+        for row in rows
+    ]
 
 
 def _priors(result):
@@ -306,20 +279,17 @@ def _priors(result):
 def _of_several(result, key, prior):
     """Describe a `Sum` or `Correlated` prior, and compare the fitted values with the prior."""
     place = PriorContext("", key, result.scene, result.variables, result.problem.numbers.constants)
-    [(rows, numbers)] = prior.read(place)
+    [rows] = prior.read(place)
     leaves = jax.tree.leaves(result.scene)
     if isinstance(prior, Sum):
-        value, scale = (
-            np.sum(np.asarray(rows.chosen.of(leaves))),
-            unit(result.scene_at_start, rows.chosen.paths[0]),
-        )
+        value = np.sum(np.asarray(rows.chosen.of(leaves)))
+        scale = unit(result.scene_at_start, rows.chosen.paths[0])
         limits = [("above", prior.low), ("below", prior.high)]
         said = " and ".join(f"{word} {limit:g}" for word, limit in limits if limit is not None)
         return f"{key}: {said}{f' {scale}' * bool(scale)} within {prior.sigma:.2g}, fitted {value:.4g}"
-    squares = float(np.sum(np.asarray(rows.rows(numbers, leaves, jnp.asarray(result.x))) ** 2))
-    return (
-        f"{key}: known from another fit, fitted values {np.sqrt(squares / rows.size):.2g} errors away (rms)"
-    )
+    squares = float(np.sum(np.asarray(rows.rows(leaves, jnp.asarray(result.x))) ** 2))
+    away = np.sqrt(squares / rows.size)
+    return f"{key}: known from another fit, fitted values {away:.2g} errors away (rms)"
 
 
 def _minima(result):
@@ -334,23 +304,25 @@ def _minima(result):
 
 def _correlations(result):
     names, correlation = result.names, result.correlation
-    pairs = [
-        (abs(correlation[i, j]), correlation[i, j], names[i], names[j])
-        for i in range(len(names))
-        for j in range(i + 1, len(names))
-        if abs(correlation[i, j]) > _CORRELATED  # False for NaN, which withheld ones have
-    ]
+    large = np.triu(np.abs(correlation), 1)  # NaN where an error bar is withheld
+    pairs = sorted(np.argwhere(large > _CORRELATED).tolist(), key=lambda pair: -large[*pair])
     if not pairs:
         return []
-    pairs.sort(key=lambda pair: -pair[0])
-    shown = [(f"C({one}, {two})", value) for _, value, one, two in pairs[:_PAIRS]]
+    shown = [(f"C({names[i]}, {names[j]})", correlation[i, j]) for i, j in pairs[:_PAIRS]]
     width = max(len(name) for name, _ in shown)
     # Rounded up, to stay above the largest that is left out.
-    below = _CORRELATED if len(pairs) <= _PAIRS else np.ceil(1000 * pairs[_PAIRS][0]) / 1000
+    below = _CORRELATED if len(pairs) <= _PAIRS else np.ceil(1000 * large[*pairs[_PAIRS]]) / 1000
     return [
         *(f"{name:<{width}} = {value:+.4f}" for name, value in shown),
         f"(unreported correlations are < {below:.3f})",
     ]
+
+
+def aligned_table(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return lines of text with the cells of rows in columns, the first to the left, others to the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    layout = "  ".join(f"{{:{'>' if k else '<'}{width}}}" for k, width in enumerate(widths))
+    return [layout.format(*row).rstrip() for row in rows]
 
 
 def _aligned(rows):

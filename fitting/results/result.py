@@ -57,17 +57,14 @@ class FitResult(FitRecord):
     ) -> LikelihoodProfile:
         """Return the profile likelihood of a spectrum's cut-off q1, with all other parameters fitted again.
 
+        `fitting.plot.plot_profile` draws the profile.
+
         Parameters
         ----------
         path : key path that ends in .q1, free in this fit or not. If None, the only rough solid is used.
         level : confidence level of the interval
         values : values of q1 [1/m]. If None, 12 values from 0.1 to 10 times the fitted value are used, as far
             as a tabulated spectrum contains them.
-
-        Returns
-        -------
-        LikelihoodProfile
-            `parameters` contains the other parameters. `fitting.plot.plot_profile` draws the profile.
         """
         path = cutoff_path(self.scene, path)
         fit = self if path in self.names else self.freed(path)
@@ -94,7 +91,7 @@ class FitResult(FitRecord):
 
         The draws use the No-U-Turn sampler of numpyro and the diagnostics of arviz-stats (pip install
         'rubberfric[sampling]'). The metric and the starts follow from the covariance of the fit, see
-        `fitting.uncertainty.posterior`.
+        `fitting.uncertainty.posterior`. Errors that were estimated from the scatter are treated as known.
 
         Parameters
         ----------
@@ -105,20 +102,11 @@ class FitResult(FitRecord):
         flat : "x" or "values", the variable in which numbers without a prior are uniform, see `log_density`
         callback : called as callback(chain, draw) after every draw, warm-up included, or None
 
-        Returns
-        -------
-        Samples : draws with R-hat and effective sample sizes. `reliable` is True if the diagnostics are good.
-
         Raises
         ------
         ValueError : an option is wrong, or data and priors do not determine a direction, along which the
             density has no finite integral.
         ModuleNotFoundError : numpyro or arviz-stats is not installed.
-
-        Notes
-        -----
-        Errors that were estimated from the scatter are treated as known. The first draw compiles the density
-        and its gradient. A later fit of the same kind compiles nothing.
         """
         return drawn(self, n, warmup, chains, key, flat, callback)
 
@@ -178,13 +166,9 @@ def _html(result: FitRecord) -> str:
     rows.append(f"measured values: {count}; reduced chi-square [-]: {redchi}; cost [-]: {result.cost:.6g}")
     caption = "; ".join(headlines(result)) or f"{result.message}; the scene {result.verdict.text}"
     headings = ("parameter", "value", "relative error", "start", "")
-    below = (
-        html.folded("report", html.preformatted(report(result))),
-        *(
-            html.folded(f"scene {name}".rstrip(), object_html(scene))
-            for name, scene in by_name(result.scene).items()
-        ),
-    )
+    below = [html.folded("report", html.preformatted(report(result)))]
+    for name, scene in by_name(result.scene).items():
+        below.append(html.folded(f"scene {name}".rstrip(), object_html(scene)))
     return "\n".join([html.table(rows, headings, caption), *below])
 
 
@@ -199,27 +183,11 @@ def friction_table(
 ) -> FrictionTable:
     """Return mu(v, p, T) of a fit with standard errors, on a grid for multilinear interpolation.
 
-    Parameters
-    ----------
-    result : FitResult
-    velocity, pressure, temperature, error, title : as for `rubberfric.analysis.friction_table`
-
-    Returns
-    -------
-    FrictionTable with `sigma`, the standard error of mu from the width of `FitResult.band`
-
-    Raises
-    ------
-    ValueError : as `rubberfric.analysis.friction_table`.
+    See `rubberfric.analysis.friction_table` for the arguments and errors. `sigma` of the table is the
+    standard error of mu from the width of `FitResult.band`.
     """
-    quadrature = result.problem.structure.quadrature
-    table = table_of_scene(
-        result.problem.scene(result.x),
-        *(velocity, pressure, temperature),
-        error=error,
-        quadrature=quadrature,
-        title=title,
-    )
+    options = {"error": error, "quadrature": result.problem.structure.quadrature, "title": title}
+    table = table_of_scene(result.problem.scene(result.x), velocity, pressure, temperature, **options)
     T = None if table.temperature is None else table.temperature[:, None, None]
     band = result.band(table.velocity, table.pressure[:, None], T, level=_LEVEL)
     sigma = band.value * np.log(band.high / band.value) / result.quantile(_LEVEL)

@@ -14,6 +14,7 @@ from jax.typing import ArrayLike
 import rubberfric as rf
 from fitting.results import hdf5 as fit_files
 from fitting.results.record import FitRecord
+from fitting.results.report import aligned_table
 from fitting.solvers.options import check_options
 from fitting.uncertainty.intervals import Band
 from fitting.uncertainty.posterior import FLAT, DrawProgress, diagnosed, run_chains
@@ -95,13 +96,9 @@ class Samples:
         return not self._warnings()
 
     def quantiles(self, levels: Sequence[float] | float = _QUANTILES) -> np.ndarray:
-        """Return quantiles of the values at one or several levels between 0 and 1.
+        """Return quantiles of the values at levels within 0 ... 1.
 
         The result has the shape (levels, size), or (size,) if `levels` is a number.
-
-        Raises
-        ------
-        ValueError : a level is not within 0 ... 1.
         """
         asked = np.asarray(levels, float)
         if not ((asked >= 0) & (asked <= 1)).all():
@@ -128,12 +125,9 @@ class Samples:
 
         Parameters
         ----------
-        velocity, pressure, temperature : broadcastable [m/s], [Pa], [K]
-            as for `rubberfric.solve`.
-        quantity : name of a quantity of `rubberfric.solve`
+        velocity, pressure, temperature, quantity, scene : as for `FitResult.band`
         level : share of the draws within the band
         draws : number of draws to use, evenly spaced
-        scene : name of the scene if there are several
         """
         check_options(level=level, count=draws)
         x = self.x.reshape(-1, self.x.shape[-1])
@@ -162,18 +156,13 @@ class Samples:
     def report(self) -> str:
         """Return text of several lines with diagnostics of the draws and quantiles of all parameters."""
         chains, draws, _ = self.x.shape
-        found = self._warnings()
         lines = [
             f"{chains * draws} draws of {chains} chain{'s' * (chains > 1)}, flat in {self.flat}",
-            *(f"    NOT RELIABLE: {text}" for text in found),
+            *(f"    NOT RELIABLE: {text}" for text in self._warnings()),
             f"    largest R-hat {self.rhat.max():.4f}, smallest effective number {self.ess.min():.0f}",
         ]
-        rows = self._table()
         heading = ("", "2.5 %", "median", "97.5 %", "fit", "R-hat", "effective")
-        widths = [max(len(row[k]) for row in [heading, *rows]) for k in range(len(heading))]
-        for row in (heading, *rows):
-            cells = [row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))]
-            lines.append("    " + "  ".join(cells))
+        lines += [f"    {line}" for line in aligned_table([heading, *self._table()])]
         return "\n".join(lines) + "\n"
 
     def _repr_html_(self) -> str:
@@ -231,10 +220,7 @@ class Samples:
 
     @classmethod
     def load(cls, path: StrPath) -> Self:
-        """Load a fit and the draws from a file written by `save`.
-
-        If the file is invalid, a ValueError names the file and the fault.
-        """
+        """Load a fit and the draws from a file written by `save`, or raise ValueError with the fault."""
         fit = fit_files.load(path, FitRecord)
         with hdf5.reading(path, fit_files.FIT_FORMAT) as file:
             group = hdf5.subgroup(file, "samples")
@@ -267,6 +253,6 @@ def drawn(
     began = time.perf_counter()
     key = jax.random.key(0) if key is None else key
     found = run_chains(fit, flat, -(-n // chains), warmup, chains, key, callback)
-    rhat, ess = diagnosed(found.x)
+    rhat, ess = diagnosed(found["x"])
     seconds = time.perf_counter() - began
-    return Samples(fit=fit, **found._asdict(), rhat=rhat, ess=ess, flat=flat, warmup=warmup, seconds=seconds)
+    return Samples(fit=fit, **found, rhat=rhat, ess=ess, flat=flat, warmup=warmup, seconds=seconds)

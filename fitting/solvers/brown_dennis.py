@@ -4,19 +4,18 @@ r"""Least squares with few evaluations: quadratic models of the residuals with s
 
 The Hessian H of each residual changes by the smallest symmetric matrix that agrees with the new Jacobian
 [Brown & Dennis, New computational algorithms for minimizing a sum of squares of nonlinear functions, Yale
-University report 71-6 (1971); Powell's symmetric Broyden update]. The next move minimises the sum of squares
-of these functions within a trust radius. This saves time if an evaluation of the model takes longer than the
-linear algebra. If residuals stay large at the minimum, Gauss-Newton steps converge linearly, while these
-steps converge superlinearly. A rejected step still updates H.
-
-The functions use NumPy and treat one fit at a time. H is stored as an array of shape (rows, size, size).
+University report 71-6 (1971); Powell's symmetric Broyden update], also after a rejected step. The next move
+minimises the sum of squares of these functions within a trust radius. This saves time if an evaluation of the
+model takes longer than the linear algebra, and converges superlinearly even if residuals stay large at the
+minimum. The functions use NumPy and treat one fit at a time.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from fitting.solvers.iterate import (
+from fitting.solvers.levenberg_marquardt import LONGEST_STEP
+from fitting.solvers.objective import (
     CONVERGED,
     NEGLIGIBLE,
     NOT_FINITE,
@@ -26,7 +25,6 @@ from fitting.solvers.iterate import (
     STALLED,
     Iterate,
 )
-from fitting.solvers.levenberg_marquardt import LONGEST_STEP
 
 # Trust radius in x at the start, where a Positive parameter changes by a factor e, and where a fit stalls.
 _FIRST, _LAST = 1.0, 1e-9
@@ -56,10 +54,7 @@ class QuadraticModel(NamedTuple):
 
 
 def begin_quadratic(x: np.ndarray, rows: np.ndarray, jacobian: np.ndarray) -> Iterate:
-    """Return the first iterate of a fit, given the residuals and the Jacobian at x.
-
-    `rows` has the shape (rows,), and `jacobian` has the shape (rows, size).
-    """
+    """Return the first iterate of a fit, given the residuals and the Jacobian at x."""
     finite = np.isfinite(rows).all() and np.isfinite(jacobian).all()
     hessians, costs = np.zeros((*jacobian.shape, x.size)), np.full(_EVALUATIONS, np.inf)
     model = QuadraticModel(rows, jacobian, hessians, np.asarray(_FIRST), costs)
@@ -69,10 +64,7 @@ def begin_quadratic(x: np.ndarray, rows: np.ndarray, jacobian: np.ndarray) -> It
 
 
 def propose_move(iterate: Iterate, longest: float = LONGEST_STEP) -> np.ndarray:
-    """Return the next move, an array of shape (size,).
-
-    The length of the move is at most the trust radius, and no element of x changes by more than `longest`.
-    """
+    """Return the next move, within the trust radius and with no element longer than `longest`."""
     model = iterate.own
     largest = np.linalg.norm(model.jacobian, 2) ** 2
 
@@ -113,15 +105,10 @@ def after_move(
     rounding: float = 0.0,
     longest: float = LONGEST_STEP,
 ) -> Iterate:
-    """Return the iterate after a move.
+    """Return the iterate after a move, given the residuals and the Jacobian there.
 
-    Parameters
-    ----------
-    iterate, move : iterate before the move, and the move
-    rows, jacobian : residuals and Jacobian after the move
-    tolerance : the fit ends when the linear model predicts a smaller relative gain in cost
-    rounding : cost due to rounding, below which the data are fitted exactly
-    longest : as in `propose_move`
+    The fit ends when the linear model predicts a relative gain in cost below `tolerance`, or when the cost is
+    below `rounding`. `longest` is as in `propose_move`.
     """
     model, before = iterate.own, float(iterate.cost)
     finite = bool(np.isfinite(rows).all() and np.isfinite(jacobian).all())
@@ -169,20 +156,14 @@ def _promise(model, move):
 
 
 def _linear_promise(model, longest):
-    """Return the gain in cost that linear models of the residuals predict.
-
-    The step along each singular vector of the Jacobian is limited to `longest`.
-    """
+    """Return the gain that linear models predict for steps up to `longest` along each singular vector."""
     U, s, _ = np.linalg.svd(model.jacobian, full_matrices=False)
     along = np.abs(U.T @ model.rows)
     return float(np.sum(np.minimum(0.5 * along**2, along * s * longest)))
 
 
 def _least(model, damping, move):
-    """Return the move d that minimises the sum of squares of the quadratic models plus damping * |d|^2.
-
-    Damped Newton steps begin at `move`.
-    """
+    """Minimise the sum of squares of the models plus damping * |d|^2 by Newton steps from the move d."""
     one = np.eye(move.size)
     (rows, jacobian), extra = _predicted(model, move), 0.0
     cost = rows @ rows + damping * move @ move

@@ -1,7 +1,6 @@
 """Predictions of a problem and their derivatives, compiled once for a whole fit.
 
-A fit needs predictions at several x, for trial steps and for several starts. It also needs derivatives, at
-every step and for error bars, bands and figures. One compiled function serves all these purposes, or two if
+One compiled function serves trial steps, starts, derivatives, error bars, bands and figures, or two if
 derivatives use reverse mode. The function takes up to `PLACES` points x and computes only the given points,
 one after the other, with derivatives along the requested directions. The steps compile quickly and are
 separate functions (`fitting.solvers.levenberg_marquardt`).
@@ -18,7 +17,15 @@ import rubberfric as rf
 from fitting.parameters.scenes import by_name
 from fitting.parameters.variables import Array
 from fitting.solvers.problem import CURVE_QUANTITIES, FitStructure, Numbers, Problem
-from fitting.solvers.residuals import in_errors, padded, rows_and_slopes, rows_of, slopes_in_errors
+from fitting.solvers.residuals import (
+    Padded,
+    in_errors,
+    loss_of,
+    padded,
+    rows_and_slopes,
+    rows_of,
+    slopes_in_errors,
+)
 from rubberfric.base import quick_jit
 
 # Number of x in one call of a compiled function.
@@ -32,17 +39,9 @@ def evaluate_rows(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Evaluate `fitting.solvers.residuals.rows_of` at every row of x, with derivatives if `slopes`.
 
-    Parameters
-    ----------
-    structure, numbers : parts of a problem, `padded` so that other problems share the compiled function
-    x : points, shape (k, size)
-    slopes : True to compute derivatives
-
-    Returns
-    -------
-    (rows, slopes)
-        arrays of shapes (k, rows) and (k, rows, size). Without derivatives, `slopes` has the shape
-        (k, rows, 0).
+    `structure` and `numbers` are `padded`, so that other problems share the compiled function. For x of the
+    shape (k, size), the results have the shapes (k, rows) and (k, rows, size), or (k, rows, 0) without
+    derivatives.
     """
     x, rows, found = np.asarray(x), [], []
     name = "both" if slopes else "rows"
@@ -60,10 +59,7 @@ def evaluate_rows(
 
 
 def _by_forward_mode(structure, numbers):
-    """Return True if the derivatives of all blocks use forward mode.
-
-    One compiled function then serves calls with and without derivatives.
-    """
+    """Return True if all derivatives use forward mode, so that one function serves all calls."""
     scenes = _scenes(structure, numbers)
     return all(
         block.quantity not in CURVE_QUANTITIES
@@ -75,10 +71,7 @@ def _by_forward_mode(structure, numbers):
 
 
 def takes_long(structure: FitStructure, numbers: Numbers) -> bool:
-    """Return True if friction or area of any scene is computed by iteration.
-
-    An iteration takes hundreds of times as long as a computation without iteration.
-    """
+    """Return True if friction or area of any scene is computed by iteration, hundreds of times as long."""
     scenes = _scenes(structure, numbers)
     return any(
         block.quantity in CURVE_QUANTITIES and "converged" in rf.quantities_of(scenes[block.scene])
@@ -99,19 +92,13 @@ def rows(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: ja
 
 
 def both(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
-    """Return the result of `rows_of` at one x, and the derivatives with respect to x.
-
-    It depends on the block whether forward or reverse mode is used.
-    """
+    """Return the result of `rows_of` at one x and the derivatives, by the mode that suits each block."""
     del directions
     return rows_and_slopes(structure, numbers, x)
 
 
 def along(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
-    """Return the result of `rows_of` at one x, and derivatives by forward mode.
-
-    Only the derivatives with respect to the first `directions` elements of x are computed. All others are 0.
-    """
+    """Return the result of `rows_of` at one x, and derivatives by the first `directions` elements of x."""
     values, push = jax.linearize(lambda x: rows_of(structure, numbers, x), x)
 
     def add(k, slopes):
@@ -121,13 +108,11 @@ def along(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: j
 
 
 def _at_places(kind):
-    """Return a function that evaluates `kind` at several x.
+    """Return a function that evaluates `kind` at the first `count` of several x.
 
-    A processor evaluates the first `count` points, one after the other. An accelerator evaluates all points
-    at once.
+    A processor evaluates one point after the other. An accelerator evaluates all points at once.
     """
-    # jit traces it once only.
-    traced = jax.jit(kind, static_argnums=0)
+    traced = jax.jit(kind, static_argnums=0)  # traced only once
 
     def evaluated(structure, numbers, x, count, directions):
         one = functools.partial(traced, structure, numbers)
@@ -150,15 +135,33 @@ def _at_places(kind):
 _PROGRAMS = {kind.__name__: quick_jit(static_argnums=(0,))(_at_places(kind)) for kind in (rows, both, along)}
 
 
+# Not with NumPy: where the model is not finite, padded rows divide infinity by infinity.
+_rows_in_errors = quick_jit(static_argnums=(0,))(in_errors)
+_slopes_in_errors = quick_jit(static_argnums=(0,))(slopes_in_errors)
+
+
+def errors_of_rows(of: Padded, rows: Array) -> np.ndarray:
+    """Return the residuals for the result of `rows_of`, in units of the errors and without the padding."""
+    return of.kept(_rows_in_errors(of.structure, of.numbers, of.targets, rows))
+
+
+def errors_of_slopes(of: Padded, slopes: Array) -> np.ndarray:
+    """Return the Jacobian of the residuals for the derivatives of `rows_of`, without the padding."""
+    return of.kept(_slopes_in_errors(of.structure, of.numbers, of.targets, slopes))
+
+
 def residual_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
     """Return the residuals at x, in units of the errors. The rows of the priors follow the data."""
     of = padded(problem)
-    return of.kept(np.asarray(errors_of_rows(of.structure, of.numbers, of.targets, _rows_at(of, x))))
+    return errors_of_rows(of, _rows_at(of, x))
 
 
-# Not with NumPy: where the model is not finite, padded rows divide infinity by infinity.
-errors_of_rows = quick_jit(static_argnums=(0,))(in_errors)
-errors_of_slopes = quick_jit(static_argnums=(0,))(slopes_in_errors)
+def costs_at(problem: Problem, x: np.ndarray) -> np.ndarray:
+    """Return the cost at every row of x, or inf if the model is not finite there."""
+    of, loss = padded(problem), loss_of(problem.structure, problem.numbers)
+    rows, _ = evaluate_rows(of.structure, of.numbers, x.astype(problem.start.dtype))
+    costs = [float(loss.cost(jnp.asarray(errors_of_rows(of, one)))) for one in rows]
+    return np.where(np.isfinite(costs), costs, np.inf)
 
 
 def model_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
@@ -176,19 +179,10 @@ def at_conditions(
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Return predictions and derivatives at other conditions, with the compiled function of the fit.
 
-    Parameters
-    ----------
-    problem : Problem
-    key : quantity, body and scene of a `Block`
-    conditions : conditions of this kind of data, arrays of equal length or None
-    x : shape (size,); the derivatives are with respect to x
-
-    Returns
-    -------
-    (values, slopes), or None
-        arrays of shapes (parts * n,) and (parts * n, size), never of logarithms. For a modulus, all E' come
-        before all E". The result is None if the fit has no such data, or if the number of conditions would
-        require more than `CALLS` calls.
+    `key` is the quantity, body and scene of a `Block`. The `conditions` of such data are arrays of the length
+    n, or None. The results have the shapes (parts * n,) and (parts * n, size), and are never of logarithms.
+    For a modulus, all E' come before all E". The result is None if the fit has no such data, or if it would
+    take more than `CALLS` calls.
     """
     of = padded(problem)
     given = [c is not None for c in conditions]

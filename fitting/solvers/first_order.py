@@ -1,7 +1,7 @@
 """First-order solvers from optax, with the same methods `init` and `step` as `LevenbergMarquardt`.
 
-The solvers use only the gradient of the cost, computed by reverse mode. They serve for comparison, and for
-problems with more parameters than residuals. Levenberg-Marquardt is much faster for curves.
+They serve for comparison, and for problems with more parameters than residuals. Levenberg-Marquardt is much
+faster for curves.
 """
 
 import abc
@@ -11,8 +11,7 @@ from typing import Any, ClassVar
 import jax
 import jax.numpy as jnp
 
-from fitting.solvers.iterate import Iterate, first_iterate, status_after, unless_done
-from fitting.solvers.losses import Objective
+from fitting.solvers.objective import Iterate, Objective, first_iterate, status_after, unless_done
 
 
 class FirstOrder(abc.ABC):
@@ -20,9 +19,8 @@ class FirstOrder(abc.ABC):
 
     tolerance: float
     patience: int
-    searches: ClassVar[
-        bool
-    ]  # True for a line search, after which value and gradient are known when a step begins
+    # True for a line search, after which value and gradient are known when a step begins.
+    searches: ClassVar[bool]
 
     @abc.abstractmethod
     def optimiser(self) -> Any:

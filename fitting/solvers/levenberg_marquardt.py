@@ -17,8 +17,18 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from fitting.solvers.iterate import NEGLIGIBLE, Iterate, first_iterate, status_after, unless_done
-from fitting.solvers.losses import SQUARES, Loss, Objective, Residuals, ResidualsAndJacobian
+from fitting.solvers.objective import (
+    NEGLIGIBLE,
+    SQUARES,
+    Iterate,
+    Loss,
+    Objective,
+    Residuals,
+    ResidualsAndJacobian,
+    first_iterate,
+    status_after,
+    unless_done,
+)
 
 TRIALS = (0.1, 3.0)  # times the damping of the last step
 SOFTEST, STIFFEST = 1e-30, 1e9  # dampings, divided by the largest singular value squared
@@ -29,15 +39,13 @@ LONGEST_STEP = 3.0  # largest change of any x in a step: a factor of 20 for a Po
 
 @dataclasses.dataclass(frozen=True)
 class LevenbergMarquardt:
-    """Levenberg-Marquardt solver, the default of fits. Objects of the class are hashable.
+    """Levenberg-Marquardt solver, the default of fits, hashable.
 
     Parameters
     ----------
-    tolerance : float
-        the fit ends when the predicted and the actual relative decrease of the cost are below this value.
-    damping : float
-        damping of the first step, divided by the largest singular value of the Jacobian squared. A small
-        value saves steps if the fit starts near the minimum.
+    tolerance : the fit ends when the predicted and the actual relative decrease of the cost are smaller
+    damping : damping of the first step, divided by the largest singular value of the Jacobian squared
+        A small value saves steps if the fit starts near the minimum.
     """
 
     title: ClassVar[str] = "Levenberg-Marquardt"
@@ -71,24 +79,15 @@ def step(
     rounding: ArrayLike = 0.0,
     longest: float = LONGEST_STEP,
 ) -> Iterate:
-    """Return the iterate after one step for least squares or a robust loss.
-
-    The function supports jit and vmap.
+    """Return the iterate after one step for least squares or a robust loss, inside jit and vmap.
 
     Parameters
     ----------
-    residuals : function of x, shape (size,), to residuals, shape (rows,)
-    residuals_and_jacobian : function of x to residuals and derivatives, shapes (rows,) and (rows, size)
-    iterate : from `fitting.solvers.iterate.first_iterate` with `own` = lambda / (largest singular
-        value)^2, or from the last step. If the fit has ended, this iterate is returned.
-    loss : Loss of the residuals
-    tolerance : as in `LevenbergMarquardt`
+    residuals, residuals_and_jacobian : functions of x, as in `Objective`
+    iterate : the first one with `own` = lambda / (largest singular value)^2, or from the last step
+        If the fit has ended, this iterate is returned.
     rounding : cost due to rounding, below which the data are fitted exactly
     longest : largest allowed change of any x, because the linear model fails for larger changes
-
-    Returns
-    -------
-    Iterate
     """
     x = jnp.asarray(iterate.x)
     plan = plan_step(*residuals_and_jacobian(x), iterate, loss, longest)
@@ -160,7 +159,7 @@ def plan_step(
 def accelerated_move(plan: Plan, i: int | jax.Array, ahead: jax.Array) -> jax.Array:
     """Return the velocity with damping `i` plus the geodesic acceleration.
 
-    `ahead` contains the residuals after a move by PROBE times the velocity.
+    `ahead` has the residuals after a move by PROBE times the velocity.
     """
     velocity = plan.velocities[i]
     # Second derivative of the residuals along the step, by a finite difference.
@@ -173,11 +172,7 @@ def accelerated_move(plan: Plan, i: int | jax.Array, ahead: jax.Array) -> jax.Ar
 
 
 def is_sufficient(plan: Plan, tried: jax.Array, iterate: Iterate, loss: Loss = SQUARES) -> jax.Array:
-    """Return True if the trial step with the smaller damping makes the second trial unnecessary.
-
-    `tried` contains the residuals after the step. The step is sufficient if the cost falls by the part
-    `SUFFICIENT` of the predicted decrease.
-    """
+    """Return True if the first trial step, with residuals `tried`, makes the second one unnecessary."""
     # (|r|^2 - |r + J v|^2) / 2 for the velocity before its length was limited. A limited velocity would
     # predict less, so that the other damping is never tried and all steps stay short.
     moved = plan.s * plan.gains[0]
@@ -196,10 +191,9 @@ def accept_better(
     rounding: ArrayLike = 0.0,
     longest: float = LONGEST_STEP,
 ) -> Iterate:
-    """Return the iterate after the better one of two moves.
+    """Return the iterate after the better one of two moves with the residuals `tried`, shape (2, rows).
 
-    `tried` contains the residuals after each move, shape (2, rows). If the first move `is_sufficient`, the
-    second move is ignored, because its residuals were not evaluated.
+    If the first move `is_sufficient`, the second is ignored, because its residuals were not evaluated.
     """
     x, damping = jnp.asarray(iterate.x), iterate.own
     enough = is_sufficient(plan, tried[0], iterate, loss)

@@ -1,4 +1,4 @@
-"""Options of fits and ensembles in Python and in job files, with a rule that checks each option."""
+"""Options of fits and ensembles in Python and in job files, with a rule for each."""
 
 import numbers
 from collections.abc import Callable, Collection
@@ -9,7 +9,7 @@ import jax
 from fitting.parameters.constraints import is_number
 from fitting.solvers.first_order import LBFGS, Adam
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
-from fitting.solvers.losses import LOSS_WIDTHS
+from fitting.solvers.objective import LOSS_WIDTHS
 from rubberfric.base import closest, shown
 
 Solver = LevenbergMarquardt | LBFGS | Adam
@@ -88,10 +88,7 @@ def check_options(**options: object) -> None:
 
 
 def make_solver(method: str, tolerance: float | None = None, max_steps: int | None = None) -> Solver:
-    """Return the solver of a method.
-
-    The learning rate of Adam falls to zero at step `max_steps`.
-    """
+    """Return the solver of a method. The learning rate of Adam falls to zero at step `max_steps`."""
     options: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
     if method == "adam" and max_steps is not None:
         options["max_steps"] = max_steps

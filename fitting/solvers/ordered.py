@@ -53,8 +53,7 @@ class _Step(NamedTuple):
 def _places(variables):
     """Return a dict from every number of the scene with a rule to its element of x and its ratio.
 
-    The ratio is a pair of indices for Tied numbers, and None for other numbers. The entry of a number with
-    the rule `RmsSlope` is None.
+    The ratio is a pair of indices for Tied numbers, else None. The entry of an RmsSlope number is None.
     """
     places: dict[End, tuple[int, tuple[int, int] | None] | None] = {}
     ratio = -1  # counts the groups that have one
@@ -71,10 +70,7 @@ def _places(variables):
 
 @functools.lru_cache(maxsize=64)
 def _steps(variables: Variables) -> tuple[_Step, ...]:
-    """Return the elements of x that have bounds.
-
-    An element comes after all free elements that bound the element from below.
-    """
+    """Return the elements of x that have bounds, each after all free elements that bound it from below."""
     places = _places(variables)
     below: dict[int, list[_Bound]] = {}
     above: dict[int, list[_Bound]] = {}
@@ -111,8 +107,8 @@ class _Bounds(NamedTuple):
 class _Walk:
     """Iterator over the bounds of the elements of x.
 
-    The caller must store the x of an element in the attribute `x` before the next iteration, because the
-    bounds of later elements depend on the x of earlier elements.
+    The caller must store the x of an element in the attribute `x` before the next iteration, because bounds
+    of later elements depend on it.
     """
 
     def __init__(self, variables: Variables, constants: Constants, given: Array, moving: Array):
@@ -120,13 +116,12 @@ class _Walk:
         self.constants = jax.tree.map(np.asarray, constants) if self.xp is np else constants
         self.moving = moving
         self.steps, self.x = _steps(variables), {}
-        self.kinds = {i: g.kind for g in variables.own for i in range(*g.slot)}
+        self.kinds = variables.kinds
         margin = _ROUNDING * float(jnp.finfo(given.dtype).eps)
         # Bounds from above are fixed numbers, and the upper bounds of free neighbours above.
         top: dict[int, Any] = {}
-        self.above: dict[
-            int, int
-        ] = {}  # number of free elements in the longest chain above; each needs a margin
+        # Number of free elements in the longest chain above; each needs a margin.
+        self.above: dict[int, int] = {}
         for step in reversed(self.steps):
             limits = [self._range(step.element)[1]]
             for bound in step.above:
@@ -166,9 +161,8 @@ class _Walk:
         return (0.0 if self.kinds[i] == "Positive" else -np.inf), np.inf
 
     def _times(self, bound, value):
-        theirs, own = (
-            1.0 if r is None else self.xp.asarray(self.constants.ratios[r[0]])[r[1]] for r in bound.ratios
-        )
+        ratios, xp = self.constants.ratios, self.xp
+        theirs, own = (1.0 if r is None else xp.asarray(ratios[r[0]])[r[1]] for r in bound.ratios)
         return value * theirs / own
 
     def _value(self, bound, x):
@@ -180,10 +174,7 @@ class _Walk:
         return self._times(bound, from_x(self.kinds[j], self.constants.low[j], self.constants.width[j], x[j]))
 
     def _inverse(self, i, value):
-        """Return the x of element `i` at a value.
-
-        The result is -inf or inf if the value is outside the limits of the rule.
-        """
+        """Return the x of element `i` at a value, or -inf or inf outside the limits of the rule."""
         xp, (low, high) = self.xp, self._range(i)
         within = (value > low) & (value < high)
         # A value inside the range, so that the branch that is not used has a finite derivative.
@@ -198,10 +189,7 @@ def _between(xp, a, b, z):
 
 
 def x_of(variables: Variables, constants: Constants, z: Array, moving: Array) -> Array:
-    """Return x for the variables z of a solver.
-
-    x, z and `moving` have the shape (size,). `moving` is 0 for fixed elements, and 1 for all others.
-    """
+    """Return x for the variables z of a solver. `moving` is 0 for fixed elements, and 1 for all others."""
     if not variables.order:
         return z
     walk = _Walk(variables, constants, z, moving)
@@ -216,8 +204,6 @@ def z_of(variables: Variables, constants: Constants, x: np.ndarray, moving: np.n
 
     An element outside a bound is reflected at the bound, and an element on a bound is moved inside.
     """
-    if not variables.order:
-        return x
     walk, z = _Walk(variables, constants, x, moving), {}
     for i, _, a, b in walk:
         if not moving[i]:
@@ -232,10 +218,8 @@ def z_of(variables: Variables, constants: Constants, x: np.ndarray, moving: np.n
         if not a < there < b:
             there = a + 0.5 * (b - a)
         walk.x[i] = there
-        z[i] = (
-            there
-            + (np.log(-np.expm1(_SHARP * (a - there))) - np.log(-np.expm1(_SHARP * (there - b)))) / _SHARP
-        )
+        below, above = (np.log(-np.expm1(_SHARP * t)) for t in (a - there, there - b))
+        z[i] = there + (below - above) / _SHARP
     return _put(x, z)
 
 
@@ -276,27 +260,17 @@ def slopes_of_x(variables: Variables, constants: Constants, z: np.ndarray, movin
 def put_on_bounds(
     variables: Variables, constants: Constants, before: np.ndarray, z: np.ndarray, moving: np.ndarray
 ) -> np.ndarray:
-    """Return z, with some elements moved onto bounds.
-
-    An element is moved if it is near a bound and has come closer to the bound since `before`.
-    """
+    """Return z with elements moved onto a bound if they are near it and came closer since `before`."""
     walk, there = _Walk(variables, constants, z, moving), z.copy()
+    closer = np.sign(np.floor(_SHARP * z) - np.floor(_SHARP * before))
     for i, _, a, b in walk:
         walk.x[i] = z[i]
         if not moving[i]:
             continue
         walk.x[i] = _between(np, a, b, z[i])
-        if (
-            walk.x[i] - a < _NEAR
-            and a - _FAR < z[i]
-            and np.floor(_SHARP * z[i]) < np.floor(_SHARP * before[i])
-        ):
+        if walk.x[i] - a < _NEAR and a - _FAR < z[i] and closer[i] < 0:
             there[i] = a - _FAR
-        elif (
-            b - walk.x[i] < _NEAR
-            and z[i] < b + _FAR
-            and np.floor(_SHARP * z[i]) > np.floor(_SHARP * before[i])
-        ):
+        elif b - walk.x[i] < _NEAR and z[i] < b + _FAR and closer[i] > 0:
             there[i] = b + _FAR
     return there
 
@@ -314,16 +288,12 @@ def edges(variables: Variables, constants: Constants, x: np.ndarray) -> list[Edg
     if not variables.order:
         return []
     leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(to_scene(variables, constants, np.asarray(x)))]
-    own = {
-        End(g.leaf, e): i
-        for g in variables.own
-        for i, e in zip(range(*g.slot), g.elements or (None,), strict=True)
-    }
-    found = []
+    own, found = {}, []
+    for group in variables.own:
+        ends = (End(group.leaf, element) for element in group.elements or (None,))
+        own |= dict(zip(ends, range(*group.slot), strict=True))
     for low, high in variables.order:
-        below, above = (
-            leaves[e.leaf] if e.element is None else leaves[e.leaf][e.element] for e in (low, high)
-        )
+        below, above = (leaves[e.leaf][() if e.element is None else e.element] for e in (low, high))
         if above - below <= AT_EDGE * abs(above):
             found += [Edge(own[high], "lower", low)] if high in own else []
             found += [Edge(own[low], "upper", high)] if low in own else []

@@ -1,8 +1,7 @@
-r"""A fit as a least-squares problem: measured values and their predictions over the free parameters.
+"""A fit as a least-squares problem: measured values and their predictions over the free parameters.
 
-A problem consists of its structure, which is hashable and determines the compiled functions, and its
-numbers. A second fit of the same kind, a bootstrap or a profile therefore compiles nothing new.
-`fitting.solvers.residuals` evaluates a problem.
+A problem consists of a hashable structure, which determines the compiled functions, and of numbers. A second
+fit of the same kind, a bootstrap or a profile therefore compiles nothing new.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,7 +12,7 @@ import numpy as np
 import rubberfric as rf
 from fitting.data.measured import Measured
 from fitting.parameters.constraints import Constraint, with_starts
-from fitting.parameters.priors import Prior, PriorNumbers, PriorStructure, prior_size, read_priors
+from fitting.parameters.priors import Prior, prior_size, read_priors
 from fitting.parameters.scenes import as_scenes, by_name
 from fitting.parameters.variables import (
     Array,
@@ -24,7 +23,7 @@ from fitting.parameters.variables import (
     to_scene,
     to_values,
 )
-from fitting.solvers.losses import LOSS_WIDTHS
+from fitting.solvers.objective import LOSS_WIDTHS
 from fitting.solvers.options import check_options
 from rubberfric.scene import cast, check_background, dissipates, result_dtype, shifts, takes_temperature
 
@@ -34,8 +33,14 @@ CURVE_QUANTITIES = ("friction", "area")  # measured over velocity, pressure and 
 ASSUMED = 0.1
 
 
+# The quadrature of a fit suits ranges of wavevectors and moduli that are larger than at the start by
+# `_MARGIN` e-folds. The fit may end `_BEYOND` e-folds outside its limits, where errors grow two- to threefold
+# per e-fold.
+_MARGIN, _BEYOND = 0.5, 1.0
+
+
 class Block(NamedTuple):
-    """Rows of a problem that one call of the model predicts. Objects of the class are hashable."""
+    """Rows of a problem that one call of the model predicts. A block is hashable."""
 
     quantity: str  # "friction", "area", "modulus", "spectrum"
     body: str | None  # body of a modulus or spectrum
@@ -44,18 +49,11 @@ class Block(NamedTuple):
     scene: str = ""  # name of the scene if there are several
 
 
-# The quadrature of a fit suits ranges of wavevectors and moduli that are larger than at the start by
-# `_MARGIN` e-folds. The fit may end `_BEYOND` e-folds outside its limits, where errors grow two- to threefold
-# per e-fold.
-_MARGIN, _BEYOND = 0.5, 1.0
-
-
 class FitStructure(NamedTuple):
-    """All parts of a problem except the numbers. Objects of the class are hashable."""
+    """All parts of a problem except the numbers. A structure is hashable."""
 
     variables: Variables
     blocks: tuple[Block, ...]
-    prior: PriorStructure
     loss: str
     quadrature: rf.Quadrature
 
@@ -65,7 +63,7 @@ class Numbers(NamedTuple):
 
     constants: Constants
     conditions: tuple[Any, ...]  # for every block, arrays of the conditions of its kind of data, or None
-    prior: PriorNumbers
+    prior: tuple[Any, ...]  # `fitting.parameters.selection.Rows` of all priors
     width: Any  # of the robust loss, a scalar
     smoothing: Any  # of the rows of x along arrays, a scalar, 0 in the end; see `fitting.solvers.search`
     # Inverse Cholesky factor of the covariance of the data's rows in units of their errors, (rows, rows), or
@@ -74,10 +72,7 @@ class Numbers(NamedTuple):
 
 
 class Targets(NamedTuple):
-    """Measured values, errors, and flags of fixed elements, as a pytree.
-
-    Each resampled data set has separate `Targets`.
-    """
+    """Measured values, errors, and flags of fixed elements, as a pytree; one for each resampled data set."""
 
     measured: Array  # shape (rows,); the logarithm where the block is logarithmic
     error: Array  # shape (rows,)
@@ -124,8 +119,7 @@ def make_problem(
 ) -> Problem:
     """Return the problem of fitting `free` of `scene` to `data`. See `fitting.fit` for the arguments.
 
-    `of` has the name of the scene of each data set, if there are several scenes. Data sets without errors get
-    the relative error `ASSUMED`.
+    `of` names the scene of each data set, if there are several. Data sets without errors get `ASSUMED`.
     """
     scene = as_scenes(scene)
     if quadrature is not None and not isinstance(quadrature, rf.Quadrature):
@@ -136,21 +130,21 @@ def make_problem(
     scene = cast(scene, dtype)
     scene = with_starts(scene, free) if isinstance(free, dict) else scene
     variables, constants, start = free_parameters(scene, free)
-    prior_structure, prior_numbers = read_priors(scene, variables, constants, prior)
+    priors = read_priors(scene, variables, constants, prior)
     blocks, conditions, order = _blocks(by_name(scene), data, of or [""] * len(data))
     size = blocks[-1].rows[1]
     measured, error = np.empty(size), np.empty(size)
     for one, rows in zip(data, order, strict=True):
         measured[rows] = np.log(one.measured) if one.logarithmic else one.measured
         error[rows] = ASSUMED if one.error is None else one.error
-    known = prior_size(prior_structure)
+    known = prior_size(priors)
     if size + known < variables.size:
         raise ValueError(
             f"{variables.size} free parameters, but only {size} measured values and {known} rows of priors;"
             " free fewer, tie some, or add a prior"
         )
-    structure = FitStructure(variables, blocks, prior_structure, loss, quadrature or _fitting(scene, data))
-    numbers = cast(Numbers(constants, conditions, prior_numbers, float(width), 0.0), dtype)
+    structure = FitStructure(variables, blocks, loss, quadrature or _fitting(scene, data))
+    numbers = cast(Numbers(constants, conditions, priors, float(width), 0.0), dtype)
     targets = Targets(*(a.astype(dtype) for a in (measured, error, np.ones(variables.size))))
     return Problem(structure, numbers, targets, start.astype(dtype), order)
 
@@ -178,10 +172,7 @@ def _blocks(scenes, data, of):
 
 
 def _block_key(scene, data):
-    """Return the key that identifies the block of a data set.
-
-    Raise ValueError if the scene cannot predict the data.
-    """
+    """Return the key of the block of a data set. Raise ValueError if the scene cannot predict the data."""
     temperature = getattr(data, "temperature", None)
     if data.quantity in CURVE_QUANTITIES:
         _check_curve(scene, data)
@@ -250,11 +241,7 @@ def finer(problem: Problem, x: Array, data: Sequence[Measured]) -> Problem | Non
 
 
 def _fitting(scene, data, margin=_MARGIN):
-    """Return a quadrature that suits a scene, or all scenes of a dict.
-
-    With `margin` e-folds for ranges of wavevectors and moduli, the quadrature also suits scenes that a fit
-    passes through.
-    """
+    """Return a quadrature for a scene, or all scenes of a dict, and ranges larger by `margin` e-folds."""
     pressures = [np.min(one.pressure) for one in data if hasattr(one, "pressure")]
     lowest = min(pressures, default=1.0)
     settings = [

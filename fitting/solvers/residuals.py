@@ -19,7 +19,7 @@ import rubberfric as rf
 from fitting.parameters.priors import prior_residuals
 from fitting.parameters.scenes import OrderedPair, by_name, in_order, scene_paths
 from fitting.parameters.variables import Array, Constants, Variables, to_scene
-from fitting.solvers.losses import Loss, Objective
+from fitting.solvers.objective import Loss, Objective
 from fitting.solvers.ordered import x_of
 from fitting.solvers.problem import CURVE_QUANTITIES, FitStructure, Numbers, Problem, Targets
 from rubberfric.analysis import value_and_jacobian
@@ -99,12 +99,9 @@ def _predicted(structure, block, conditions, scene):
 
 
 def rows_of(structure: FitStructure, numbers: Numbers, x: jax.Array) -> jax.Array:
-    """Return the predictions, followed by the rows of the priors and of the smoothing.
-
-    The rows of priors and smoothing are in units of their errors.
-    """
+    """Return the predictions, followed by the rows of priors and smoothing in units of their errors."""
     model, scene = predictions(structure, numbers, x)
-    prior = prior_residuals(structure.prior, numbers.prior, scene, x)
+    prior = prior_residuals(numbers.prior, scene, x)
     return jnp.concatenate(
         [model, prior, numbers.smoothing * (_second_differences(structure.variables, x.dtype) @ x)]
     )
@@ -133,7 +130,7 @@ def rows_and_slopes(structure: FitStructure, numbers: Numbers, x: jax.Array) -> 
                 lambda x, b=block, c=conditions, of=own_scene: _predicted(structure, b, c, of(x)), x
             )
         parts.append((_if_in_order(structure, scene_of(x), values), slopes))
-    parts.append(forward(lambda x: prior_residuals(structure.prior, numbers.prior, scene_of(x), x), x))
+    parts.append(forward(lambda x: prior_residuals(numbers.prior, scene_of(x), x), x))
     differences = numbers.smoothing * _second_differences(structure.variables, x.dtype)
     parts.append((differences @ x, differences))
     rows, slopes = (jnp.concatenate(part) for part in zip(*parts, strict=True))
@@ -148,10 +145,7 @@ def in_errors(structure: FitStructure, numbers: Numbers, targets: Targets, rows:
 
 
 def slopes_in_errors(structure: FitStructure, numbers: Numbers, targets: Targets, slopes: Array) -> jax.Array:
-    """Convert derivatives of `rows_of` to the Jacobian of the residuals.
-
-    The columns of fixed elements of x are 0.
-    """
+    """Convert derivatives of `rows_of` to the Jacobian of the residuals, 0 for fixed elements of x."""
     count = data_rows(structure)
     of_data = _whitened(numbers, slopes[:count] / targets.error[:, None])
     return jnp.concatenate([of_data, slopes[count:]]) * targets.moving
@@ -165,45 +159,30 @@ def residuals(structure: FitStructure, numbers: Numbers, targets: Targets, x: ja
 def residuals_and_jacobian(
     structure: FitStructure, numbers: Numbers, targets: Targets, x: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """Return `residuals` and the Jacobian, an array of shape (rows, size).
-
-    The columns of fixed elements of x are 0.
-    """
+    """Return `residuals` and the Jacobian, an array of shape (rows, size), 0 for fixed elements of x."""
     rows, slopes = rows_and_slopes(structure, numbers, x)
     return in_errors(structure, numbers, targets, rows), slopes_in_errors(structure, numbers, targets, slopes)
 
 
 def _whitened(numbers, rows):
-    """Multiply data rows by the whitening matrix, which makes the errors independent.
-
-    The first axis of `rows` counts the data rows.
-    """
+    """Multiply data rows, along the first axis, by the matrix that makes the errors independent."""
     return rows if numbers.whitening is None else numbers.whitening @ rows
 
 
 def _second_differences(variables: Variables, dtype):
-    """Return the matrix that multiplies x to give second differences along arrays.
-
-    The arrays are those of Positive elements. The matrix has the shape (rows, size).
-    """
+    """Return the matrix, shape (rows, size), of second differences of x along arrays of Positive elements."""
     rows = [np.zeros((0, variables.size))]
-    for group in variables.groups:
-        first, last = group.slot
-        if group.kind == "Positive" and last - first >= 3:
-            rows.append(np.diff(np.eye(variables.size)[first:last], 2, axis=0))
+    rows += [np.diff(np.eye(variables.size)[slice(*slot)], 2, axis=0) for slot in smooth_slots(variables)]
     return np.concatenate(rows).astype(dtype)
 
 
-def has_arrays(variables: Variables) -> bool:
-    """Return True if there is an array of Positive elements that the search can smooth."""
-    return any(g.kind == "Positive" and g.slot[1] - g.slot[0] >= 3 for g in variables.groups)
+def smooth_slots(variables: Variables) -> list[tuple[int, int]]:
+    """Return the slots in x of the arrays of Positive elements, which the search can smooth."""
+    return [g.slot for g in variables.groups if g.kind == "Positive" and g.slot[1] - g.slot[0] >= 3]
 
 
 def forward(function: Callable[[jax.Array], jax.Array], x: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return the value of a function, and the derivatives with respect to x by forward mode.
-
-    The last axis of the derivatives is the axis of x.
-    """
+    """Return the value of a function, and the derivatives by forward mode along a last axis."""
     jacobian, value = jax.jacfwd(lambda x: (function(x),) * 2, has_aux=True)(x)
     return value, jacobian
 
@@ -241,12 +220,7 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
 
     Every block repeats its last conditions up to a standard length. The error of these rows is infinite, so
     their residuals and derivatives are exactly 0 for every loss. Tables without free numbers are padded to
-    standard lengths as well.
-
-    Parameters
-    ----------
-    problem : Problem, as from `make_problem`
-    targets : targets of other data, with any axes before the rows. If None, those of the problem are used.
+    standard lengths as well. If `targets` of other data are given, they may have axes before the rows.
     """
     targets = problem.targets if targets is None else targets
     blocks, conditions, data, first = [], [], [], 0
@@ -261,7 +235,6 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
         first += parts * length
     rows = np.concatenate(data)
     variables, constants, moved = _with_longer_tables(problem.structure.variables, problem.numbers.constants)
-    prior = problem.structure.prior.moved(moved)
 
     def spread(values, added):
         values = np.asarray(values)
@@ -274,10 +247,11 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
         longer = np.eye(first, dtype=whitening.dtype)
         longer[np.ix_(rows, rows)] = whitening
         whitening = longer
-    constant = {"constants": constants, "conditions": tuple(conditions), "whitening": whitening}
+    prior = tuple(one.moved(moved) for one in problem.numbers.prior)
+    given = {"constants": constants, "conditions": tuple(conditions), "prior": prior, "whitening": whitening}
     return Padded(
-        problem.structure._replace(variables=variables, blocks=tuple(blocks), prior=prior),
-        problem.numbers._replace(**constant),
+        problem.structure._replace(variables=variables, blocks=tuple(blocks)),
+        problem.numbers._replace(**given),
         targets._replace(measured=spread(targets.measured, 0.0), error=spread(targets.error, np.inf)),
         rows,
     )
@@ -286,9 +260,9 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
 def _with_longer_tables(
     variables: Variables, constants: Constants
 ) -> tuple[Variables, Constants, dict[int, int]]:
-    """Pad the tables of the scene, and return the new variables and constants.
+    """Pad tables of the scene without free numbers, and return variables and constants for them.
 
-    The third result is a dict from old to new indices of leaves. Objects with free numbers are not padded.
+    The third result is a dict from old to new indices of leaves.
     """
     scene = jax.tree.unflatten(variables.tree, constants.leaves)
     paths = scene_paths(scene)
@@ -308,12 +282,11 @@ def _with_longer_tables(
 
 def _with_padded_tables(value: PhysicalObject, path: str, free: Collection[str]) -> PhysicalObject:
     """Return an object with padded tables, except in objects at the key paths `free`."""
-    changes: dict[str, Any] = {}
-    for name in fields_of(type(value)):
-        content = getattr(value, name)
-        if isinstance(content, PhysicalObject):
-            new = _with_padded_tables(content, f"{path}.{name}" if path else name, free)
-            changes |= {name: new} if new is not content else {}
-    if changes:
-        value = value.replace(**changes)
+    parts = {name: getattr(value, name) for name in fields_of(type(value))}
+    parts = {name: part for name, part in parts.items() if isinstance(part, PhysicalObject)}
+    new = {
+        name: _with_padded_tables(part, f"{path}.{name}".lstrip("."), free) for name, part in parts.items()
+    }
+    changes = {name: part for name, part in new.items() if part is not parts[name]}
+    value = value.replace(**changes) if changes else value
     return value if path in free or not isinstance(value, Kind) else value.padded()

@@ -1,8 +1,7 @@
 """Run many fits of one structure side by side. Each fit stops at its minimum.
 
-A solver is a hashable object with pure functions `init` and `step`. Fits that differ in their start, their
-data or their fixed elements run in small batches. When a fit ends, the next one takes its place. A thousand
-fits therefore share one compiled function, none waits for the slowest, and memory holds one batch.
+Fits that differ in their start, their data or their fixed elements run in small batches. When a fit ends, the
+next one takes its place, so that memory holds one batch and no fit waits for the slowest.
 
 For least squares, the model and the step are separate compiled functions, because the model takes most of the
 compilation time. A step of Levenberg-Marquardt evaluates the residuals up to four times. For models that take
@@ -21,7 +20,6 @@ import numpy as np
 from fitting.parameters.variables import Array
 from fitting.solvers import brown_dennis
 from fitting.solvers.evaluation import evaluate_rows, takes_long
-from fitting.solvers.iterate import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, RUNNING, Iterate
 from fitting.solvers.levenberg_marquardt import (
     PROBE,
     LevenbergMarquardt,
@@ -30,17 +28,11 @@ from fitting.solvers.levenberg_marquardt import (
     is_sufficient,
     plan_step,
 )
+from fitting.solvers.objective import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, RUNNING, Iterate
 from fitting.solvers.options import Solver
 from fitting.solvers.ordered import end_x, put_on_bounds, slopes_of_x, start_z, x_of
 from fitting.solvers.problem import FitStructure, Numbers, Problem, Targets
-from fitting.solvers.residuals import (
-    in_errors,
-    loss_of,
-    padded,
-    rounding,
-    slopes_in_errors,
-    solver_objective,
-)
+from fitting.solvers.residuals import in_errors, loss_of, padded, rounding, slopes_in_errors, solver_objective
 from rubberfric.base import quick_jit
 
 FIT_BATCH = 4
@@ -53,7 +45,7 @@ class Runs(NamedTuple):
 
     x: np.ndarray  # shape (fits, size)
     cost: np.ndarray
-    status: np.ndarray  # of `fitting.solvers.iterate`
+    status: np.ndarray  # of `fitting.solvers.objective`
     nfev: np.ndarray
     njev: np.ndarray
 
@@ -76,25 +68,18 @@ def run_fits(
     callback: Callback | None = None,
     batch: int | None = None,
 ) -> Runs:
-    """Run one fit for every row of `starts`.
+    """Run one fit for every row of `starts`, shape (fits, size).
 
     Parameters
     ----------
-    solver : hashable, with init(objective, x), step(objective, iterate), max_steps
     problem : Problem, whose structure and numbers the fits share
-    starts : start vectors, shape (fits, size)
     targets : Targets with a leading axis, which has one entry per fit or one entry for all
         If None, the targets of the problem are used.
     max_steps : largest number of steps of a fit. If None, `max_steps` of the solver is used.
     callback : called as callback(step, lowest cost) after every step of the batch, or None
-        A KeyboardInterrupt, raised by the callback or from the keyboard, ends the run with the values
-        reached.
+        A KeyboardInterrupt, raised here or from the keyboard, ends the run with the values reached.
     batch : number of fits that run side by side. If None, `FIT_BATCH`, or the number of fits if smaller.
         Each batch size needs its own compilation.
-
-    Returns
-    -------
-    Runs
     """
     targets = jax.tree.map(lambda a: a[None], problem.targets) if targets is None else targets
     structure, numbers, targets, _ = padded(problem, targets)
@@ -159,10 +144,7 @@ _MOST_HESSIAN_ELEMENTS = 1_000_000
 
 
 def start(solver: Solver, structure: FitStructure, numbers: Numbers, targets: Targets, x: Array) -> Iterate:
-    """Return the iterates of several fits at the start vectors x.
-
-    `targets` and `x` have a leading axis of fits.
-    """
+    """Return the iterates at the start vectors x. `targets` and x have a leading axis of fits."""
     if not isinstance(solver, LevenbergMarquardt):
         return _by_solver("init", solver, structure, numbers, targets, x)
     problem, x = (structure, numbers, targets), np.asarray(x)
@@ -199,10 +181,7 @@ def _by_solver(name, solver, structure, numbers, targets, state):
 
 
 def _over_fits(function):
-    """Compile a function for several fits.
-
-    All arguments except `structure` and `numbers` get a leading axis of fits.
-    """
+    """Compile a function with a leading axis of fits in all arguments except `structure` and `numbers`."""
 
     @quick_jit(static_argnums=(0,))
     @functools.wraps(function)
@@ -247,10 +226,7 @@ def _accept_better(structure, numbers, targets, iterate, plan, moves, tried, tol
 
 
 def _levenberg_marquardt_step(solver, structure, numbers, targets, iterate):
-    """Take one Levenberg-Marquardt step of each running fit, and return the new iterates.
-
-    A step evaluates the Jacobian once, and the residuals two to four times.
-    """
+    """Take one step of each running fit, with one Jacobian and two to four evaluations of the residuals."""
     problem, x = (structure, numbers, targets), np.asarray(iterate.x)
     running = np.flatnonzero(np.asarray(iterate.status) == RUNNING)
     plan, ahead = _plan_step(*problem, iterate, *_evaluated(*problem, x, running, slopes=True))
@@ -274,18 +250,14 @@ def _levenberg_marquardt_step(solver, structure, numbers, targets, iterate):
 
 
 def _use_brown_dennis(structure, numbers, targets, x):
-    """Return True if the method of Brown and Dennis saves time and is possible.
-
-    The method needs fewer evaluations, which matters if the model takes long to evaluate. The loss must be
-    linear, and the Hessians must not be too large.
-    """
+    """Return True if the model takes long, and the method of Brown and Dennis is possible."""
     size = np.shape(x)[-1]
     few = np.shape(targets.measured)[-1] * size**2 <= _MOST_HESSIAN_ELEMENTS
     return few and structure.loss == "linear" and takes_long(structure, numbers)
 
 
 def _brown_dennis_step(solver, structure, numbers, targets, iterate):
-    """Take one step of Brown and Dennis, with one evaluation of every running fit."""
+    """Take one step of each running fit, with one evaluation."""
     problem, running = (structure, numbers, targets), np.flatnonzero(iterate.status == RUNNING)
     each = [jax.tree.map(lambda a, i=i: np.asarray(a)[i], iterate) for i in range(len(iterate.status))]
     moves = {i: brown_dennis.propose_move(each[i]) for i in running}
@@ -305,10 +277,7 @@ def _side_by_side(iterates: list[Iterate]) -> Any:
 
 
 def _at_bounds(solver, structure, numbers, targets, before, after):
-    """Move elements of x near a bound onto the bound, and take another step from there.
-
-    Return the iterates after this step if the cost is lower, otherwise return `after`.
-    """
+    """Take another step from x with elements near a bound on it, and return the iterates of lower cost."""
     problem, x = (structure, numbers, targets), np.array(after.x)
     for i in np.flatnonzero(np.asarray(after.status) == RUNNING):
         known = structure.variables, numbers.constants, np.asarray(before.x)[i], x[i]
@@ -326,10 +295,7 @@ def _at_bounds(solver, structure, numbers, targets, before, after):
 
 
 def _evaluated(structure, numbers, targets, z, which=None, slopes=False):
-    """Return the predicted rows, and the derivatives with respect to z.
-
-    Only the fits `which` are evaluated. The arrays are 0 for all other fits.
-    """
+    """Return the predicted rows of the fits `which` and the derivatives with respect to z, 0 for others."""
     variables, constants, z = structure.variables, numbers.constants, np.asarray(z)
     which = np.arange(len(z)) if which is None else which
     pairs = list(zip(z[which], np.asarray(targets.moving)[which], strict=True))

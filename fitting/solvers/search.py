@@ -8,11 +8,10 @@ Two problems occur with least squares in logarithms:
   there, because its neighbours compensate for it. Such fits are repeated with additional rows, which keep the
   elements of an array smooth, and whose weight is reduced to zero in steps. The lower of both minima is kept.
 
-A solver also stops if no parameter changes the data, as in full contact, or if a parameter is so near to a
-bound that nothing depends on it. Therefore points inside a bound are tried, and, if the residuals are larger
-than chance allows, points in all directions. The fit continues from a point with a lower cost. If there is
-none and a fit takes little time, further fits begin at the points inside the order of a scene and, if the
-residuals are very large, at some of the other points. The fit with the lowest cost is returned.
+A solver also stops if no parameter changes the data, as in full contact, or if nothing depends on a parameter
+near a bound. `confirm_minimum` therefore tries points inside a bound and, if the residuals are larger than
+chance allows, points in all directions, and continues from a point with a lower cost. If no point has a lower
+cost and a fit takes little time, further fits begin at some of these points. The lowest cost is returned.
 """
 
 import math
@@ -24,23 +23,17 @@ import numpy as np
 import scipy
 
 from fitting.parameters.variables import VANISHED, Array, Variables
-from fitting.solvers.evaluation import errors_of_rows, errors_of_slopes, evaluate_rows, takes_long
-from fitting.solvers.iterate import INTERRUPTED, NEGLIGIBLE, PERFECT, STALLED, UNMOVED, succeeded
+from fitting.solvers.evaluation import costs_at, errors_of_rows, errors_of_slopes, evaluate_rows, takes_long
+from fitting.solvers.objective import INTERRUPTED, NEGLIGIBLE, PERFECT, STALLED, UNMOVED, succeeded
 from fitting.solvers.options import Solver
 from fitting.solvers.ordered import edges, end_x, start_z
 from fitting.solvers.problem import Problem
-from fitting.solvers.residuals import data_rows, has_arrays, loss_of, padded
+from fitting.solvers.residuals import data_rows, padded, smooth_slots
 from fitting.solvers.runs import FIT_BATCH, Callback, Runs, run_fits
 
 WIDE = 1e4  # factor of the width of a robust loss that gives least squares
-SMOOTHING = (
-    30.0,
-    10.0,
-    3.0,
-    1.0,
-    0.3,
-    0.0,
-)  # weights of the smoothing rows, in standard errors per factor e between neighbouring slopes
+# Weights of the smoothing rows, in standard errors per factor e between neighbouring slopes.
+SMOOTHING = (30.0, 10.0, 3.0, 1.0, 0.3, 0.0)
 
 
 def random_starts(
@@ -88,7 +81,7 @@ def search(
         escaped = _escaped(problem, runs.x, starts).any(1)
         again = np.flatnonzero(escaped & (succeeded(runs.status) | (runs.status == STALLED)))
         # If there is no array to smooth, all six fits would be equal.
-        if again.size and has_arrays(problem.variables):
+        if again.size and smooth_slots(problem.variables):
             second = _smoothed(solver, stage, starts[again], max_steps, callback, min(FIT_BATCH, len(starts)))
             spent[:, again] += np.stack([second.nfev, second.njev])
             if INTERRUPTED in second.status:
@@ -105,10 +98,7 @@ def search(
 
 
 def _smoothed(solver, problem, starts, max_steps, callback, batch):
-    """Run fits with smoothing rows of decreasing weight, and return the `Runs`.
-
-    `batch` is a batch size for which the functions are already compiled.
-    """
+    """Run fits with smoothing rows of decreasing weight, in batches of an already compiled size."""
     x, spent = starts, np.zeros((2, len(starts)), int)
     for weight in SMOOTHING:
         numbers = problem.numbers._replace(smoothing=jnp.asarray(weight, problem.numbers.smoothing.dtype))
@@ -120,14 +110,8 @@ def _smoothed(solver, problem, starts, max_steps, callback, batch):
 
 
 def _escaped(problem, x, start):
-    """Return booleans of the shape of x, True for elements that a fit drove towards zero or to a bound.
-
-    The values of such elements barely depend on x.
-    """
-    kinds = np.empty(x.shape[1], object)
-    for group in problem.variables.own:
-        kinds[slice(*group.slot)] = group.kind
-    far = np.log(VANISHED)
+    """Return booleans of the shape of x, True for elements that a fit drove towards zero or to a bound."""
+    kinds, far = np.array(problem.variables.kinds), np.log(VANISHED)
     return ((kinds == "Positive") & (x < start - far)) | ((kinds == "Bounded") & (np.abs(x - start) > far))
 
 
@@ -150,16 +134,9 @@ def confirm_minimum(
 ) -> tuple[Runs, np.ndarray]:
     """Check a converged fit, and continue from a point with a lower cost if there is one.
 
-    Parameters
-    ----------
-    problem, end : Problem, and the result of its fit, one row of `Runs`
-    onward : function of x, shape (size,), that returns the result of a fit from x
-
-    Returns
-    -------
-    (end, spent)
-        the final result, and the numbers of evaluations of residuals and of derivatives. The status of `end`
-        is UNMOVED if no free parameter changes the data.
+    `end`, one row of `Runs`, is the result of a fit, and `onward(x)` returns the result of a fit from x. The
+    final result is returned with the numbers of evaluations of residuals and of derivatives that `onward` did
+    not count. Its status is UNMOVED if no free parameter changes the data.
     """
     spent = np.zeros(2, int)
     for _ in range(_TIMES):
@@ -171,15 +148,11 @@ def confirm_minimum(
         costs = costs_at(problem, places)
         spent[0] += len(places)
         least = end.cost - NEGLIGIBLE * max(1.0, end.cost)
-        tried = (
-            [int(np.argmin(costs))]
-            if costs.min() < least
-            else _to_fit(problem, end.cost, costs, drawn, inner)
-        )
+        lower = costs.min() < least
+        tried = [int(np.argmin(costs))] if lower else _to_fit(problem, end.cost, costs, drawn, inner)
         before = end
         for i in tried:
             again = onward(places[i])
-            spent += again.nfev, again.njev
             end = again if again.cost < least else end
             if again.status == INTERRUPTED:
                 return end._replace(status=INTERRUPTED), spent
@@ -195,10 +168,7 @@ def confirm_minimum(
 
 
 def _to_fit(problem, cost, costs, drawn, inner):
-    """Return the indices of points from which further fits start, even if their cost exceeds that of the fit.
-
-    The list is empty if fits are slow.
-    """
+    """Return indices of points with a higher cost from which further fits start, none if fits are slow."""
     if takes_long(problem.structure, problem.numbers):
         return []
     far = 2 * cost > _FAR * problem.targets.measured.size
@@ -206,41 +176,24 @@ def _to_fit(problem, cost, costs, drawn, inner):
     return [int(i) for i in (*inner, *lowest) if np.isfinite(costs[i])]
 
 
-def costs_at(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Return the cost at every row of x, or inf if the model is not finite there."""
-    of, loss = padded(problem), loss_of(problem.structure, problem.numbers)
-    rows, _ = evaluate_rows(of.structure, of.numbers, x.astype(problem.start.dtype))
-    costs = [
-        float(loss.cost(jnp.asarray(of.kept(errors_of_rows(of.structure, of.numbers, of.targets, one)))))
-        for one in rows
-    ]
-    return np.where(np.isfinite(costs), costs, np.inf)
-
-
 def _is_high(problem, cost):
     """Return True if the cost is too high to be due to chance."""
-    count = problem.targets.measured.size
-    return 2 * cost > 2 * float(scipy.special.gammainccinv(count / 2, _CHANCE))
+    return cost > float(scipy.special.gammainccinv(problem.targets.measured.size / 2, _CHANCE))
 
 
 def _moves(problem, x):
     """Return True if the data depend on any free parameter at x."""
-    of = padded(problem)
-    rows, slopes = (
-        part[0] for part in evaluate_rows(of.structure, of.numbers, np.asarray(x)[None], slopes=True)
-    )
-    plain = of.kept(np.asarray(errors_of_rows(of.structure, of.numbers, of.targets, rows)))
-    jacobian = of.kept(np.asarray(errors_of_slopes(of.structure, of.numbers, of.targets, slopes)))
-    count = data_rows(problem.structure)
-    size = np.linalg.norm(jacobian[:count], axis=0)
-    return bool(np.any(size > _UNMOVED * np.linalg.norm(plain[:count])))
+    of, count = padded(problem), data_rows(problem.structure)
+    rows, slopes = evaluate_rows(of.structure, of.numbers, np.asarray(x)[None], slopes=True)
+    size = np.linalg.norm(errors_of_slopes(of, slopes[0])[:count], axis=0)
+    return bool(np.any(size > _UNMOVED * np.linalg.norm(errors_of_rows(of, rows[0])[:count])))
 
 
 def _places_to_try(problem, end):
-    """Return points to try, as rows of x that obey the order of the scene, and two lists of indices.
+    """Return points to try as rows of x, the indices of random points, and the indices of inner points.
 
-    The first list contains the indices of random points. The second list contains, for each parameter at a
-    bound that another parameter sets (such as q0 <= qr), the index of the point farthest from this bound.
+    An inner point is, for each parameter at a bound that another parameter sets (such as q0 <= qr), the point
+    farthest from this bound. All points obey the order of the scene.
     """
     x, variables, constants = np.asarray(end.x), problem.variables, problem.numbers.constants
     places, drawn, inner = [], np.arange(0), []
@@ -254,13 +207,12 @@ def _places_to_try(problem, end):
         for far in _INWARD:
             moved(i, x[i] + far * (1 if side == "lower" else -1))
         inner.append(len(places) - 1)
-    for group in variables.own:
-        for i in range(*group.slot):
-            vanished = group.kind == "Positive" and x[i] < problem.start[i] - np.log(VANISHED)
-            # e^-7 is a thousandth of the range.
-            bounded = group.kind == "Bounded" and abs(x[i]) > max(7.0, abs(problem.start[i]))
-            if vanished or bounded:
-                moved(i, problem.start[i])
+    for i, kind in enumerate(variables.kinds):
+        vanished = kind == "Positive" and x[i] < problem.start[i] - np.log(VANISHED)
+        # e^-7 is a thousandth of the range.
+        bounded = kind == "Bounded" and abs(x[i]) > max(7.0, abs(problem.start[i]))
+        if vanished or bounded:
+            moved(i, problem.start[i])
     if _is_high(problem, end.cost):
         pairs = [(step, i) for step in _STEPS for i in range(x.size)]
         for step, i in pairs[: _MOST - _DRAWN]:

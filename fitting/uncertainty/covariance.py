@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.parameters.scenes import leaf_names, scene_paths
+from fitting.parameters.scenes import scene_paths
 from fitting.parameters.variables import VANISHED, Variables, element_names, slopes
 from fitting.solvers.evaluation import errors_of_rows, evaluate_rows
 from fitting.solvers.ordered import edges
@@ -91,10 +91,7 @@ class Part(NamedTuple):
 
 
 def describe_direction(variables: Variables, loadings: np.ndarray, deviation: float) -> str:
-    """Describe a direction in one line of text.
-
-    The line contains the parameters that change, how far they may change, and advice.
-    """
+    """Describe a direction in one line: the parameters that change, how far they may change, and advice."""
     parts = _parts(variables, loadings)
     leaves = {part.leaf for part in parts}
     # Advice on trade-offs needs several parameters.
@@ -119,10 +116,7 @@ def describe_direction(variables: Variables, loadings: np.ndarray, deviation: fl
 
 
 def _traded(parts):
-    """Describe how other parameters compensate for a change of roughness.
-
-    Return "" if the direction contains no such trade-off.
-    """
+    """Describe how other parameters compensate for a change of roughness, or return ""."""
     rougher = {p.name: p.loading > 0 for p in parts if p.leaf in ROUGHER}
     rougher |= {p.name: p.loading < 0 for p in parts if p.leaf in SMOOTHER}
     others = {p.name: p.loading > 0 for p in parts if p.leaf in ("gamma", *SHEAR)}
@@ -154,10 +148,7 @@ def _parts(variables, loadings):
 
 
 def _change(part, power):
-    """Describe the change of a parameter in a direction.
-
-    Positive parameters change by a power of λ, where λ is the factor of the leading parameter.
-    """
+    """Describe the change of a parameter, of Positive ones by a power of the leading one's factor λ."""
     if part.kind == "Positive":
         return f"{part.name} * λ" if abs(power - 1) < 0.05 else f"{part.name} * λ^{power:.2g}"
     return f"{part.name} {'up' if power > 0 else 'down'}"
@@ -191,10 +182,7 @@ class Uncertainty(NamedTuple):
 
 
 class Linearised(NamedTuple):
-    """Result of `rows_of` and its derivatives at a solution.
-
-    The rows include padding, and the data rows are not divided by the errors.
-    """
+    """Result of `rows_of`, with padding, and its derivatives at a solution."""
 
     at: np.ndarray  # at the solution, (rows,)
     inside: np.ndarray  # at the point of linearisation, a little inside the bounds
@@ -213,15 +201,13 @@ def linearised(problem: Problem, x: np.ndarray) -> Linearised:
 
 def data_residuals(problem: Problem, model: Linearised) -> np.ndarray:
     """Return the residuals of the data at a solution, in units of the errors."""
-    of = padded(problem)
-    rows = errors_of_rows(of.structure, of.numbers, of.targets, model.at)
-    return of.kept(np.asarray(rows))[: data_rows(problem.structure)]
+    return errors_of_rows(padded(problem), model.at)[: data_rows(problem.structure)]
 
 
 def weighted_rows(problem: Problem, model: Linearised) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the residuals, their factors, and the Jacobian times the factors of its rows.
 
-    The factors follow from the loss, see `fitting.solvers.losses.factors`. They are 1 for least squares.
+    See `fitting.solvers.objective.factors`. The factors are 1 for least squares.
     """
     of = padded(problem)
     found = _weighted(of.structure, of.numbers, of.targets, model.inside, model.slopes)
@@ -238,10 +224,7 @@ def _weighted(structure, numbers, targets, rows, slopes):
 
 
 def uncertainty(problem: Problem, x: np.ndarray, model: Linearised | None = None) -> Uncertainty:
-    """Return the uncertainty of a solution x of shape (size,).
-
-    `model` is the result of `linearised` at x. If None, `linearised` is called.
-    """
+    """Return the uncertainty of a solution x of shape (size,), with `model` = `linearised` at x."""
     structure, numbers = problem.structure, problem.numbers
     withheld, inside, stretch = _at_bounds(problem, x)
     model = linearised(problem, x) if model is None else model
@@ -278,13 +261,11 @@ def from_jacobian(
 
     Parameters
     ----------
-    variables : structure of the free parameters
     jacobian : derivatives of the rows, in units of their errors and with the priors last, with respect to
         x / stretch, shape (rows, size)
     count : number of rows that are data
     slope : d value / d (x / stretch), shape (size,)
-    chisqr, x, stretch : as in `Uncertainty`. If `stretch` is None, it is 1 for all elements.
-    withheld : name -> reason for a missing error bar of a parameter at a bound
+    chisqr, x, stretch, withheld : as in `Uncertainty`; withheld only for parameters at a bound
     influence : residuals times their factors from a robust loss, shape (rows,), or None for least squares
     """
     names, withheld = element_names(variables), dict(withheld or {})
@@ -338,8 +319,7 @@ def from_jacobian(
 def _spread(jacobian, count, rows, V, deviations, parameters):
     """Return the covariance of x / stretch, and the standard deviation along each column of V.
 
-    In the covariance, a standard deviation above `OPEN` along a column of V is replaced by `OPEN`. `rows` is
-    the argument `influence` of `from_jacobian`.
+    In the covariance, deviations along V are at most `OPEN`. `rows` is `influence` of `from_jacobian`.
     """
     length = np.minimum(deviations, OPEN)
     if rows is None:
@@ -358,34 +338,23 @@ def _spread(jacobian, count, rows, V, deviations, parameters):
 
 
 def _at_bounds(problem, x):
-    """Find the parameters that are at a bound or driven to zero.
-
-    Return the reasons as a dict by name, x moved a little inside the bounds, and `stretch` as in
-    `Uncertainty`.
-    """
+    """Return reasons by name for parameters at a bound or driven to zero, and `x` and `stretch` there."""
     constants, names, reasons = problem.numbers.constants, problem.names, {}
     inside, stretch = np.array(x), np.ones(len(names), np.asarray(x).dtype)
-    edge = np.log(1 / EDGE - 1)
+    edge, far = np.log(1 / EDGE - 1), np.log(VANISHED)
     paths = scene_paths(problem.scene(np.asarray(x))) if problem.variables.order else []
-    for i, side, (leaf, element) in edges(problem.variables, constants, x):
-        neighbour = leaf_names(paths[leaf], None if element is None else (element,))[0]
-        reasons[names[i]] = f"at its {side} bound {neighbour}"
-    for group in problem.variables.own:
-        for i in range(*group.slot):
-            if group.kind == "Bounded":
-                place = 1 / (1 + np.exp(-np.clip(x[i], -edge, edge)))
-                if AT_BOUND <= place <= 1 - AT_BOUND:
-                    continue
-                low, width = float(constants.low[i]), float(constants.width[i])
-                side, bound = ("lower", low) if place < 0.5 else ("upper", low + width)
-                reasons[names[i]] = f"at its {side} bound {bound:g}"
-                inside[i], stretch[i] = np.clip(x[i], -edge, edge), 0.25 / (place * (1 - place))
-            elif group.kind == "Positive":
-                leaf = np.asarray(constants.leaves[group.leaf])
-                start = np.log(
-                    float(leaf if group.elements is None else leaf[group.elements[i - group.slot[0]]])
-                )
-                if x[i] < start - np.log(VANISHED):
-                    reasons[names[i]] = "driven towards zero: the data want it absent"
-                    inside[i], stretch[i] = start - np.log(VANISHED), VANISHED
+    for i, side, neighbour in edges(problem.variables, constants, x):
+        reasons[names[i]] = f"at its {side} bound {neighbour.name(paths)}"
+    for i, kind in enumerate(problem.variables.kinds):
+        if kind == "Bounded":
+            place = 1 / (1 + np.exp(-np.clip(x[i], -edge, edge)))
+            if AT_BOUND <= place <= 1 - AT_BOUND:
+                continue
+            low, width = float(constants.low[i]), float(constants.width[i])
+            side, bound = ("lower", low) if place < 0.5 else ("upper", low + width)
+            reasons[names[i]] = f"at its {side} bound {bound:g}"
+            inside[i], stretch[i] = np.clip(x[i], -edge, edge), 0.25 / (place * (1 - place))
+        elif kind == "Positive" and x[i] < problem.start[i] - far:
+            reasons[names[i]] = "driven towards zero: the data want it absent"
+            inside[i], stretch[i] = problem.start[i] - far, VANISHED
     return reasons, inside, stretch

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from fitting.solvers.losses import factors, rho
+from fitting.solvers.objective import factors, rho
 from fitting.solvers.problem import Problem
 from fitting.uncertainty.covariance import OPEN, data_residuals, linearised, weighted_rows
 from fitting.uncertainty.intervals import SolvedProblem
@@ -45,9 +45,7 @@ class Criteria(NamedTuple):
     values: int  # n
     parameters: float  # k
     deviance: float  # -2 ln L
-    left_out: (
-        np.ndarray
-    )  # ln p of every value, predicted from all others, in the order of the data, shape (n,)
+    left_out: np.ndarray  # ln p of every value, predicted from all others, in the order of the data, (n,)
     leverage: np.ndarray  # h of every value, shape (n,)
 
     @property
@@ -73,10 +71,9 @@ class Criteria(NamedTuple):
 
 
 def criteria(solved: SolvedProblem, estimated: int = 0) -> Criteria:
-    """Return the criteria of a fit.
+    """Return the criteria of a fit, with functions that the fit has compiled.
 
-    The computation uses only functions that the fit has compiled. `estimated` is the number of further
-    estimated parameters, such as the amplitude of a `Discrepancy`.
+    `estimated` counts further estimated parameters, such as the amplitude of a `Discrepancy`.
     """
     problem = solved.problem
     r, h, left_out = _left_out(solved)
@@ -85,32 +82,21 @@ def criteria(solved: SolvedProblem, estimated: int = 0) -> Criteria:
     deviance, scales = -2 * float(np.sum(own)), estimated
     if problem.numbers.whitening is not None:
         deviance -= 2 * float(np.sum(np.log(np.diag(problem.numbers.whitening))))  # it is triangular
-    groups = [
-        where for where, scale in zip(problem.order, solved.estimated, strict=True) if scale is not None
-    ]
+    pairs = list(zip(problem.order, solved.estimated, strict=True))
+    groups = [where for where, scale in pairs if scale is not None]
     if solved.error_scale != 1:
-        pairs = zip(problem.order, solved.estimated, strict=True)
         groups.append(np.concatenate([where for where, scale in pairs if scale is None]))
     for where in groups:
         scales += 1
         if problem.structure.loss == "linear":  # errors of the greatest likelihood, not the unbiased ones
             square = max(float(np.mean(r[where] ** 2)), np.finfo(float).tiny)
             deviance += where.size * (np.log(square) + 1) - float(np.sum(r[where] ** 2))
-    order = np.concatenate(problem.order)
-    return Criteria(
-        r.size,
-        solved.uncertainty.parameters + scales,
-        deviance,
-        (left_out - np.log(error))[order],
-        h[order],
-    )
+    order, parameters = np.concatenate(problem.order), solved.uncertainty.parameters + scales
+    return Criteria(r.size, parameters, deviance, (left_out - np.log(error))[order], h[order])
 
 
 def _left_out(solved):
-    """Return the residuals, the leverages, and ln p of every residual if its value is left out.
-
-    The residuals are in units of the errors, and p is the density of such a residual.
-    """
+    """Return residuals in units of their errors, leverages, and ln p of residuals of left-out values."""
     problem, known = solved.problem, solved.uncertainty
     count = problem.targets.measured.size
     model = linearised(problem, solved.x)
@@ -135,10 +121,7 @@ def _left_out(solved):
 
 
 def _density(problem: Problem, r):
-    """Return ln p of residuals in units of the errors.
-
-    For robust losses, p is not normalised.
-    """
+    """Return ln p of residuals in units of the errors, not normalised for robust losses."""
     return -0.5 * np.asarray(rho(*_loss(problem), jnp.asarray(r))[0], float) - 0.5 * np.log(2 * np.pi)
 
 

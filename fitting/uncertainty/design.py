@@ -154,14 +154,10 @@ def design(
     already : a Design from the same candidates, whose measurements will be made as well
     quadrature : Quadrature of a Scene
 
-    Returns
-    -------
-    Design
-
     Raises
     ------
-    ValueError : one line: an unknown criterion, candidates or costs that do not broadcast or are <= 0, a
-        budget below the cost of every candidate; and as in `fitting.fit` for `free` and `prior`.
+    ValueError : an unknown criterion, candidates or costs that do not broadcast or are <= 0, a budget below
+        the cost of every candidate; and as in `fitting.fit` for `free` and `prior`.
 
     Notes
     -----
@@ -181,19 +177,16 @@ def design(
     draws = draws if draws is not None else 1 if isinstance(source, SolvedProblem) else _DRAWS
     if not isinstance(draws, int) or draws < 1:
         raise ValueError(f"draws = {shown(draws)}: must be an integer >= 1")
-    key = jax.random.key(0) if key is None else key
-    xs = known.draws(draws, reach, key)
+    xs = known.draws(draws, reach, jax.random.key(0) if key is None else key)
     rows = np.stack([known.rows(x, at, quantity) / error[:, None] for x in xs])
-    target = _target(known, xs, criterion)
-    base = known.information
+    target, base = _target(known, xs, criterion), known.information
     if already is not None:
         if already.rows.shape != rows[0].shape:
             raise ValueError("already: must be a Design of the same candidates and free parameters")
         base = base + information(already.rows[None], 0.0 * base, already.index)[0]
     index = exchange(rows, base, n, price, target)
     old, new = base[None], information(rows[:1], base, index)
-    spreads = [np.linalg.inv(m[0]) for m in (old, new)]
-    before, after = (known.stretch * np.sqrt(np.diag(spread)) for spread in spreads)
+    before, after = (known.stretch * np.sqrt(np.diag(np.linalg.inv(one[0]))) for one in (old, new))
     predicted = None
     if isinstance(criterion, prediction) and target is not None:
         errors = [float(np.sqrt(variance(one, target[:1])[0])) for one in (old, new)]
@@ -245,19 +238,18 @@ def _cost(cost, at):
 
 
 def _error(source, quantity):
-    if not isinstance(source, SolvedProblem):
-        return _ERROR
-    blocks = [b for b in source.problem.structure.blocks if b.quantity == quantity and b.logarithmic]
-    errors = [np.asarray(source.problem.targets.error)[slice(*b.rows)] for b in blocks]
+    """Return the mean relative error of the data of a fit, or the default."""
+    errors = []
+    if isinstance(source, SolvedProblem):
+        blocks = [b for b in source.problem.structure.blocks if b.quantity == quantity and b.logarithmic]
+        errors = [np.asarray(source.problem.targets.error)[slice(*b.rows)] for b in blocks]
     return float(np.mean(np.concatenate(errors))) if errors else _ERROR
 
 
 def _target(known, xs, criterion):
     """Return the matrix L of the criterion for every draw, of shape (draws, size, size), or None for "D"."""
     if isinstance(criterion, prediction):
-        conditions = (criterion.velocity, criterion.pressure)
-        conditions += () if criterion.temperature is None else (criterion.temperature,)
-        at = _points(conditions)
+        at = _points((criterion.velocity, criterion.pressure, criterion.temperature))
         each = np.stack([known.rows(x, at, criterion.quantity) for x in xs])
         return np.swapaxes(each, 1, 2) @ each / at[0].size
     if not isinstance(criterion, str) or criterion not in _CRITERIA:
@@ -275,34 +267,24 @@ def plot_design(design: Any, ax: style.Panels | None = None) -> style.Panels:
 
     With several temperatures there is a panel for each pressure, otherwise one for each temperature. The
     number in a circle is the number of measurements to make at a candidate. If only the velocity varies, the
-    gain is drawn as a line.
-
-    Parameters
-    ----------
-    design : fitting.Design
-    ax : sequence of as many matplotlib axes as there are panels. If None, a new figure is made.
-
-    Returns
-    -------
-    sequence of the axes
+    gain is drawn as a line. The axes, by default of a new figure, are returned.
     """
     v, p, T = design.candidates
     over_temperature = T is not None and np.unique(T).size > 1
-    celsius = np.zeros_like(v) if T is None else rf.units.to_celsius(T)
-    groups = np.unique(p) if over_temperature else np.unique(T) if T is not None else np.array([np.nan])
-    groups = [g for g in groups if _chosen(design, g, over_temperature).any()][:_PANELS]
-    y = celsius if over_temperature else np.log10(p / 1e6)
+    # Each panel has one pressure, or one temperature (NaN: none).
+    key = p if over_temperature else np.full(p.size, np.nan) if T is None else T
+    is_chosen = np.isin(np.arange(p.size), design.index)
+    groups = np.unique(key[is_chosen], equal_nan=True)[:_PANELS]
+    y = rf.units.to_celsius(T) if T is not None and over_temperature else np.log10(p / 1e6)
     names = [_title(g, over_temperature) for g in groups]
     if np.unique(p).size == 1 and not over_temperature:
         names = [", ".join(filter(None, (_title(p[0], True), name))) for name in names]
     ax = style.several_axes(ax, names, (1.8 + 3.6 * len(names), 3.9), across=True)
-    label = "gain of one measurement\n" + (
-        "[nat]" if design.criterion == "D" else "[part of the variance, -]"
-    )
-    flat = np.unique(y).size == 1
+    unit = "[nat]" if design.criterion == "D" else "[part of the variance, -]"
+    label, flat = f"gain of one measurement\n{unit}", np.unique(y).size == 1
     low, high = float(design.gain.min()), float(design.gain.max())
     for group, axes, name in zip(groups, ax, names, strict=True):
-        shown = _group(design, group, over_temperature)
+        shown = np.isnan(key) if np.isnan(group) else key == group
         axes.set_title(name, fontsize="small", loc="left")
         axes.set_xlabel(style.LOG_V)
         height = design.gain if flat else y
@@ -313,8 +295,7 @@ def plot_design(design: Any, ax: style.Panels | None = None) -> style.Panels:
         else:
             look: dict[str, Any] = {"vmin": low, "vmax": high, "cmap": "cividis", "linewidths": 0}
             drawn = axes.scatter(np.log10(v[shown]), y[shown], c=design.gain[shown], s=46, marker="s", **look)
-        chosen = np.flatnonzero(_chosen(design, group, over_temperature))
-        for i in chosen:
+        for i in np.flatnonzero(is_chosen & shown):
             where = (np.log10(v[i]), height[i])
             box = {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": "black"}
             count = int(np.sum(design.index == i))
@@ -325,19 +306,6 @@ def plot_design(design: Any, ax: style.Panels | None = None) -> style.Panels:
         ax[0].set_ylabel("temperature [°C]" if over_temperature else "$\\log_{10}(p\\;/\\;\\mathrm{MPa})$")
         ax[0].figure.colorbar(drawn, ax=list(ax)).set_label(label)
     return ax
-
-
-def _group(design, value, over_temperature):
-    _, p, T = design.candidates
-    if over_temperature:
-        return p == value
-    return np.ones(p.size, bool) if T is None else value == T
-
-
-def _chosen(design, value, over_temperature):
-    mask = np.zeros(design.gain.size, bool)
-    mask[design.index] = True
-    return mask & _group(design, value, over_temperature)
 
 
 def _title(value, over_temperature):

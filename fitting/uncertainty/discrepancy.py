@@ -9,9 +9,8 @@ among the rows [Patterson & Thompson, Biometrika 58 (1971) 545],
 plus the logarithm of the prior of the amplitude, half lognormal and half log-uniform. All widths
 are equally likely.
 
-Errors that are smooth over the whole range of the data are difficult to distinguish from a change of
-parameters. The most likely amplitude is then too small, and intervals are too short. The fit is therefore
-weighted with the posterior mean of C.
+Errors that are smooth over the whole range of the data resemble a change of parameters. The most likely
+amplitude is then too small. The fit is therefore weighted with the posterior mean of C.
 """
 
 import dataclasses
@@ -81,15 +80,11 @@ def check_discrepancy(
 
 
 def with_discrepancy(
-    problem: Problem,
-    scenes: Sequence[rf.Scene],
-    data: Sequence[Measured],
-    discrepancy: Discrepancy | None,
+    problem: Problem, scenes: Sequence[rf.Scene], data: Sequence[Measured], discrepancy: Discrepancy | None
 ) -> Problem:
-    """Return the problem with the whitening matrix of a discrepancy.
+    """Return the problem with the whitening matrix of a discrepancy, or without one if None.
 
-    If `discrepancy` is None, the problem is returned without a whitening matrix. The errors in the targets
-    must be final. `scenes` contains the scene of each data set.
+    The errors in the targets must be final. `scenes` has the scene of each data set.
     """
     whitening = None
     if discrepancy is not None and discrepancy.amplitude:
@@ -102,28 +97,22 @@ def with_discrepancy(
 
 
 def median_amplitude(scenes: Sequence[rf.Scene]) -> float:
-    """Return the median of the prior of the amplitude [-].
+    """Return the median of the prior of the amplitude [-], the largest one of all scenes."""
 
-    The median depends on the scene. The largest median of all scenes is returned.
-    """
-    return max(_median(scene) for scene in scenes)
+    def of_one(scene):
+        median = _MEDIANS[scene.contact_model]
+        if scene.contact_model == "paper":
+            return median
+        spectra = [body.spectrum for body in (scene.lower, scene.upper) if body.spectrum is not None]
+        ends = [spectrum.power_law().q for spectrum in spectra]
+        decades = max((math.log10(q[-1] / q[0] / _TESTED) for q in ends), default=0.0)
+        return median + 0.1 * max(0.0, decades)
 
-
-def _median(scene):
-    median = _MEDIANS[scene.contact_model]
-    if scene.contact_model == "paper":
-        return median
-    spectra = [body.spectrum for body in (scene.lower, scene.upper) if body.spectrum is not None]
-    ends = [spectrum.power_law().q for spectrum in spectra]
-    decades = max((math.log10(q[-1] / q[0] / _TESTED) for q in ends), default=0.0)
-    return median + 0.1 * max(0.0, decades)
+    return max(of_one(scene) for scene in scenes)
 
 
 def first_guess(discrepancy: Discrepancy, scenes: Sequence[rf.Scene]) -> Discrepancy:
-    """Return the discrepancy that the first fit uses.
-
-    Guesses replace an amplitude or width that is to be estimated.
-    """
+    """Return the discrepancy of the first fit, with guesses of unknown amplitude and width."""
     amplitude, width = discrepancy.amplitude, discrepancy.width
     return dataclasses.replace(
         discrepancy,
@@ -138,14 +127,10 @@ def is_open(discrepancy: Discrepancy) -> bool:
 
 
 def with_remark(discrepancy: Discrepancy, asked: Discrepancy, judged: tuple | None) -> Discrepancy:
-    """Return the discrepancy of a fit, with a remark if there is a reason for one.
+    """Return a discrepancy with a remark if the data contradict it, or if its estimate failed.
 
-    The remark states that the data contradict a given amplitude and width, or that the estimate failed.
-
-    Parameters
-    ----------
-    discrepancy, asked : discrepancy as used in the last fit, and as given by the user
-    judged : arguments of `averaged`, or None if the fit did not converge
+    `discrepancy` is the one of the last fit, `asked` is given by the user, and `judged` has the arguments of
+    `averaged`, or is None if the fit did not converge.
     """
     if judged is None and is_open(asked):
         remark = "amplitude and width are assumed, not estimated, because the fit did not succeed"
@@ -162,14 +147,10 @@ def averaged(
     data: Sequence[Measured],
     discrepancy: Discrepancy,
 ) -> Discrepancy:
-    """Return the discrepancy, with unknown amplitude and width averaged over the posterior.
+    """Return the discrepancy of a fit, with unknown amplitude and width averaged over the posterior.
 
-    Parameters
-    ----------
-    problem : problem of the fit, with or without whitening
-    model : model of the problem, linearised at the solution
-    scenes, data : scene of each data set, and the data sets
-    discrepancy : as given to the fit. `remark` of the result states why this one may not suit the data.
+    `model` is the problem linearised at the solution. `remark` of the result states why the given
+    `discrepancy` may not suit the data.
     """
     likelihood = _Likelihood(problem, model, scenes, data, discrepancy.shared)
     amplitude, width = discrepancy.amplitude, discrepancy.width
@@ -215,19 +196,13 @@ def averaged(
 
 
 def _prior(amplitudes, median):
-    """Return the prior density of ln a, which is half normal and half flat.
-
-    The flat half allows for an exact theory.
-    """
+    """Return the prior density of ln a, half normal and half flat, which allows for an exact theory."""
     lognormal = scipy.stats.norm.pdf(np.log(amplitudes), np.log(median), _DEVIATION)
     return 0.5 * lognormal + 0.5 / np.log(_AMPLITUDES[-1] / _AMPLITUDES[0])
 
 
 def _at_the_ends(of_width):
-    """Return a remark if the most probable width is the first or the last of `WIDTHS`.
-
-    `of_width` contains the probability of each width.
-    """
+    """Return a remark if the most probable width is the first or the last, given all probabilities."""
     first, last = (w / math.log(10) for w in (WIDTHS[0], WIDTHS[-1]))
     if of_width[0] > 0.5:
         return [
@@ -276,10 +251,7 @@ class _Likelihood:
 
 
 def _places(problem, scenes, data):
-    """Return 1 / relative error, ln(v a_T), and the number of the curve, arrays of shape (rows,).
-
-    All arrays are 0 for data other than friction.
-    """
+    """Return 1 / relative error, ln(v a_T), and the number of the curve of all rows, 0 except of friction."""
     scaled, x, curve = (np.zeros(data_rows(problem.structure)) for _ in range(3))
     error = np.asarray(problem.targets.error)
     found: dict[tuple, int] = {}

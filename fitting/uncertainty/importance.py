@@ -3,16 +3,15 @@ r"""Importance sampling from the posteriors of many fits at once, and diagnostic
 .. math:: x_s = m + L z_s, \qquad \ln w_s = \ln p(x_s | data) - \sum_k \ln t_\nu(z_{sk}), \qquad
           L L^T = C
 
-A draw costs one evaluation of the residuals and is independent of the others, so the posteriors of a thousand
-fits take minutes. A chain (`FitResult.sample`) is better for posteriors that are far from normal. Along the
-principal axes of C, the columns of L, z has Student's distribution with d degrees of freedom in d dimensions.
-Its tails exceed any posterior with Gaussian priors, so the weights are bounded. C is widened by 1 + 1/d,
-which costs a fifth of the draws and covers posteriors that deviate from the normal one.
+A draw costs one evaluation of the residuals, so the posteriors of a thousand fits take minutes. A chain
+(`FitResult.sample`) is better for posteriors that are far from normal. Along the principal axes of C, the
+columns of L, z has Student's distribution with d degrees of freedom in d dimensions. Its tails exceed any
+posterior with Gaussian priors, so the weights are bounded. C is widened by 1 + 1/d, which covers posteriors
+that deviate from the normal one.
 
 m and C are the fit's minimum and covariance. If a pilot run shows that they are a poor proposal, the mean and
-covariance of its weighted draws replace them in part. This part grows with the effective sample size
-[population Monte Carlo: Cappé, Guillin, Marin & Robert, J. Comput. Graph. Stat. 13 (2004) 907]. Pilot draws
-are discarded.
+covariance of its weighted draws replace them in a part that grows with the effective sample size [population
+Monte Carlo: Cappé, Guillin, Marin & Robert, J. Comput. Graph. Stat. 13 (2004) 907].
 
 The effective sample size of weights is
 
@@ -77,10 +76,7 @@ def effective(log_weight: np.ndarray) -> np.ndarray:
 
 
 def tail_index(log_weight: np.ndarray) -> np.ndarray:
-    """Return the tail index k of the weights of every fit, shape (fits,).
-
-    The index is -inf if all weights are equal.
-    """
+    """Return the tail index k of the weights of every fit, shape (fits,), -inf if all are equal."""
     rows = log_weight.shape[1]
     count = _tail(rows)
     ordered = np.sort(relative(log_weight), 1)
@@ -88,11 +84,7 @@ def tail_index(log_weight: np.ndarray) -> np.ndarray:
 
 
 def doubtful(size: np.ndarray, index: np.ndarray, draws: int) -> np.ndarray:
-    """Return booleans of shape (fits,), True for fits whose weighted draws are unreliable.
-
-    Draws are unreliable if the effective sample size is below 10, or if the tail index is more than two
-    standard errors above 0.7.
-    """
+    """Return True for fits with an effective size below 10 or a tail index well above 0.7, shape (fits,)."""
     tail = np.maximum(index, -1.0)
     return (size < _ENOUGH) | (tail - 2 * (1 + tail) / np.sqrt(_tail(draws)) > _HEAVY)
 
@@ -104,7 +96,7 @@ def _tail(draws):
 def _pareto_shape(excess):
     """Return the shape of the generalised Pareto distribution of increasing values > 0.
 
-    The estimate is regularised as if ten more values had a shape of 1/2 (Vehtari et al.).
+    It is regularised as if ten more values had a shape of 1/2 (Vehtari et al.).
     """
     if not excess[-1] > _EVEN:
         return -np.inf
@@ -161,12 +153,8 @@ def guided(
 ) -> Proposal:
     """Return the proposal for `count` draws of every fit, improved by pilot runs.
 
-    Parameters
-    ----------
-    problem : Problem, whose structure and numbers all fits share
-    targets : Targets with a leading axis, which has one entry per fit or one entry for all
-    centre, covariance : minimum and covariance of each fit, shapes (fits, size) and (fits, size, size)
-    count : number of draws in the final run
+    `targets` has a leading axis with one entry per fit or one for all. `centre` and `covariance`, of shapes
+    (fits, size) and (fits, size, size), describe the minimum of each fit.
     """
     found = Proposal.of(centre, covariance)
     rows, pilot = np.arange(len(centre)), max(int(_PILOT * count), 10)
@@ -203,16 +191,9 @@ def log_weights(
     x: np.ndarray,
     callback: Callable[[int, int], object] | None = None,
 ) -> np.ndarray:
-    """Return ln w of every point, shape (fits, rows), up to a constant for each fit.
+    """Return ln w of points x, (fits, rows, size), up to a constant for each fit, shape (fits, rows).
 
-    The result is -inf if ln w is not finite.
-
-    Parameters
-    ----------
-    problem, targets : as for `guided`
-    proposal : proposal from which x was drawn
-    x : points, shape (fits, rows, size)
-    callback : called as callback(fits done, fits), or None
+    The result is -inf if ln w is not finite. `callback` is called as callback(fits done, fits).
     """
     of, (fits, rows, size) = padded(problem, targets), x.shape
     points, count = x.reshape(-1, size).astype(problem.start.dtype), fits * rows
@@ -239,10 +220,7 @@ def log_weights(
 
 
 def places(x: np.ndarray, log_weight: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Return the rank u of the true x in the module's docstring, shape (fits, size).
-
-    The last row of the x of each fit is the true x.
-    """
+    """Return the rank u of the true x, which is the last row of the x of each fit, shape (fits, size)."""
     weight = relative(log_weight)
     below = np.einsum("fs,fsi->fi", weight, x < x[:, -1:])
     own = weight[:, -1:] * random.random(below.shape)
@@ -256,10 +234,7 @@ def _some(targets, rows):
 
 @functools.partial(jax.jit, static_argnums=0)
 def _densities(structure, numbers, targets, x):
-    """Return the log density of each point, given the targets that belong to the point.
-
-    An accelerator computes all points at once, and a processor computes one point after the other.
-    """
+    """Return the log density of each point with its targets; a processor takes one point after the other."""
 
     def one(pair):
         return density_at(structure, "x", numbers, *pair)

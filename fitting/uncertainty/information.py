@@ -14,8 +14,8 @@ information M_0, the n measurements with
 are found by adding the best candidates in turn, and then exchanging single measurements until no exchange
 improves the criterion [Fedorov, Theory of Optimal Experiments, Academic Press 1972; Atkinson, Donev & Tobias,
 Optimum Experimental Designs, Oxford 2007, chapter 12]. K sets of rows, from draws of the prior information,
-make the design robust. Logarithms are averaged [Chaloner & Larntz, J. Stat. Plan. Inference 21, 191 (1989)],
-so that draws with a large variance do not dominate. One more row changes both criteria by
+make the design robust. Logarithms are averaged [Chaloner & Larntz, J. Stat. Plan. Inference 21, 191 (1989)]
+because draws with a large variance would dominate. One more row changes both criteria by
 
 .. math:: \Delta\phi_D = \ln(1 + a^T M^{-1} a),\qquad
           \Delta\phi_L = -\ln\Big(1 - \frac{1}{\mathrm{tr}(L\, M^{-1})}
@@ -73,23 +73,16 @@ class PriorInformation(NamedTuple):
         return to_scene(self.variables, self.constants, self.x)
 
     def draws(self, count: int, reach: float, key: jax.Array) -> np.ndarray:
-        """Return x and random draws about x, an array of shape (count, size).
-
-        The standard deviation along each principal direction is at most `reach`.
-        """
+        """Return x and random draws about it, with deviations of at most `reach`, shape (count, size)."""
         values, V = np.linalg.eigh(self.information)
         noise = np.array(jax.random.normal(key, (count, self.x.size)))
         noise[0] = 0.0
         return self.x + self.stretch * ((noise * np.minimum(values**-0.5, reach)) @ V.T)
 
     def rows(self, x: np.ndarray, at: Conditions, quantity: str, logarithmic: bool = True) -> np.ndarray:
-        """Return d ln Q / dy at the conditions `at` and at x, an array of shape (points, size).
-
-        y is x / stretch. If `logarithmic` is False, the derivatives are dQ / dy. The points are padded to a
-        standard length, so that other candidates need no compilation.
-        """
+        """Return d ln Q / dy, or dQ / dy, with y = x / stretch at the conditions `at`, (points, size)."""
         count = at[0].size
-        padding = (0, recurring_length(count) - count)
+        padding = (0, recurring_length(count) - count)  # other candidates compile nothing
         v, p, T = (None if c is None else np.pad(c, padding, "edge") for c in at)
         static = {"variables": self.variables, "quantity": quantity, "quadrature": self.quadrature}
         value, slope = _value_and_slope(self.constants, jnp.asarray(x), (v, p, T), **static)
@@ -110,9 +103,9 @@ def _value_and_slope(constants, x, at, *, variables, quantity, quadrature):
     return value_and_jacobian(lambda x: to_scene(variables, constants, x), x, at, quantity, quadrature)
 
 
-@quick_jit(static_argnames=("structure", "variables"))
-def _prior_slopes(numbers, constants, x, *, structure, variables):
-    return forward(lambda x: prior_residuals(structure, numbers, to_scene(variables, constants, x), x), x)[1]
+@quick_jit(static_argnames=("variables",))
+def _prior_slopes(priors, constants, x, *, variables):
+    return forward(lambda x: prior_residuals(priors, to_scene(variables, constants, x), x), x)[1]
 
 
 def known_of(
@@ -138,9 +131,8 @@ def known_of(
         raise ValueError('free: must be a dict of key paths, like {"upper.spectrum.hurst": Bounded(0.3, 1)}')
     scene = with_starts(cast(source, result_dtype(source, 1.0)), free)
     variables, constants, x = free_parameters(scene, free)
-    structure, numbers = read_priors(scene, variables, constants, prior)
-    static = {"structure": structure, "variables": variables}
-    rows = np.asarray(_prior_slopes(numbers, constants, jnp.asarray(x), **static))
+    priors = read_priors(scene, variables, constants, prior)
+    rows = np.asarray(_prior_slopes(priors, constants, jnp.asarray(x), variables=variables))
     information = np.eye(x.size) / OPEN**2 + rows.T @ rows
     return PriorInformation(
         variables, constants, quadrature or rf.Quadrature(), x, np.ones(x.size), information
@@ -154,9 +146,7 @@ def exchange(
     cost: np.ndarray | None = None,
     target: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the indices of the candidates to measure, most useful first.
-
-    The index of a candidate that is measured several times appears several times.
+    """Return the indices of the candidates to measure, most useful first; some may appear several times.
 
     Parameters
     ----------
@@ -166,10 +156,6 @@ def exchange(
     budget : number of measurements, or their largest total cost
     cost : cost of every candidate, > 0, shape (candidates,). If None, each measurement costs 1.
     target : L, shape (draws, size, size). If None, the criterion is D.
-
-    Returns
-    -------
-    indices, shape (number of measurements,); empty if the budget allows no measurement
     """
     cost = np.ones(rows.shape[1]) if cost is None else cost
     chosen = _filled(rows, base, budget, cost, target, [])
@@ -189,19 +175,9 @@ def exchange(
 
 
 def information(rows: np.ndarray, base: np.ndarray, chosen: list[int] | np.ndarray) -> np.ndarray:
-    """Return the information M after measurements at the chosen candidates.
-
-    The result has the shape (draws, size, size).
-    """
+    """Return the information M after measurements at the chosen candidates, (draws, size, size)."""
     some = rows[:, np.asarray(chosen, int)]
     return base + np.swapaxes(some, 1, 2) @ some
-
-
-def criterion(information: np.ndarray, target: np.ndarray | None) -> float:
-    """Return the criterion phi, averaged over the draws."""
-    if target is None:
-        return float(np.mean(np.linalg.slogdet(information)[1]))
-    return -float(np.mean(np.log(variance(information, target))))
 
 
 def variance(information: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -210,10 +186,7 @@ def variance(information: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def gain(rows: np.ndarray, information: np.ndarray, target: np.ndarray | None) -> np.ndarray:
-    """Return the gain in phi from one measurement at each candidate, shape (candidates,).
-
-    The gain is averaged over the draws.
-    """
+    """Return the gain in phi, averaged over draws, from a measurement at each candidate, (candidates,)."""
     covariance = np.linalg.inv(information)
     moved = rows @ covariance
     seen = np.sum(moved * rows, -1)
@@ -225,10 +198,7 @@ def gain(rows: np.ndarray, information: np.ndarray, target: np.ndarray | None) -
 
 
 def _filled(rows, base, budget, cost, target, chosen):
-    """Add candidates to `chosen` until the budget allows no further one.
-
-    The candidate with the largest gain divided by its cost is added first.
-    """
+    """Add candidates to `chosen`, by decreasing gain per cost, until the budget allows no further one."""
     chosen = list(chosen)
     while True:
         allowed = cost <= budget - cost[chosen].sum() + 1e-9 * budget

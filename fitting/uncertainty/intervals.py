@@ -31,8 +31,8 @@ from fitting.solvers.evaluation import (
     evaluate_rows,
     model_rows,
 )
-from fitting.solvers.iterate import succeeded
 from fitting.solvers.levenberg_marquardt import NEAR_MINIMUM, LevenbergMarquardt
+from fitting.solvers.objective import succeeded
 from fitting.solvers.options import check_options
 from fitting.solvers.problem import CURVE_QUANTITIES, Problem, Targets
 from fitting.solvers.residuals import forward, padded
@@ -72,10 +72,7 @@ class Band(NamedTuple):
 
 
 def quantile(level: float, freedom: float = np.inf) -> float:
-    """Return the two-sided quantile of the normal distribution, or of Student's if `freedom` is finite.
-
-    `freedom` is the number of degrees of freedom.
-    """
+    """Return the two-sided quantile of the normal distribution, or of Student's with finite `freedom`."""
     check_options(level=level)
     if not np.isfinite(freedom):
         return float(scipy.special.ndtri(0.5 + 0.5 * level))
@@ -114,18 +111,12 @@ class SolvedProblem:
         return self.problem.targets.measured.size - self.uncertainty.parameters
 
     def quantile(self, level: float) -> float:
-        """Return the two-sided quantile of the normal distribution or of Student's distribution.
-
-        Student's distribution is used if errors were estimated from the scatter.
-        """
+        """Return the two-sided normal quantile, or Student's if errors were estimated from the scatter."""
         estimated = self.error_scale != 1 or any(scale is not None for scale in self.estimated)
         return quantile(level, max(self.freedom, 0.5) if estimated else np.inf)
 
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-        """Return the lower and the upper ends of the confidence intervals of all values.
-
-        The intervals are symmetric in x. The ends are NaN for parameters without an error bar.
-        """
+        """Return the ends of the confidence intervals, symmetric in x; NaN if an error bar is withheld."""
         reach = self.quantile(level) * self.uncertainty.deviation
         return self.problem.values(self.x - reach), self.problem.values(self.x + reach)
 
@@ -138,22 +129,17 @@ class SolvedProblem:
         level: float = 0.95,
         scene: str | None = None,
     ) -> Band:
-        """Return the prediction of the fitted scene with the confidence band.
+        """Return the prediction of the fitted scene with the confidence band, of the broadcast shape.
 
         If the quantity is > 0, the band is symmetric in the logarithm of the quantity, otherwise in the
         quantity. Unidentified directions widen the band only as far as the prediction depends on them.
 
         Parameters
         ----------
-        velocity, pressure, temperature : broadcastable [m/s], [Pa], [K]
-            as for `rubberfric.solve`.
+        velocity, pressure, temperature : broadcastable [m/s], [Pa], [K], as for `rubberfric.solve`
         quantity : name of a quantity of `rubberfric.solve`
         level : confidence level
         scene : name of the scene if there are several
-
-        Returns
-        -------
-        Band, arrays of the broadcast shape
         """
         conditions = velocity, pressure, temperature
         given = np.broadcast_arrays(*(np.asarray(c, float) for c in conditions if c is not None))
@@ -177,10 +163,7 @@ class SolvedProblem:
         return self.widened(value, slope, level)
 
     def widened(self, value: np.ndarray, slope: np.ndarray, level: float) -> Band:
-        """Return the band of a prediction from its derivatives with respect to x.
-
-        `value` has the shape (...), and `slope`, the derivatives, has the shape (..., size).
-        """
+        """Return the band of a prediction, shape (...), from its derivatives by x, shape (..., size)."""
         known = self.uncertainty
         slope = slope * known.stretch
         reach = self.quantile(level) * np.sqrt(np.einsum("...i,ij,...j->...", slope, known.spread, slope))
@@ -203,7 +186,8 @@ class SolvedProblem:
 
         The cost is taken as -ln likelihood, also with a robust loss. Values are added on each side until
         chi-square has risen by the threshold, or the parameter is a factor of 1e6 from the fit or a millionth
-        of its range from a bound. `ends` of the result states the reason.
+        of its range from a bound. `ends` of the result states the reason. A RuntimeWarning reports a minimum
+        below the fit (`better` of the result), or an interval of several parts.
 
         Parameters
         ----------
@@ -213,16 +197,6 @@ class SolvedProblem:
         callback : as for `fitting.fit`
         values : values of the parameter at which to compute the profile, on both sides of the fitted value
             If None, the profile has `points` values on each side, and further values as needed.
-
-        Raises
-        ------
-        ValueError : the name is unknown, or `level` is not between 0 and 1.
-
-        Warns
-        -----
-        RuntimeWarning
-            the profile found a minimum below the fit (`better` of the result), or an interval of several
-            parts.
         """
         starts, targets = self.profile_fits(name, level, points, values)
         # Values that a user gives may lie far from the fit.
@@ -259,7 +233,7 @@ class SolvedProblem:
     def _x_of(self, i: int, values: ArrayLike) -> np.ndarray:
         """Return the x of element `i` for given values of this element."""
         constants, wanted = self.problem.numbers.constants, np.atleast_1d(np.asarray(values, float))
-        kind = next(group.kind for group in self.problem.variables.own if group.slot[0] <= i < group.slot[1])
+        kind = self.problem.variables.kinds[i]
         low, width = float(constants.low[i]), float(constants.width[i])
         inside = (wanted > low) & (wanted < low + width if kind == "Bounded" else wanted < np.inf)
         if not np.all(inside | (kind == "Free")):
@@ -269,10 +243,7 @@ class SolvedProblem:
     def profile_of(
         self, name: str, level: float, runs: Runs, extend: bool = True, callback: Callback | None = None
     ) -> LikelihoodProfile:
-        """Return the profile of a parameter, given the results of the fits that `profile_fits` prepared.
-
-        The rows of `runs` must have the order of these fits.
-        """
+        """Return the profile of a parameter, given the results of the fits of `profile_fits`, in order."""
         anchor, q = Anchor(self.problem, self.x, self.cost), self.quantile(level)
         return profile_from(anchor, self.names.index(name), q, runs, extend, callback)
 
@@ -281,15 +252,12 @@ class SolvedProblem:
     ) -> Bootstrap:
         """Fit `count` data sets drawn from the fitted model with the errors of the data.
 
-        Parameters
-        ----------
-        count : number of data sets
-        key : jax.random.key, or None for key(0)
-        callback : as for `fitting.fit`
+        The key is jax.random.key(0) if None. For many data sets, see `fitting.bootstrap_members`.
         """
         starts, targets = self.bootstrap_fits(count, key)
         runs = run_fits(NEAR_MINIMUM, self.problem, starts, targets, callback=callback)
-        return self.bootstrap_of(runs.x, runs.status)
+        good = succeeded(runs.status)
+        return Bootstrap(self.names, self.problem.values(runs.x[good]), int((~good).sum()))
 
     def bootstrap_fits(self, count: int, key: jax.Array | None) -> tuple[np.ndarray, Targets]:
         """Return the start vectors of the fits of a bootstrap, and the targets with the drawn data."""
@@ -299,17 +267,9 @@ class SolvedProblem:
         targets = jax.tree.map(lambda a: a[None], targets)._replace(measured=drawn)
         return np.tile(self.x, (count, 1)), targets
 
-    def bootstrap_of(self, x: np.ndarray, status: np.ndarray) -> Bootstrap:
-        """Return the `Bootstrap`, given the results of the fits that `bootstrap_fits` prepared."""
-        good = succeeded(status)
-        return Bootstrap(self.names, self.problem.values(x[good]), int((~good).sum()))
-
 
 def drawn_errors(problem: Problem, count: int, key: jax.Array) -> np.ndarray:
-    """Draw random errors of `count` data sets, including model errors, of shape (count, rows).
-
-    For data with relative errors, the result contains errors of the logarithms.
-    """
+    """Draw errors of `count` data sets, including model errors, of logarithms if relative, (count, rows)."""
     noise = np.asarray(jax.random.normal(key, (count, problem.targets.measured.size)))
     if problem.numbers.whitening is not None:
         noise = np.linalg.solve(np.asarray(problem.numbers.whitening), noise.T).T
@@ -325,9 +285,7 @@ class Valley(NamedTuple):
     expected: float  # rise of twice the cost at the ends of its linear interval, if error bars hold
     rises: tuple[float, float]  # rise found at the lower and the upper end
     linear: tuple[float, float]  # its linear interval
-    interval: tuple[
-        float, float
-    ]  # estimate of the profile's interval; an end is inf if the cost does not rise
+    interval: tuple[float, float]  # estimate of the profile's; an end is inf if the cost does not rise
 
     @property
     def holds(self) -> bool:
@@ -349,9 +307,8 @@ class Valley(NamedTuple):
 def valleys(solved: SolvedProblem) -> tuple[Valley, ...]:
     """Check the linear intervals of the (at most two) pairs of parameters with correlations above 0.98.
 
-    The check uses the compiled function of the fit, with six to ten evaluations of rows and derivatives per
-    parameter. The result is empty for robust losses, whose cost is not a likelihood. Parameters are left out
-    if the model is not finite at the ends of their intervals.
+    The result is empty for robust losses, whose cost is not a likelihood. Parameters are left out if the
+    model is not finite at the ends of their intervals.
     """
     known, names = solved.uncertainty, solved.names
     size = np.triu(np.abs(known.correlation), 1)
@@ -384,19 +341,16 @@ def valleys(solved: SolvedProblem) -> tuple[Valley, ...]:
 
 
 def _values(solved, which, offsets):
-    """Return the values of the parameters `which`.
-
-    The x of each parameter differs from the solution by the offset given for the parameter.
-    """
+    """Return the values of the parameters `which`, each with its x moved by an offset."""
     x = np.tile(solved.x, (len(which), 1))
     x[np.arange(len(which)), which] += offsets
     return solved.problem.values(x)[np.arange(len(which)), which]
 
 
 def _refitted(solved, x, held):
-    """Return the cost after a few Gauss-Newton steps from every row of x.
+    """Return the cost after Gauss-Newton steps from every row k of x with the parameter `held[k]` fixed.
 
-    In row k, the parameter with the index `held[k]` stays fixed. The cost is inf if the model is not finite.
+    The cost is inf if the model is not finite.
     """
     of = padded(solved.problem)
     best, cost = x, np.full(len(x), np.inf)
@@ -404,8 +358,8 @@ def _refitted(solved, x, held):
     for _ in range(_STEPS + 1):
         found = evaluate_rows(of.structure, of.numbers, x.astype(solved.problem.start.dtype), slopes=True)
         # One by one, with the shapes of the covariance: nothing is compiled.
-        rows = np.array([errors_of_rows(of.structure, of.numbers, of.targets, r) for r in found[0]])
-        slopes = [errors_of_slopes(of.structure, of.numbers, of.targets, s) for s in found[1]]
+        rows = np.array([errors_of_rows(of, r) for r in found[0]])
+        slopes = [errors_of_slopes(of, s) for s in found[1]]
         here = 0.5 * np.sum(rows**2, 1)
         better = here < cost  # False where not finite
         done = np.all(here > cost - _LITTLE)
@@ -414,13 +368,10 @@ def _refitted(solved, x, held):
             break
         for k in range(len(x)):
             # Halve a step that raised the cost, else take the next full step.
-            step[k] = _step(rows[k], np.asarray(slopes[k]), held[k]) if better[k] else 0.5 * step[k]
+            if better[k]:
+                others = np.arange(x.shape[1]) != held[k]
+                step[k, others] = -np.linalg.lstsq(slopes[k][:, others], rows[k], rcond=None)[0]
+            else:
+                step[k] *= 0.5
         x = best + step
     return cost
-
-
-def _step(rows, slopes, held):
-    others = np.delete(np.arange(slopes.shape[1]), held)
-    step = np.zeros(slopes.shape[1])
-    step[others] = -np.linalg.lstsq(slopes[:, others], rows, rcond=None)[0]
-    return step

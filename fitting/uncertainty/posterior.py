@@ -2,16 +2,13 @@ r"""The posterior of a fit: its log density, draws by the No-U-Turn sampler, and
 
 .. math:: \ln p(x \,|\, data) = -\frac12 \sum_i \rho(r_i^2) - \frac12 \sum_k p_k^2 + const
 
-over the unbounded variables x of the fit (`fitting.parameters.variables`). Any sampler that takes an
-unconstrained log density and its gradient can use this density, such as numpyro's NUTS or blackjax.
+over the unbounded variables x of the fit (`fitting.parameters.variables`). Other samplers that take an
+unconstrained log density and its gradient, such as blackjax, can use this density.
 
 `run_chains` draws by the No-U-Turn sampler [Hoffman & Gelman, J. Mach. Learn. Res. 15 (2014) 1593,
-arXiv:1111.4246; numpyro: Phan, Pradhan & Jankowiak, arXiv:1912.11554]. The sampler works in z, with
-x = x_fit + L z and L L^T the covariance of the fit (its Laplace approximation), so it starts with a suitable
-metric. Chains start from draws of the Laplace approximation. Sampling needs numpyro and arviz-stats:
-pip install 'rubberfric[sampling]'.
-
-`prior_of` gives the Laplace approximation as the prior of another fit.
+arXiv:1111.4246; numpyro: Phan, Pradhan & Jankowiak, arXiv:1912.11554] in z, with x = x_fit + L z and L L^T
+the covariance of the fit (its Laplace approximation), so it starts with a suitable metric. Chains start from
+draws of the Laplace approximation, which `prior_of` gives as the prior of another fit.
 """
 
 import dataclasses
@@ -48,10 +45,9 @@ _BODIES = ("lower", "upper")
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class LogDensity:
-    """Log density of the free parameters of a fit, a function of x, made by `log_density`.
+    """Log density of the free parameters of a fit, a function of x of shape (n,), made by `log_density`.
 
-    A call with x of shape (n,) returns a scalar, the log density up to a constant. The function supports jit,
-    vmap and grad.
+    A call returns the log density up to a constant, also inside jit, vmap and grad.
     """
 
     problem: Problem
@@ -72,10 +68,7 @@ class LogDensity:
         return self.problem.values(x)
 
     def scene(self, x: Array) -> Any:
-        """Return the scene, or a dict of scenes by name, with the free elements at x of shape (n,).
-
-        The scene gives the predictions for a draw x.
-        """
+        """Return the scene, or a dict of scenes by name, with the free elements at x of shape (n,)."""
         return self.problem.scene(x)
 
 
@@ -96,12 +89,7 @@ def log_density(result: SolvedProblem, flat: str = "x") -> LogDensity:
 
     Returns
     -------
-    LogDensity : a function of x, shape (n,), with `names`, `values(x)` and `scene(x)`;
-        n = len(result.names), start at result.x.
-
-    Raises
-    ------
-    ValueError : `flat` is neither "x" nor "values".
+    LogDensity : a function of x, shape (len(result.names),), with `names`, `values(x)` and `scene(x)`
 
     Notes
     -----
@@ -143,16 +131,6 @@ def density_at(
 _density = jax.jit(density_at, static_argnums=(0, 1))
 
 
-class Chains(NamedTuple):
-    """Draws of each chain, without the warm-up."""
-
-    x: np.ndarray  # shape (chains, draws, size)
-    log_density: np.ndarray  # up to a constant, shape (chains, draws)
-    diverging: np.ndarray  # True if the steps did not resolve the trajectory, shape (chains, draws)
-    accepted: np.ndarray  # mean acceptance probability, shape (chains, draws)
-    steps: np.ndarray  # evaluations of the density and its gradient, shape (chains, draws)
-
-
 class _Laplace(NamedTuple):
     """Laplace approximation of a posterior, x = centre + root z, as a pytree."""
 
@@ -168,14 +146,8 @@ def run_chains(
     chains: int,
     key: jax.Array,
     callback: DrawProgress | None = None,
-) -> Chains:
-    """Return the draws from the posterior of a fit. See `fitting.FitResult.sample` for the arguments.
-
-    Raises
-    ------
-    ModuleNotFoundError : numpyro or arviz-stats is not installed. The message says how to install it.
-    ValueError : data and priors do not determine a direction, along which the density has no finite integral.
-    """
+) -> dict[str, np.ndarray]:
+    """Return the draws of all chains from the posterior of a fit, without the warm-up, as in `Samples`."""
     numpyro = _installed("numpyro", "numpyro.infer")
     _installed("arviz-stats", "arviz_stats.base")
     check_proper(solved, flat)
@@ -189,16 +161,14 @@ def run_chains(
         for number, own in enumerate(jax.random.split(key, chains))
     ]
     z, energy, *rest = (np.stack(column) for column in zip(*found, strict=True))
-    x = laplace.centre + z @ laplace.root.T
-    return Chains(x, -energy, *rest)
+    draws_of = {"x": laplace.centre + z @ laplace.root.T, "log_density": -energy}
+    return draws_of | dict(zip(("diverging", "accepted", "steps"), rest, strict=True))
 
 
 def check_proper(solved: SolvedProblem, flat: str) -> None:
     """Raise ValueError if the density does not decrease along an unidentified direction."""
-    known, variables = solved.uncertainty, solved.problem.variables
-    bounded = np.zeros(variables.size, bool)
-    for group in variables.own:
-        bounded[slice(*group.slot)] = group.kind == "Bounded" and flat == "values"
+    known, kinds = solved.uncertainty, np.array(solved.problem.variables.kinds)
+    bounded = (kinds == "Bounded") & (flat == "values")
     for number, direction in enumerate(known.unidentified, 1):
         if direction.deviation > OPEN and np.abs(direction.loadings[~bounded]).max(initial=0.0) > _PART:
             raise ValueError(
@@ -208,15 +178,11 @@ def check_proper(solved: SolvedProblem, flat: str) -> None:
 
 
 def diagnosed(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return R-hat and bulk effective sample size of every parameter, each of shape (size,).
+    """Return R-hat and bulk effective sample size of every parameter, for draws x (chains, draws, size).
 
-    arviz-stats computes R-hat and the sample size. R-hat is the larger of rank-normalised split R-hat and its
-    folded version, which compares the spread of the chains [Vehtari, Gelman, Simpson, Carpenter & Buerkner,
-    Bayesian Anal. 16 (2021) 667, arXiv:1903.08008].
-
-    Parameters
-    ----------
-    x : draws, shape (chains, draws, size)
+    R-hat of arviz-stats is the larger of rank-normalised split R-hat and its folded version, which compares
+    the spread of the chains [Vehtari, Gelman, Simpson, Carpenter & Buerkner, Bayesian Anal. 16 (2021) 667,
+    arXiv:1903.08008].
     """
     stats, half = _installed("arviz-stats", "arviz_stats.base").array_stats, x.shape[1] // 2
     if len(x) == 1:  # arviz-stats needs two chains
@@ -263,10 +229,7 @@ _potential = jax.jit(_energy, static_argnums=(0, 1))
 
 
 def _kernel(infer, structure, flat, warmup, numbers, targets, laplace, key, z):
-    """Return the sampler and the initial state at z.
-
-    The sampler is built during tracing, so that problems with other numbers need no compilation.
-    """
+    """Return the sampler, built during tracing so that other numbers compile nothing, and its state at z."""
     kernel = infer.NUTS(
         potential_fn=lambda z: _energy(structure, flat, numbers, targets, laplace, z), dense_mass=True
     )
@@ -290,22 +253,17 @@ def prior_of(solved: SolvedProblem, body: str | None = None, widen: float = 1.0)
     Unidentified directions get a standard deviation of 100 in x, which is practically no prior.
     """
     variables, constants = solved.problem.variables, solved.problem.numbers.constants
+    kinds, start, width = np.array(variables.kinds), np.asarray(constants.low), np.asarray(constants.width)
+    low = np.where(kinds == "Free", -np.inf, start)
+    high = np.where(kinds == "Bounded", start + width, np.inf)
+    scale = np.where(kinds == "Free", width, 1.0)
     scene = solved.problem.scene(jnp.asarray(solved.x))
     leaves, places = jax.tree.leaves(scene), np.full(variables.size, np.nan)
-    low, high = np.full(variables.size, -np.inf), np.full(variables.size, np.inf)
-    scale = np.ones(variables.size)
     for group in variables.own:
-        part = slice(*group.slot)
-        if group.kind == "Positive":
-            low[part] = 0.0
-        elif group.kind == "Bounded":
-            low[part] = constants.low[part]
-            high[part] = low[part] + np.asarray(constants.width[part])
-        else:
-            scale[part] = constants.width[part]
         over = None if group.elements is None else path_over(scene, group.path)
         if over is not None:
-            places[part] = np.asarray(leaves[find(scene, over)[0]])[list(group.elements or ())]
+            abscissa = np.asarray(leaves[find(scene, over)[0]])
+            places[slice(*group.slot)] = abscissa[list(group.elements or ())]
     known = solved.uncertainty
     reach = scale * known.stretch
     return joint_prior(
@@ -330,12 +288,8 @@ def joint_prior(
 ) -> dict[str, Correlated]:
     """Return a joint normal distribution as an entry of the `prior` of `fitting.fit`.
 
-    Parameters
-    ----------
-    paths : key paths of the parameters, each of one or more elements
-    mean, covariance, limits, places : as in `Correlated`, with limits = (low, high)
-    body : body of the other scene, which replaces "lower" or "upper" in the paths, or None for no change
-    widen : factor by which all standard deviations are multiplied
+    `paths` name one or more elements each. The following arguments are as in `Correlated`, with limits =
+    (low, high), the last two as in `FitResult.as_prior`.
     """
     if not (is_number(widen) and widen > 0):
         raise ValueError(f"widen = {shown(widen)}: must be a number > 0")

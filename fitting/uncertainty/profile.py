@@ -15,11 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.solvers.evaluation import errors_of_rows, evaluate_rows
-from fitting.solvers.iterate import INTERRUPTED, NEGLIGIBLE, RUNNING, succeeded
+from fitting.solvers.evaluation import costs_at
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.objective import INTERRUPTED, NEGLIGIBLE, RUNNING, succeeded
 from fitting.solvers.problem import Problem
-from fitting.solvers.residuals import loss_of, padded
 from fitting.solvers.runs import FIT_BATCH, Runs, run_fits
 from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 
@@ -53,16 +52,10 @@ def profile_from(
     extend: bool = True,
     callback: Callable[[int, float], object] | None = None,
 ) -> LikelihoodProfile:
-    """Return the profile of element i, given the results of the first fits of the profile.
+    """Return the profile of element i, given the results `runs` of its first fits, in increasing order.
 
-    Parameters
-    ----------
-    anchor : the solution
-    i : index of the element
-    q : square root of the rise of chi-square at the ends of the interval
-    runs : results of the first fits, `x[:, i]` increasing; x, cost and status are used
-    extend : True to add values until the threshold is reached, False to use the given values only
-    callback : as for `fitting.solvers.runs.run_fits`
+    q is the square root of the rise of chi-square at the ends of the interval. If `extend`, values are added
+    until this threshold is reached.
     """
     trace = _Trace(anchor, i, runs, callback)
     trace.mend()
@@ -79,29 +72,17 @@ class _Trace:
 
     def __init__(self, anchor, i, runs, callback):
         self.anchor, self.i, self.callback = anchor, i, callback
+        self.kind = anchor.problem.variables.kinds[i]
         self.batch = min(FIT_BATCH, len(runs.x))
         self.stopped = bool(np.isin(runs.status, (INTERRUPTED, RUNNING)).any())
-        self.x, self.cost, self.good = (
-            np.array(runs.x, float),
-            np.array(runs.cost, float),
-            succeeded(runs.status),
-        )
+        self.x, self.cost = np.array(runs.x, float), np.array(runs.cost, float)
+        self.good = succeeded(runs.status)
         self.better = None  # the lowest minimum, (x, cost), if it is not the anchor
-        self._with_anchor()
-        self._sort()
-
-    def _with_anchor(self):
-        """Insert the solution of the fit into the profile.
-
-        A fit that the profile already has at this value is replaced only if it did not converge or has a
-        higher cost.
-        """
-        k = int(np.argmin(np.abs(self.at - self.anchor.x[self.i])))
-        if self.at[k] != self.anchor.x[self.i]:
-            self.x = np.concatenate([self.x, self.anchor.x[None]])
-            self.cost, self.good = np.append(self.cost, self.anchor.cost), np.append(self.good, True)
-        elif not self.good[k] or self.cost[k] > self.anchor.cost:
-            self.x[k], self.cost[k], self.good[k] = self.anchor.x, self.anchor.cost, True
+        k = int(np.argmin(np.abs(self.at - anchor.x[i])))
+        if self.at[k] != anchor.x[i]:
+            self._append(anchor.x[None], anchor.cost, True)
+        elif not self.good[k] or self.cost[k] > anchor.cost:
+            self.x[k], self.cost[k], self.good[k] = anchor.x, anchor.cost, True
 
     @property
     def at(self):
@@ -118,10 +99,7 @@ class _Trace:
         return int(np.argmin(np.where(self.good, self.cost, np.inf)))
 
     def root(self):
-        """Return the square root of the rise of twice the cost above the minimum.
-
-        The root is nearly linear in x. It is NaN for fits that did not converge.
-        """
+        """Return the root, nearly linear in x, of the rise of twice the cost; NaN for failed fits."""
         with np.errstate(invalid="ignore"):
             rise = np.maximum(2 * (self.cost - self.lowest), 0.0)
         return np.sqrt(np.where(self.good, rise, np.nan))
@@ -131,10 +109,7 @@ class _Trace:
         return NEGLIGIBLE * max(1.0, cost)
 
     def add(self, starts, free=False):
-        """Run fits from `starts`, and return the results.
-
-        The profiled element is fixed at its start, unless `free` is True.
-        """
+        """Return the results of fits from `starts`, with the profiled element fixed unless `free`."""
         problem, size = self.anchor.problem, self.x.shape[1]
         moving = np.ones((1, size)) if free else (np.arange(size) != self.i).astype(float)[None]
         targets = problem.targets._replace(
@@ -148,12 +123,12 @@ class _Trace:
         return runs
 
     def include(self, runs):
-        self.x = np.concatenate([self.x, runs.x])
-        self.cost, self.good = np.append(self.cost, runs.cost), np.append(self.good, succeeded(runs.status))
-        self._sort()
+        """Add the results of fits to the profile."""
+        self._append(runs.x, runs.cost, succeeded(runs.status))
 
-    def _sort(self):
-        order = np.argsort(self.at, kind="stable")
+    def _append(self, x, cost, good):
+        self.x, self.cost = np.concatenate([self.x, x]), np.append(self.cost, cost)
+        self.good, order = np.append(self.good, good), np.argsort(self.at, kind="stable")
         self.x, self.cost, self.good = self.x[order], self.cost[order], self.good[order]
 
     def mend(self):
@@ -168,7 +143,7 @@ class _Trace:
                 return
             starts = np.array([self.x[n] for _, n in pairs])
             starts[:, self.i] = [self.at[k] for k, _ in pairs]
-            costs, chosen = self._costs(starts), {}
+            costs, chosen = costs_at(self.anchor.problem, starts), {}
             for row, (k, _) in enumerate(pairs):
                 worse = not self.good[k] or costs[row] < self.cost[k] - self.little(self.cost[k])
                 if np.isfinite(costs[row]) and worse and (k not in chosen or costs[row] < costs[chosen[k]]):
@@ -185,27 +160,14 @@ class _Trace:
                 return
 
     def is_smooth(self):
-        """Return True if the signed root of the rise has no kinks.
-
-        A profile with a single branch of minima is smooth.
-        """
+        """Return True if the signed root of the rise has no kinks, as with a single branch of minima."""
         root = self.root()
         signed = np.where(np.arange(root.size) < self.best, -root, root)
         steps = np.diff(signed) / np.diff(self.at)
         return bool(np.all(np.abs(np.diff(steps)) * np.diff(self.at)[1:] < _JUMP))
 
-    def _costs(self, x):
-        problem = self.anchor.problem
-        of = padded(problem)
-        rows, _ = evaluate_rows(of.structure, of.numbers, x.astype(problem.start.dtype))
-        loss = loss_of(of.structure, of.numbers)
-        return np.array([loss.cost(errors_of_rows(of.structure, of.numbers, of.targets, r)) for r in rows])
-
     def descend(self):
-        """Fit all parameters again if a fit of the profile has a cost below the known minimum.
-
-        Return True if there is such a fit.
-        """
+        """Fit all parameters again from a fit with a cost below the known minimum; True if there is one."""
         known = self.anchor.cost if self.better is None else self.better[1]
         k = self.best
         if self.stopped or not self.good.any() or self.cost[k] >= known - self.little(known):
@@ -220,21 +182,16 @@ class _Trace:
 
     def range(self):
         """Return the lowest and the highest x of the profiled element that a profile may reach."""
-        problem, here = self.anchor.problem, float(self.anchor.x[self.i])
-        group = next(g for g in problem.variables.own if g.slot[0] <= self.i < g.slot[1])
-        if group.kind == "Bounded":
+        here, reach = float(self.anchor.x[self.i]), FARTHEST
+        if self.kind == "Bounded":
             return min(-FARTHEST, here), max(FARTHEST, here)
-        reach = FARTHEST
-        if group.kind == "Free":
+        if self.kind == "Free":
             reach = max(FARTHEST, _FREE * float(np.max(np.abs(self.at - here))))
         return here - reach, here + reach
 
 
 def _outermost(trace, side, q):
-    """Return the index of the last value below the threshold on one side, and of the next value.
-
-    The second index is None if there is no further value on this side.
-    """
+    """Return the index of the last value below the threshold on one side, and of the next value or None."""
     order = np.arange(trace.best, len(trace.x)) if side > 0 else np.arange(trace.best, -1, -1)
     order = order[trace.good[order]]
     below = np.flatnonzero(trace.root()[order] < q)
@@ -271,10 +228,7 @@ def _end(trace, side, q, extend):
 
 
 def _ahead(trace, inner, side, target):
-    """Return the start of a fit beyond the last value, on the line through the last two values.
-
-    The other elements change by at most 1 in x.
-    """
+    """Return the start of a fit on the line through the last two values; others change by at most 1 in x."""
     start, before = trace.x[inner].copy(), inner - side
     if 0 <= before < len(trace.x) and trace.good[before]:
         change = trace.x[inner] - trace.x[before]
@@ -286,10 +240,9 @@ def _ahead(trace, inner, side, target):
 
 
 def _crossing(trace, side, q):
-    """Return two estimates of the x at which the square root of the rise of chi-square reaches q.
+    """Return two estimates of the x at which the root of the rise of chi-square reaches q.
 
-    The first estimate is from a parabola through three values, and the second from a line through two. If
-    there are only two values, the first estimate is from the line, and the second is inf.
+    They are from a parabola through three values and a line through two, or from the line and inf.
     """
     inner, outer = _outermost(trace, side, q)
     root, x = trace.root(), trace.at
@@ -335,12 +288,11 @@ def _left_open(trace, side, q, inner, extend, shorter):
         return np.nan, f"not reached by the values given: {tried}"
     if shorter >= _ROUNDS:
         return np.nan, f"not found: fits beyond did not converge; {tried}"
-    group = next(g for g in trace.anchor.problem.variables.own if g.slot[0] <= trace.i < g.slot[1])
     where = {"Bounded": "a millionth of its range from its bound", "Positive": "a factor of 1e6 from the fit"}
     before = trace.root()[inner - side] ** 2 if 0 <= inner - side < len(trace.x) else np.nan
     there = trace.anchor.problem.values(trace.x[inner - side])[trace.i]
     return side * np.inf, (
-        f"open: {tried}, the last value tried, {where.get(group.kind, 'as far as a profile goes')}"
+        f"open: {tried}, the last value tried, {where.get(trace.kind, 'as far as a profile goes')}"
         f" (by {before:.4g} at {there:.6g})"
     )
 

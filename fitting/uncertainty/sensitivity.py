@@ -55,8 +55,7 @@ def sensitivity(
 
     Raises
     ------
-    ValueError : an unknown path (the message suggests similar ones), a static field or an object, an unknown
-        quantity, or as in `rubberfric.solve`.
+    ValueError : an unknown path (the message suggests similar ones), or as in `rubberfric.solve`.
 
     Notes
     -----
@@ -78,7 +77,8 @@ def sensitivity(
     # `solve` checks its arguments; nothing is computed here.
     jax.eval_shape(lambda: rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity,)))
     quadrature = quadrature or rf.analysis.default_quadrature(scene, pressure)
-    rows = tuple(row for path in _paths(parameters) for row in _rows(scene, path))
+    found = (find(scene, path) for path in _paths(parameters))
+    rows = tuple((leaf, element) for leaf, elements in found for element in elements or (None,))
     dtype = result_dtype(scene, *conditions)
     return _sensitivity(
         cast(scene, dtype), *cast(conditions, dtype), rows=rows, quantity=quantity, quadrature=quadrature
@@ -86,16 +86,7 @@ def sensitivity(
 
 
 def sensitivity_names(scene: rf.Scene, parameters: str | Iterable[str]) -> tuple[str, ...]:
-    """Return the key path of every row that `sensitivity` returns for the same `parameters`.
-
-    Returns
-    -------
-    tuple of str
-
-    Raises
-    ------
-    ValueError : as `sensitivity`, for paths that are wrong.
-    """
+    """Return the key path of every row that `sensitivity` returns for the same `parameters`."""
     return tuple(name for path in _paths(parameters) for name in leaf_names(path, find(scene, path)[1]))
 
 
@@ -107,25 +98,13 @@ def _paths(parameters):
     return paths
 
 
-def _rows(scene, path):
-    """Return a pair (leaf, element) for every number that a key path names.
-
-    The element is None for a scalar leaf.
-    """
-    leaf, elements = find(scene, path)
-    return [(leaf, element) for element in elements or (None,)]
-
-
 # Jitted with the structure static: a second call of the same kind compiles nothing.
 @functools.partial(jax.jit, static_argnames=("rows", "quantity", "quadrature"))
 def _sensitivity(scene, velocity, pressure, temperature, *, rows, quantity, quadrature):
     leaves, tree = jax.tree_util.tree_flatten(scene)
 
     def moved(x):
-        """Return the scene in which the number of row k is multiplied by e^x[k].
-
-        A number with two rows is multiplied by both factors.
-        """
+        """Return the scene in which the number of row k is multiplied by e^x[k], twice if it has two rows."""
         exponents = {}
         for leaf in dict.fromkeys(leaf for leaf, _ in rows):
             own = [k for k, row in enumerate(rows) if row[0] == leaf]

@@ -64,7 +64,6 @@ def verdict(
 
     Parameters
     ----------
-    data : data sets
     rows : residuals of each set, in units of its errors, given or estimated
     parameters : effective number of parameters that the data determine
     estimated : estimated relative error of each set, None if errors were given
@@ -82,7 +81,8 @@ def verdict(
     reasons = _size(given, robust) + [text for one in sets for text in _order(one)]
     far = _far(sets)
     if not robust:
-        reasons += _lines(far)
+        reasons += [_named(*one) for one in far[:_WORST]]
+        reasons += [f"and {len(far) - _WORST} further outliers"] * (len(far) > _WORST)
         if given and far and not _size(_without(given, far), robust=False):
             reasons.append(
                 'the other values agree with their errors: check the outliers, or use loss="huber"'
@@ -116,7 +116,8 @@ def _size(sets, robust):
         ratio, squares = 1.0, float(np.sum(rows**2))
         if robust:
             ratio, squares = _MEDIAN, _squares_by_median(rows)
-        allowed = ratio * _bound(freedom / ratio)
+        # scipy.special, because scipy.stats takes longer to import than a short fit.
+        allowed = ratio * 2 * float(scipy.special.gammainccinv(freedom / ratio / 2, _SIGNIFICANCE))
         if squares > allowed:
             found.append(
                 f"{where}chi-square {by}{squares:.4g} for {freedom:.4g} degrees of freedom, where chance"
@@ -128,10 +129,6 @@ def _size(sets, robust):
 def _squares_by_median(rows):
     """Estimate the sum of squares from the median, which a few outliers barely change."""
     return rows.size * float(_NORMAL * np.median(np.abs(rows))) ** 2
-
-
-def _bound(freedom):
-    return 2 * float(scipy.special.gammainccinv(freedom / 2, _SIGNIFICANCE))
 
 
 def _order(one):
@@ -171,11 +168,6 @@ def _far(sets):
     return sorted(found, key=lambda far: -far[0])
 
 
-def _lines(far):
-    lines = [_named(*one) for one in far[:_WORST]]
-    return lines + [f"and {len(far) - _WORST} further outliers"] * (len(far) > _WORST)
-
-
 def _without(sets, far):
     found = []
     for one in sets:
@@ -201,19 +193,14 @@ def rescaled_errors(
     rescaled: bool,
     error_scale: float,
 ) -> tuple[Problem, list[float | None], float]:
-    """Return the problem with errors estimated from the scatter about the fit.
+    """Return the problem with errors from the scatter, the estimates, and the factor of given errors.
 
     Parameters
     ----------
     problem, known, model : the solved problem, with its uncertainty and linearisation at the solution
     scales : current estimate of the relative error of every data set, None if errors were given
-    rescaled : True if given errors are to be scaled as well
+    rescaled : True if given errors are to be scaled as well; the factor is 1 otherwise
     error_scale : current factor of given errors
-
-    Returns
-    -------
-    (problem, scales, factor)
-        the new problem, the new estimates, and the factor of given errors, which is 1 unless `rescaled`
     """
     rows = data_residuals(problem, model)
     error, found, factor = np.array(problem.targets.error), list(scales), 1.0
@@ -233,12 +220,10 @@ def rescaled_errors(
 def common_ratio(before: Problem, after: Problem) -> float | None:
     """Return the factor by which all errors changed, or None if another fit is necessary.
 
-    If all errors change by one factor, a sum of squares is only scaled. The minimum then stays in place, and
-    a second estimate of the errors would equal the first.
+    If all errors change by one factor, a sum of squares is only scaled, and its minimum stays in place.
     """
-    if before.structure.loss != "linear" or before.structure.prior.terms:
-        return None
-    if before.numbers.whitening is not None:
+    numbers = before.numbers
+    if before.structure.loss != "linear" or numbers.prior or numbers.whitening is not None:
         return None
     ratios = np.asarray(after.targets.error) / np.asarray(before.targets.error)
     same = np.ptp(ratios) <= 8 * np.finfo(ratios.dtype).eps * ratios[0]
@@ -246,13 +231,9 @@ def common_ratio(before: Problem, after: Problem) -> float | None:
 
 
 def _scatter(problem, known, rows):
-    """Return the standard deviation of residuals about the fit, in units of the errors.
-
-    The residuals of a fit are smaller than the errors, which a factor for the degrees of freedom corrects.
-    """
-    if problem.structure.loss == "linear":
-        scatter = np.sqrt(np.mean(rows**2))
-    else:
+    """Return the standard deviation of residuals about the fit, corrected for the degrees of freedom."""
+    scatter = np.sqrt(np.mean(rows**2))
+    if problem.structure.loss != "linear":
         # Outliers, which a robust fit allows for, must not widen all error bars.
-        scatter = 1.4826 * np.median(np.abs(rows))
+        scatter = _NORMAL * np.median(np.abs(rows))
     return float(scatter / np.sqrt(1 - known.parameters / problem.targets.measured.size))

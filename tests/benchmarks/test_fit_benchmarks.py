@@ -23,8 +23,8 @@ from support.ensembles.twin import FREE, GUESS, TRUTH, twin
 import rubberfric as rf
 from fitting.parameters.variables import to_scene
 from fitting.solvers.first_order import LBFGS, Adam
-from fitting.solvers.iterate import RUNNING
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.objective import RUNNING
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import residuals, residuals_and_jacobian
 from fitting.solvers.runs import advance, start

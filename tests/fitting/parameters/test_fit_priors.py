@@ -15,7 +15,7 @@ import rubberfric as rf
 from fitting import Bounded, Free, Gaussian, ModulusData, Positive, Smooth, Sum, Tied, fit
 from fitting.parameters.priors import prior_residuals, prior_size, read_priors
 from fitting.parameters.variables import free_parameters, to_scene, to_values
-from fitting.solvers.losses import LOSS_WIDTHS, factors, rho
+from fitting.solvers.objective import LOSS_WIDTHS, factors, rho
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import objective, residuals
 from rubberfric.scene.scene import cast
@@ -30,10 +30,10 @@ LOSSES = tuple(LOSS_WIDTHS)
 def rows(free, prior, shift=0.0):
     """Rows of the priors at the start values plus a shift of x."""
     layout, constants, x = free_parameters(SCENE, free)
-    prior_layout, numbers = read_priors(SCENE, layout, constants, prior)
+    priors = read_priors(SCENE, layout, constants, prior)
     x = jnp.asarray(x + shift)
-    found = np.asarray(prior_residuals(prior_layout, numbers, to_scene(layout, constants, x), x))
-    assert found.shape == (prior_size(prior_layout),)
+    found = np.asarray(prior_residuals(priors, to_scene(layout, constants, x), x))
+    assert found.shape == (prior_size(priors),)
     return found
 
 

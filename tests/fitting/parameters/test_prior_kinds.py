@@ -38,10 +38,10 @@ def rows(scene, free, prior, shift=0.0):
     """Rows of the priors at the start plus a shift of x."""
     scene = cast(scene, np.float64)
     variables, constants, x = free_parameters(scene, free)
-    structure, numbers = read_priors(scene, variables, constants, prior)
+    priors = read_priors(scene, variables, constants, prior)
     x = jnp.asarray(x + shift)
-    found = np.asarray(prior_residuals(structure, numbers, to_scene(variables, constants, x), x))
-    assert found.size >= prior_size(structure)
+    found = np.asarray(prior_residuals(priors, to_scene(variables, constants, x), x))
+    assert found.size >= prior_size(priors)
     return found
 
 

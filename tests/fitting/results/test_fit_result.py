@@ -13,11 +13,10 @@ from support.scenes.fits import FAST
 import fitting
 import rubberfric as rf
 from fitting.results.hdf5 import GROUPS, save
-from fitting.results.pictures import PlottedCurve, curve_colours
-from fitting.results.plot import plot_fit, save_plot
+from fitting.results.plot import PlottedCurve, curve_colours, plot_fit, save_plot
 from fitting.results.record import Minimum
 from fitting.results.report import LISTED, unit
-from fitting.solvers.iterate import INTERRUPTED, OUT_OF_STEPS
+from fitting.solvers.objective import INTERRUPTED, OUT_OF_STEPS
 from rubberfric.base.objects.physical import PhysicalObject
 from rubberfric.io.hdf5 import read_object
 from rubberfric.plot import style

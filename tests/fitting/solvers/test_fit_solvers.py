@@ -16,9 +16,8 @@ import rubberfric as rf
 from fitting import AreaData, Bounded, Free, FrictionData, ModulusData, Positive, Smooth, fit
 from fitting.solvers import runs
 from fitting.solvers.first_order import LBFGS, Adam
-from fitting.solvers.iterate import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
-from fitting.solvers.losses import LOSS_WIDTHS
+from fitting.solvers.objective import CONVERGED, INTERRUPTED, LOSS_WIDTHS, NOT_FINITE, OUT_OF_STEPS, PERFECT
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import objective, residuals, residuals_and_jacobian
 from fitting.solvers.runs import run_fits

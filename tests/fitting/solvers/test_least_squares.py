@@ -28,18 +28,20 @@ from support.oracles.least_squares import (
 )
 
 from fitting.solvers.brown_dennis import after_move, begin_quadratic, propose_move
-from fitting.solvers.iterate import (
+from fitting.solvers.levenberg_marquardt import STIFFEST, step
+from fitting.solvers.objective import (
     CONVERGED,
+    LOSS_WIDTHS,
     MESSAGES,
     NOT_FINITE,
     PERFECT,
     PRECISE,
     RUNNING,
+    SQUARES,
     STALLED,
+    Loss,
     first_iterate,
 )
-from fitting.solvers.levenberg_marquardt import STIFFEST, step
-from fitting.solvers.losses import LOSS_WIDTHS, SQUARES, Loss
 
 # Most Jacobians: by Levenberg-Marquardt, with two to four evaluations of the residuals each, and by Brown and
 # Dennis, with one.

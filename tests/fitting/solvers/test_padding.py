@@ -12,7 +12,7 @@ import fitting
 import rubberfric as rf
 from fitting import Positive
 from fitting.solvers.evaluation import residual_rows
-from fitting.solvers.losses import LOSS_WIDTHS
+from fitting.solvers.objective import LOSS_WIDTHS
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import objective, padded
 from rubberfric.base import recurring_length

@@ -14,8 +14,8 @@ from support.scenes.fits import FAST as QUADRATURE
 import fitting
 import rubberfric as rf
 from fitting import AreaData, Bounded, Free, FrictionData, Gaussian, ModulusData, Positive, Smooth, fit
-from fitting.solvers.iterate import CONVERGED, PERFECT
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.objective import CONVERGED, PERFECT
 from fitting.solvers.problem import make_problem
 from fitting.solvers.runs import run_fits
 from fitting.uncertainty.covariance import OPEN, uncertainty

@@ -10,8 +10,8 @@ from support.ensembles.twin import DATA, FREE, GUESS, TRUTH, conditions, make_tw
 import fitting
 import rubberfric as rf
 from fitting.parameters.variables import element_names, to_values
-from fitting.solvers.iterate import CONVERGED, PERFECT
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.objective import CONVERGED, PERFECT
 from fitting.solvers.problem import make_problem
 from fitting.solvers.runs import run_fits
 from fitting.solvers.search import search
