@@ -516,7 +516,7 @@ def test_a_second_interrupt_does_not_wait_and_leaves_no_half_file(call, job, mon
         os.kill(os.getpid(), signal.SIGINT)
         os.kill(os.getpid(), signal.SIGINT)
 
-    monkeypatch.setattr("fitting.results.hdf5.write_minima", impatient)
+    monkeypatch.setattr("fitting.results.hdf5._write_minima", impatient)
     status, printed, complaint = call(job, "--out", "fit.h5")
     assert (status, printed) == (130, "")
     assert complaint == "rubberfric-fit: interrupted; incomplete files are not written\n"

@@ -473,7 +473,7 @@ def test_an_earlier_file_survives_a_failure(quick, tmp_path, monkeypatch, failur
     def fail(*_):
         raise failure
 
-    monkeypatch.setattr("fitting.results.hdf5.write_minima", fail)
+    monkeypatch.setattr("fitting.results.hdf5._write_minima", fail)
     with pytest.raises(type(failure)):
         quick.save(path)
     assert path.read_bytes() == before
