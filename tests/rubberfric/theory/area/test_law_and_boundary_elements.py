@@ -11,13 +11,13 @@ import functools
 import itertools
 import json
 import os
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.folders import BOUNDARY_ELEMENTS, DATA
+from support.law_tables import SETTING, computed, lines_of, material_rows, share, write_part
 from support.scenes.common import CONTACT_MODELS
 
 import rubberfric as rf
@@ -29,7 +29,6 @@ CASES = BOUNDARY_ELEMENTS / "sliding_boundary_elements.csv"
 pytestmark = pytest.mark.skipif(not CASES.exists(), reason="needs the stored boundary elements")
 
 NUMBERS = ("m0", "mr", "m1", "hurst", "velocity", "pressure", "area", "friction")
-SETTING = rf.Quadrature(order=10, panels=8, angular_order=12)
 
 
 @functools.cache
@@ -60,12 +59,6 @@ def scene_of(name, m0, mr, m1, hurst, options):
     return rf.Scene(rf.Body(material(name)), rf.Body(rf.Rigid(), road), **options)
 
 
-@jax.jit
-def computed(scene, velocity, pressure):
-    found = rf.solve(scene, velocity, pressure, quadrature=SETTING, quantities=("area", "friction"))
-    return found.area, found.friction
-
-
 def ratios(rows, models=tuple(CONTACT_MODELS)):
     """Return ln(model / boundary elements) of area and friction of these rows, for every model."""
     table = cases()
@@ -90,15 +83,6 @@ def training():
     kinds = sorted({row for row, one in zip(rows, good, strict=True) if one})
     chosen = set(kinds[::2])
     return good & np.array([row in chosen for row in rows])
-
-
-def share(logs):
-    """Return the share within 10 %."""
-    return np.mean(np.abs(np.expm1(logs)) < 0.1)
-
-
-def text(logs):
-    return f"{share(logs):.0%}, {np.sqrt(np.mean(logs**2)):.3f}"
 
 
 def test_one_relaxation_time():
@@ -136,19 +120,6 @@ contains a part of these cases. In q0 v tau, tau is 1 s, the longest relaxation 
 """
 
 
-def material_rows():
-    """Return a row for each material with relaxation."""
-    rows = []
-    for name in np.unique(cases()["material"]):
-        if name != "elastic":
-            one = material(name)
-            rise = float((one.E_inf + one.E.sum()) / one.E_inf)
-            rows.append(
-                f"| `{name}` | {one.tau.size} | {one.tau.min():g} | {one.tau.max():g} | {rise:.4g} |\n"
-            )
-    return "".join(rows)
-
-
 @pytest.mark.slow
 def test_all_cases():
     table = cases()
@@ -176,20 +147,12 @@ def test_all_cases():
         },
         **{f"`{name}`": good & (table["material"] == name) for name in np.unique(table["material"])},
     }
-    titles = [
-        "cases",
-        "n",
-        *(f"{kind}: {model}" for kind in ("area", "friction") for model in CONTACT_MODELS),
-    ]
-    lines = [f"| {' | '.join(titles)} |", "|---" * len(titles) + "|"]
-    for name, part in parts.items():
-        areas = [text(one[0][part]) for one in found.values()]
-        frictions = [text(one[1][part & sliding]) if (part & sliding).any() else "" for one in found.values()]
-        lines.append(f"| {' | '.join([name, str(part.sum()), *areas, *frictions])} |")
-    print("\n" + "\n".join(lines))
+    lines = "\n".join(lines_of(found, parts, sliding))
+    print("\n" + lines)
+    known = {name: material(name) for name in np.unique(table["material"]) if name != "elastic"}
     if os.environ.get("TABLE"):
-        page = INTRODUCTION + material_rows() + MEANING + "\n".join(lines) + "\n" + extrapolation_lines()
-        Path(os.environ["TABLE"]).write_text(page, encoding="utf-8")
+        page = INTRODUCTION + material_rows(known) + MEANING + lines + "\n" + extrapolation_lines()
+        write_part(page, first=True)
     for light, least in ((table["area"] <= 0.01, (0.85, 0.80)), (table["area"] > 0.01, (0.95, 0.88))):
         assert share(found["law"][0][good & light]) > least[0]
         assert share(found["law"][1][good & light & sliding]) > least[1]
