@@ -137,16 +137,16 @@ def _remove_oldest(root: Path) -> None:
 
 
 # Halve the compile time at the cost of slower loops: no fusion emitters (XLA's newer code generator for loops
-# on CPUs), and LLVM's first optimisation level. XLA documents neither, so both are probed before use. With
-# jax 0.10.1, compilation included, the fit of data/tread_on_asphalt_fit.toml takes 9.8 s of CPU time instead
-# of 17.3, and `rubberfric run data/tread_on_asphalt.toml` 2.4 s instead of 3.4.
+# on CPUs; jax 0.12 has no such option), and LLVM's first optimisation level. XLA documents neither, so each
+# is probed before use. With jax 0.10.1, compilation included, the fit of data/tread_on_asphalt_fit.toml takes
+# 9.8 s of CPU time instead of 17.3, and `rubberfric run data/tread_on_asphalt.toml` 2.4 s instead of 3.4.
 _QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1}
 
 
 def quick_options() -> dict[str, bool | int] | None:
     """Return options for jax.jit that shorten compilation, or None.
 
-    None is returned if XLA does not know the options, the backend is not the CPU, the user has set XLA_FLAGS,
+    None is returned if XLA knows none of the options, the backend is not the CPU, the user has set XLA_FLAGS,
     or JAX_DISABLE_JIT switches compilation off.
     """
     import jax
@@ -154,21 +154,22 @@ def quick_options() -> dict[str, bool | int] | None:
     config: Any = jax.config  # its options are unknown to type checkers
     if config.jax_disable_jit or jax.default_backend() != "cpu" or "XLA_FLAGS" in os.environ:
         return None
-    return dict(_QUICK) if _are_known() else None
+    return _known() or None
 
 
 @functools.cache
-def _are_known() -> bool:
-    """Return True if this version of XLA accepts the options in `_QUICK`."""
+def _known() -> dict[str, bool | int]:
+    """Return those options in `_QUICK` that this version of XLA accepts."""
     import jax
     import jax.numpy as jnp
 
-    try:
+    found = {}
+    for name, value in _QUICK.items():
         # Compile ahead of time: the caller may be traced, and a jitted call would join its trace.
-        jax.jit(lambda: jnp.zeros(())).lower().compile(_QUICK)
-    except (ValueError, RuntimeError):
-        return False
-    return True
+        with contextlib.suppress(ValueError, RuntimeError):
+            jax.jit(lambda: jnp.zeros(())).lower().compile({name: value})
+            found[name] = value
+    return found
 
 
 def quick_jit(
@@ -190,7 +191,7 @@ def quick_jit(
                 function,
                 static_argnums=static_argnums,
                 static_argnames=static_argnames,
-                compiler_options=dict(_QUICK) if is_quick else None,
+                compiler_options=quick_options() if is_quick else None,
             )
 
         @functools.wraps(function)

@@ -10,9 +10,9 @@ from rubberfric.base.compilation import quick_jit, quick_options
 @pytest.fixture
 def asked_for_anew(monkeypatch):
     monkeypatch.delenv("XLA_FLAGS", raising=False)
-    compilation._are_known.cache_clear()
+    compilation._known.cache_clear()
     yield
-    compilation._are_known.cache_clear()
+    compilation._known.cache_clear()
 
 
 @pytest.mark.skipif(jax.default_backend() != "cpu", reason="options of the compiler for processors")
