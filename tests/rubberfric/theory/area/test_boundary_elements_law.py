@@ -279,9 +279,11 @@ def test_profile():
 
 
 @pytest.mark.slow
-def test_derivatives():
+@pytest.mark.parametrize("layer", [None, rf.Slab(2e-3, "bonded")])
+def test_derivatives(layer):
     """Forward mode, differences, and the Jacobian of fits, which uses reverse mode, agree."""
-    scene, velocity, pressure = _scene(), jnp.array([1e-3, 0.3]), jnp.array([2e5, 2e4])
+    velocity, pressure = jnp.array([1e-3, 0.3]), jnp.array([2e5, 2e4])
+    scene = _scene().replace(lower=rf.Body(RUBBER, layer=layer))
     leaves, structure = jax.tree.flatten(jax.tree.map(jnp.asarray, scene))
     sizes = np.cumsum([leaf.size for leaf in leaves])
 
@@ -293,7 +295,7 @@ def test_derivatives():
     friction = jax.jit(lambda x: jnp.log(rf.friction(scene_of(x), velocity, pressure)))
     x = jnp.zeros(sizes[-1])
     forward = jax.jit(jax.jacfwd(friction))(x)
-    h = 1e-4
+    h = 1e-5
     steps = h * np.eye(x.size)
     differences = np.stack([(friction(x + step) - friction(x - step)) / (2 * h) for step in steps], -1)
     np.testing.assert_allclose(forward, differences, atol=1e-7)
@@ -308,8 +310,11 @@ def test_derivative_by_the_modulus():
         scene = _scene()
         return rf.friction(scene.replace("lower.material.E", factor * scene.lower.material.E), 0.3, 2e4)
 
-    slope = jax.grad(jax.jit(friction))(1.0)
-    assert float(slope) == pytest.approx(float(friction(1 + 1e-4) - friction(1 - 1e-4)) / 2e-4, rel=1e-6)
+    factors = jnp.array([1.0, 1 - 1e-4, 1 + 1e-4])
+    values, slopes = jax.jit(jax.vmap(jax.value_and_grad(friction)))(factors)
+    assert float(slopes[0]) == pytest.approx(float(values[2] - values[1]) / 2e-4, rel=1e-6)
+    one = jax.jit(friction)
+    np.testing.assert_allclose(values, [one(factor) for factor in factors], rtol=1e-12)
 
 
 def test_derivative_by_the_thickness_of_a_slab():
@@ -337,9 +342,15 @@ def test_signs_rest_and_single_precision():
     assert float(forth) == -float(back) > 0
     assert float(rf.friction(law, 0.0, 1e5)) == 0
     single = jax.tree.map(lambda x: np.asarray(x, np.float32), law)
-    found = rf.friction(single, np.float32(0.1), np.float32(1e5))
+    both = jax.value_and_grad(rf.friction, argnums=(0, 2))
+    found, slopes = both(single, np.float32(0.1), np.float32(1e5))
+    expected = both(law, 0.1, 1e5)
     assert found.dtype == np.float32
     np.testing.assert_allclose(found, forth, rtol=1e-4)
+    # Relative to the friction, for relative changes of each number.
+    numbers = zip(*(jax.tree.leaves(x) for x in (slopes, expected[1], (law, 1e5))), strict=True)
+    for slope, exact, number in numbers:
+        np.testing.assert_allclose(slope * number, exact * number, atol=1e-3 * float(forth))
 
 
 def test_refusals():
