@@ -124,7 +124,8 @@ class Scene(PhysicalObject):
         10 % of boundary elements (paper: 19 % and 22 %). The law is less accurate for narrow spectra (q1/qr =
         4: 67 % of the friction within 10 %), for moduli that rise by a factor of 100 or more (66 %), and for
         slabs whose stiffness at qr is over 4 times that of a half-space. In 93 later cases, mostly outside
-        the range of the fit, 64 % of the friction values are within 10 % where A/A0 > 1 %, and 31 % below.
+        the range of the fit, 64 % of the friction values are within 10 % where A/A0 > 1 % (paper: 34 %), and
+        31 % where it is smaller.
         The law is extrapolated beyond q1/q0 = 64. On a road, other fits of the law give friction that differs
         by at most 6 % at q1/q0 = 1e3 and 10 % at 1e4 (notebooks/law_table.md). The separation is the paper's.
     quadrature : Quadrature or None (static)
