@@ -73,7 +73,7 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
     changes: dict[str, Any] = {"material": series.material}
     if arguments.strain is not None:
         sweep = rf.io.read_table(arguments.strain, ["strain", "E_stor", "E_loss"], poisson=arguments.poisson)
-        softening = softening_from_sweep(sweep["strain"], sweep["E_stor"], sweep["E_loss"])
+        softening: Any = softening_from_sweep(sweep["strain"], sweep["E_stor"], sweep["E_loss"])
         changes["softening"] = softening
         ends = (float(values[-1]) for values in (softening.strain, softening.storage, softening.loss))
         text = "At a strain of {:.3g}, E' is {:.3g} and E'' {:.3g} times the value at rest.\n"

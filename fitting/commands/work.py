@@ -202,7 +202,8 @@ def read_design(path: StrPath, content: Any, scene: rf.Scene) -> dict[str, Any]:
     criterion = content.get("criterion", "D")
     if isinstance(criterion, dict):
         toml.check_keys(path, "design.criterion", criterion, _POINTS)
-        criterion = prediction(*_grid(path, "design.criterion", criterion, scene))
+        v, p, *T = _grid(path, "design.criterion", criterion, scene)
+        criterion = prediction(v, p, T[0] if T else None)
     options["criterion"] = criterion
     if "relative" in content:
         options["relative"] = toml.number(path, "design.relative", content["relative"])

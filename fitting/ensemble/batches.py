@@ -9,7 +9,7 @@ keeps the state of the whole ensemble.
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -65,7 +65,7 @@ def make_batch(
         shapes, tree = jax.tree.flatten(_shapes(members, tried * len(devices), mesh))
         program = members.solver, members.problem.structure, mesh, vectorised, tree, tuple(shapes)
         step = _compiled(*program, stepping=True)
-        found = step.memory_analysis()
+        found: Any = step.memory_analysis()
         peak = int(found.temp_size_in_bytes + found.argument_size_in_bytes + found.output_size_in_bytes)
         if peak <= max_memory:
             break

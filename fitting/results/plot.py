@@ -302,7 +302,8 @@ def _fitted_lines(result, quantity, points, curves):
     found = {}
     for curve in curves:
         if curve.conditions is not None and curve.conditions not in found:
-            x = np.geomspace(*points.x[curve.where][[0, -1]], _POINTS)
+            low, high = points.x[curve.where][[0, -1]]
+            x = np.geomspace(low, high, _POINTS)
             found[curve.conditions] = x, _band(result, quantity, x, *curve.conditions)
     pairs = [found.get(curve.conditions) for curve in curves]
     return [

@@ -85,7 +85,9 @@ def tied_lines(result: FitRecord) -> list[str]:
     """Return a line with the value and the rule for every key path that is tied to another key path."""
     leaves, lines = jax.tree.leaves(result.scene), []
     groups = [group for group in result.variables.groups if group.kind in ("Tied", "RmsSlope")]
-    rules = {one: rule for path, rule in result.free.items() for one in paths_of(result.scene_at_start, path)}
+    rules: dict[str, Any] = {}
+    for path, rule in result.free.items():
+        rules |= dict.fromkeys(paths_of(result.scene_at_start, path), rule)
     for group, ratio in zip(groups, result.problem.numbers.constants.ratios, strict=True):
         rule = rules[group.path]
         values, ratio = np.atleast_1d(leaves[group.leaf])[list(group.elements or (0,))], np.asarray(ratio)
