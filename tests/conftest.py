@@ -9,6 +9,9 @@ import sys
 import tempfile
 from pathlib import Path
 
+# Threads of OpenBLAS that wait for each other take several times the processor time of one.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import jax
 import pytest
 

@@ -48,20 +48,14 @@ def needed():
     return modules | page | {f"{name}/py.typed" for name in PACKAGES}
 
 
-def test_wheel(source):
+def test_built_packages(source):
     names = set(zipfile.ZipFile(built(source, "wheel")).namelist())
     assert needed() <= names
     assert all(".dist-info/" in name for name in names - needed()), names - needed()
-
-
-def test_source_distribution(source):
     with tarfile.open(built(source, "sdist")) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
     assert needed() | {"pyproject.toml", "README.md", "LICENSE"} <= names
-
-
-def test_an_editable_install_is_a_plain_path(source):
-    """Type checkers follow a path, an import hook they do not."""
+    # Type checkers follow a path, an import hook they do not.
     wheel = zipfile.ZipFile(built(source, "editable"))
     names = [name for name in wheel.namelist() if ".dist-info/" not in name]
     assert len(names) == 1 and names[0].endswith(".pth"), names

@@ -143,17 +143,18 @@ def test_toml(scene, tmp_path):
         rf.load_scene(path)
 
 
-def test_hdf5(scene, tmp_path):
+def test_files_html_and_key_paths(scene, tmp_path):
     path = tmp_path / "scene.h5"
     rf.save_scene(path, scene)
     same(rf.load_scene(path), scene)
-
-
-def test_html(scene):
     found = pairs(scene)
     assert found["upper.material"] == type(scene.upper.material).__name__
     assert found["upper.material.E_inf"] == "3e+06 Pa"
     assert found["upper.material.shift.B"] == "900 K"
+    assert scene_paths(scene)[find(scene, "upper.material.shift.B")[0]] == "upper.material.shift.B"
+    with pytest.raises(ValueError, match=r"did you mean 'upper\.material\.tau'\?"):
+        find(scene, "upper.material.tan")
+    assert float(scene.replace("upper.material.shift.B", 800.0).upper.material.shift.B) == 800
 
 
 def test_fields_are_checked(scene):
@@ -165,13 +166,6 @@ def test_fields_are_checked(scene):
         rf.Body(None)
     with pytest.raises(ValueError, match=r"must be WLF, Arrhenius, TabulatedShift, VogelFulcher or None$"):
         scene.replace("upper.material.shift", 1)
-
-
-def test_key_paths(scene):
-    assert scene_paths(scene)[find(scene, "upper.material.shift.B")[0]] == "upper.material.shift.B"
-    with pytest.raises(ValueError, match=r"did you mean 'upper\.material\.tau'\?"):
-        find(scene, "upper.material.tan")
-    assert float(scene.replace("upper.material.shift.B", 800.0).upper.material.shift.B) == 800
 
 
 def formula(material, omega):

@@ -173,46 +173,22 @@ temperature = 293.15
 ).replace("SHIFT", '{ kind = "wlf", C1 = 12.0, C2 = 150.0, T_ref = 293.15 }')
 
 SCENES = {
-    "a pressure in MPa": (
-        "1e5",
-        "0.1",
-        "run.pressure = 0.1 Pa: must be 1 ... 1e+10 Pa; is it in MPa or GPa?",
-    ),
+    "a pressure in MPa": ("1e5", "0.1", "run.pressure = 0.1 Pa: must be 1 ... 1e+10 Pa; is it in MPa or"),
     "moduli in MPa": (
         "E_inf = 3e6, E = [5e7, 8e6]",
         "E_inf = 3, E = [50, 8]",
         "upper.material.E_inf + sum(E) = 61 Pa: must be 100 ... 1e+13 Pa; is it in MPa or GPa?",
     ),
-    "a reference temperature in °C": (
-        "T_ref = 293.15",
-        "T_ref = 20.0",
-        "T_ref = 20 K: must be 100 ... 1000 K; is",
-    ),
-    "a velocity in um/s": (
-        "[1e-3, 1.0]",
-        "[1e3, 1e6]",
-        "run.velocity[0] = 1000 m/s: must be at most 500 m/s",
-    ),
-    "a height in um": (
-        "h_rms = 5e-4",
-        "h_rms = 500.0",
-        "lower.spectrum.h_rms = 500 m: must be at most 1 m; is it in mm or um?",
-    ),
-    "one modulus in MPa": (
-        "E_inf = 3e6",
-        "E_inf = 3",
-        "upper.material: E_inf = 3 Pa with E up to 5e+07 Pa: must be 0, or more than 1e-6 of the largest E",
-    ),
+    "a reference temperature in °C": ("T_ref = 293.15", "T_ref = 20.0", "T_ref = 20 K: must be 100 ..."),
+    "a velocity in um/s": ("[1e-3, 1.0]", "[1e3, 1e6]", "run.velocity[0] = 1000 m/s: must be at most 500"),
+    "a height in um": ("h_rms = 5e-4", "h_rms = 500.0", "lower.spectrum.h_rms = 500 m: must be at most 1"),
+    "one modulus in MPa": ("E_inf = 3e6", "E_inf = 3", "upper.material: E_inf = 3 Pa with E up to 5e+07"),
     "terms of different lengths": ("[1e-5, 1e-3]", "[1e-5]", "lengths differ (E has 2, tau has 1)"),
     "a number in quotes": ("hurst = 0.8", 'hurst = "0.8"', "lower.spectrum.hurst = '0.8': must be a number"),
     "a decimal comma": ("hurst = 0.8", "hurst = 0,8", "is not TOML"),
     "a key of another name": ("h_rms", "hrms", "lower.spectrum.hrms: unknown key; did you mean 'h_rms'?"),
     "a kind as its class is called": ('"prony"', '"Prony"', "kind = 'Prony': did you mean 'prony'?"),
-    "a section at the wrong place": (
-        "[run]",
-        "[upper.run]",
-        "upper.run: unknown key; must be one of material",
-    ),
+    "a section at the wrong place": ("[run]", "[upper.run]", "upper.run: unknown key; must be one of"),
     "plausible as text": ("[lower]", 'plausible = "no"\n[lower]', "plausible = 'no': must be true or false"),
 }
 
@@ -243,11 +219,7 @@ TABLES = {
     "no units": ("m/s,-,MPa\n", "", "unit '0.001': must be one of m/s"),
     "decimal commas between commas": ("0.001,0.3,0.1", "0,001,0,3,0,1", "line 3: has 6 fields: must have 3"),
     "friction in percent": ("0.3,", "30,", ""),
-    "a pressure in Pa that is in MPa": (
-        ",MPa",
-        ",Pa",
-        "pressure[0] = 0.1: must be >= 1 Pa; is it in MPa or GPa?",
-    ),
+    "a pressure in Pa that is in MPa": (",MPa", ",Pa", "pressure[0] = 0.1: must be >= 1 Pa; is it in MPa"),
     "a modulus in Pa that is in MPa": (
         FRICTION,
         "f,E_stor,E_loss\nHz,Pa,Pa\n1,12,3\n",
@@ -287,18 +259,10 @@ def test_scenes_and_conditions_in_other_units_give_a_warning():
     road, rubber = ROAD.spectrum, rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])
     table = rf.TabulatedSpectrum([1e2, 1e4], [1e-3, 1e-9])
     for spectrum, material, words in (
-        (
-            road.replace(h_rms=0.5),
-            rubber,
-            r"lower\.spectrum: rms height 0\.5 m: must be below 1/q0 = .* m; is",
-        ),
+        (road.replace(h_rms=0.5), rubber, r"lower\.spectrum: rms height 0\.5 m: must be below 1/q0 = .* m"),
         (road, rf.Prony(3.6, [5e7], [1e-5]), r"upper\.material: E_inf = 3\.6 Pa with E up to 5e\+07 Pa"),
         (table, rubber, r"lower\.spectrum: rms height"),
-        (
-            road,
-            rf.Elastic(3.6, 0.5),
-            r"upper\.material\.young = 3\.6 Pa: must be 100 \.\.\. 1e\+13 Pa; is",
-        ),
+        (road, rf.Elastic(3.6, 0.5), r"upper\.material\.young = 3\.6 Pa: must be 100 \.\.\. 1e\+13 Pa; is"),
     ):
         with pytest.warns(rf.UnitWarning, match=words):
             rf.Scene(rf.Body(rf.Rigid(), spectrum), rf.Body(material))

@@ -69,22 +69,14 @@ def test_reference_is_of_this_case(name):
 
 
 @every_case
-def test_in_bounds(name):
+def test_value_and_derivatives(name):
     case, ((A, mu, u), _) = changed(*CASES[name]), computed(name)
     assert 0 <= A <= 1
     assert 0 <= u < 1e3 * h_rms(case) + 1e-300
     assert 0 <= mu * np.sign(case["v"] or 1) < np.inf
-
-
-@every_case
-def test_value(name):
     error = value_errors(name)
     assert (error <= 1e-9).all(), dict(zip(QUANTITIES, error, strict=True))
-
-
-@every_case
-def test_derivatives(name):
-    """With respect to every number."""
+    # With respect to every number.
     assert np.isfinite(computed(name)[1]).all()
     leaves, error = slope_errors(name)
     bound = FILMS.get(name, 1e-7)

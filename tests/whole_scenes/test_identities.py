@@ -3,9 +3,11 @@
 import dataclasses
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.cases.stored import as_arrays, slow_if, three
+from support.oracles import oracle
 from support.scenes.common import ROAD
 from support.scenes.common import SOFT as RUBBER
 
@@ -21,11 +23,12 @@ replace = dataclasses.replace
 _solve = jax.jit(rf.solve)
 
 
-def solve(s, v, p):
+def solve(s, v, p, *temperature):
     """Area, friction and separation; arguments of one shape, so that every structure compiles once."""
     v, p = np.broadcast_arrays(v, p)
     points = [np.resize(x.ravel().astype(float), 16) for x in (v, p)]
-    return np.array([x[: v.size].reshape(v.shape) for x in three(_solve(*as_arrays((s, *points))))])
+    found = three(_solve(*as_arrays((s, *points, *temperature))))
+    return np.array([x[: v.size].reshape(v.shape) for x in found])
 
 
 def scene(lower, upper, gamma=0.5, **options):
@@ -70,6 +73,152 @@ def test_exact_groups(s, group):
 
     found = solve(jax.tree.map_with_path(scaled, s), 0.1 * v, 3e5 * p)
     np.testing.assert_allclose(found, solve(s, 0.1, 3e5) * factors, rtol=1e-11)
+
+
+@pytest.mark.slow
+def test_temperature_moves_the_velocity():
+    """With one shift for all, T acts through v a_T alone; without T the reference temperature holds."""
+    law, plain = rf.WLF(8.86, 101.6, 293.15), SCENES["two-rubbers"]
+    shifted = plain.replace({f"{body}.material.shift": law for body in ("lower", "upper")})
+    for T in (280.0, 293.15, 330.0):
+        a_T = np.exp(float(law.log_factor(T)))
+        np.testing.assert_allclose(solve(shifted, 0.1, 3e5, T), solve(plain, 0.1 * a_T, 3e5), rtol=1e-12)
+    np.testing.assert_allclose(solve(shifted, 0.1, 3e5), solve(plain, 0.1, 3e5), rtol=1e-12)
+
+
+HARDLY, SMALLEST = replace(TREAD, h_rms=1e-14), replace(TREAD, h_rms=0.0)
+STIFF, HALF = rf.Elastic(1e21, 0.3), replace(ROAD, h_rms=5e-4 / np.sqrt(2))
+DEAD, ALIVE = rf.Prony(3e6, np.zeros(3), np.array([1e-6, 1.0, 1.0]), 0.4), rf.Elastic(3e6, 0.4)
+KNOTS = np.array([100.0, 250.0, 1000.0, 9e3, 3.1e4])
+ENTRIES = np.asarray(rf.power_spectrum(ROAD, KNOTS * np.array([1 + 1e-13, 1, 1, 1, 1 - 1e-13])))
+# Two elastic solids are one with 1/E_r = sum of 1/E_r and the spectra C_1 + C_2.
+SUM = rf.Elastic(1 / ((1 - 0.4**2) / 3e6 + (1 - 0.3**2) / 2e7), 0.0)
+TWICE = replace(ROAD, h_rms=5e-4 * np.sqrt(2))
+
+# A scene, another one that is nearly or exactly the same, the velocity, and the relative tolerance.
+ALIKE = {
+    "thick slab": (scene((RUBBER, TREAD, rf.Slab(1e3)), (STEEL, ROAD)), SCENES["one-rubber"], 0.1, 1e-12),
+    "very stiff": (scene((RUBBER, TREAD), (STIFF, ROAD)), SCENES["one-rubber"], 0.1, 1e-9),
+    "sum of two": (SCENES["elastic"], scene((SUM, TREAD), (STEEL, ROAD)), 0.1, 1e-12),
+    "thick sliding slab": (
+        scene((RUBBER, TREAD, rf.Slab(1e3, "frictionless")), (OTHER, ROAD)),
+        SCENES["two-rubbers"],
+        0.1,
+        1e-12,
+    ),
+    "very stiff, on a slab": (
+        scene((RUBBER, TREAD, SLAB), (STIFF, ROAD)),
+        scene((RUBBER, TREAD, SLAB), (STEEL, ROAD)),
+        0.1,
+        1e-9,
+    ),
+    "equal spectra": (
+        scene((SCENES["elastic"].lower.material, ROAD), (SCENES["elastic"].upper.material, ROAD)),
+        scene((SUM, SMOOTH), (STEEL, TWICE)),
+        0.1,
+        1e-9,
+    ),
+    "table": (
+        scene((RUBBER, TREAD), (STEEL, rf.TabulatedSpectrum(KNOTS, ENTRIES))),
+        SCENES["one-rubber"],
+        0.1,
+        1e-9,
+    ),
+}
+for upper in (STEEL, OTHER):
+    name, smooth = ("rigid" if upper is STEEL else "rubber"), scene((RUBBER, SMOOTH), (upper, ROAD))
+    for height, tread in (("no height", SMALLEST), ("hardly rough", HARDLY)):
+        ALIKE |= {
+            f"{height} on {name}": (scene((RUBBER, tread), (upper, ROAD)), smooth, 0.1, 1e-9),
+            # The road moved to the rubber: nothing rough passes it.
+            f"{height}, road moved, {name}": (
+                scene((RUBBER, ROAD), (upper, tread)),
+                scene((RUBBER, ROAD), (upper, SMOOTH)),
+                0.1,
+                1e-9,
+            ),
+        }
+    # At rest everything depends on C_1 + C_2 only, wherever they are.
+    exchanged = scene((RUBBER, TREAD), (upper, ROAD)), scene((RUBBER, ROAD), (upper, TREAD))
+    ALIKE |= {f"at rest on {name}": (*exchanged, 0.0, 1e-13)}
+    ALIKE |= {f"shared at rest, {name}": (scene((RUBBER, HALF), (upper, HALF)), smooth, 0.0, 1e-9)}
+for name, other in (("rigid", STEEL), ("elastic", rf.Elastic(1e7, 0.3)), ("rubber", OTHER)):
+    dead = (scene((material, TREAD), (other, ROAD)) for material in (DEAD, ALIVE))
+    ALIKE |= {f"no relaxation on {name}": (*dead, 0.1, 1e-9)}
+
+
+@pytest.mark.parametrize("name", slow_if(lambda name: name not in ("thick slab", "very stiff"), ALIKE.keys()))
+def test_limits(name):
+    """Friction that vanishes does so to 1e-12, a part of 1e-30 of a stiffness without relaxation to 1e-28."""
+    one, other, v, rtol = ALIKE[name]
+    atol = [0.0, 1e-28 if "relaxation" in name else 1e-12, 0.0]
+    found, exact = solve(one, v, 3e5), solve(other, v, 3e5)
+    assert (np.abs(found - exact) <= rtol * np.abs(exact) + atol).all(), (found, exact)
+
+
+@pytest.mark.parametrize("s", slow_if(SLOW.__contains__, SCENES))
+def test_at_rest_and_backwards(s):
+    """mu is odd and 0 at rest; A and u_bar are even and meet their limit."""
+    at = solve(s, np.array([0.1, -0.1, 0.0, 1e-14]), 3e5).T
+    np.testing.assert_allclose(at[1], at[0] * [1, -1, 1], rtol=1e-15)
+    assert at[2][1] == 0.0
+    np.testing.assert_allclose(at[3][[0, 2]], at[2][[0, 2]], rtol=1e-10)
+
+
+@pytest.mark.parametrize("s", slow_if(lambda name: name in ("two-slabs", "corrected"), SCENES))
+def test_light_load(s):
+    """A ~ load, mu independent of it, u_bar falls by the same amount every decade."""
+    A, mu, u = solve(s, 0.1, np.array([1e-4, 1e-3, 1e-2]))
+    np.testing.assert_allclose(A / A[0], [1, 10, 100], rtol=1e-8)
+    np.testing.assert_allclose(mu, mu[0], rtol=2e-7)
+    np.testing.assert_allclose(u[1] - u[0], u[2] - u[1], rtol=2e-7)
+    assert u[0] > u[1] > 0
+
+
+def test_full_contact():
+    """At a huge load A = 1 and mu is the integral with P = S = 1, falling like 1 / load."""
+    rubber = {
+        "kind": "prony",
+        "E_inf": 8.0e5,
+        "E": [2.5e7, 4.0e6, 3.0e5],
+        "tau": [3e-7, 2e-4, 0.7],
+        "nu": 0.48,
+    }
+    road = {"q0": 100.0, "qr": 1000.0, "q1": 3.1e4, "H": 0.8, "h_rms": 5e-4}
+    case = {"solid1": rubber, "solid2": {"kind": "rigid"}, "psd1": None, "psd2": road, "gamma": 0.5}
+    A, mu, u = solve(SCENES["smooth-rubber"], 0.1, np.array([1e10, 1e12]))
+    assert (A == 1).all() and (u < 1e-100).all()
+    exact = oracle.full_contact_friction(case | {"v": 0.1, "pressure": 1e10})
+    np.testing.assert_allclose(mu, exact * np.array([1, 1e-2]), rtol=1e-10)
+
+
+def test_two_roughnesses_over_velocity():
+    """Moving roughness meets glass; the rubber's own meets soft rubber, dissipates nothing, costs area."""
+    rough, smooth = scene((RUBBER, ROAD), (STEEL, ROAD)), SCENES["smooth-rubber"]
+    v = np.array([0.0, 1e6])
+    loss = 1 - solve(rough, v, 1e4)[0] / solve(smooth, v, 1e4)[0]
+    # G doubles at rest, A ~ G^(-1/2); at speed G grows by (E_inf/E_glass)^2 = 7e-4.
+    assert loss[0] == pytest.approx(1 - 1 / np.sqrt(2), rel=0.05) and 0 < loss[1] < 5e-4
+    v = np.logspace(-4, 2, 7)
+    assert (solve(SCENES["one-rubber"], v, 3e5)[1] > 0).all()
+    assert (solve(SCENES["one-rubber"], v, 3e5)[1] < solve(smooth, v, 3e5)[1]).all()
+    A, mu, u = solve(SCENES["two-rubbers"], np.logspace(-6, 6, 16), 3e5)
+    assert (np.diff(A) < 0).all() and (np.diff(u) > 0).all() and (mu > 0).all()
+
+
+def test_gamma_and_S_in_G():
+    """Light load: mu ~ gamma sqrt(C_0) with S outside G, sqrt(gamma C_0) with S in G; gamma = 1 is S = 1."""
+
+    def found(gamma, corrected, height=5e-4, load=1e-4, lower=(RUBBER, SMOOTH)):
+        road = replace(ROAD, h_rms=height)
+        return solve(scene(lower, (STEEL, road), gamma, area_correction=corrected), 0.1, load)
+
+    assert found(0.8, False, 2.5e-4)[1] == pytest.approx(found(0.4, False)[1], rel=1e-7)
+    assert found(0.8, True, 2.5e-4)[1] == pytest.approx(found(0.2, True)[1], rel=1e-7)
+    at = {"load": 3e5, "lower": (RUBBER, TREAD)}
+    np.testing.assert_allclose(found(1.0, True, **at), found(1.0, False, **at), rtol=1e-9)
+    with_S, without = found(0.4, True, **at), found(0.4, False, **at)
+    assert with_S[0] > 1.2 * without[0] and with_S[2] == pytest.approx(without[2], rel=1e-12)
 
 
 @pytest.mark.parametrize("name", ["smooth-rubber", "two-rubbers"])
@@ -124,3 +273,60 @@ def test_vmap_is_loop_is_broadcast(name):
     grid = jax.jit(rf.solve)(s, v[:, None], p)
     assert grid.area.shape == (3, 3)
     np.testing.assert_allclose(np.array(three(grid))[:, [0, 1, 2], [0, 1, 2]], loop, rtol=1e-13)
+
+
+def zero_term_scene(kind, E, tau):
+    """Scenes in which a series is solved for; E and tau are of one of its solids."""
+    soft = rf.Prony(4e6, E, tau, 0.45)
+    lower, upper = {
+        "spring": ((rf.Elastic(1e9, 0.3), ROAD), (soft,)),
+        "slab": ((rf.Elastic(1e9, 0.3), ROAD), (soft, None, rf.Slab(1e-4))),
+        "two": ((OTHER, ROAD), (soft,)),
+        "coating": ((STEEL, ROAD), (soft, None, rf.Coating(1e-4, OTHER))),
+        "base": ((STEEL, ROAD), (OTHER, None, rf.Coating(1e-4, soft))),
+        "bulk": ((STEEL, ROAD), (rf.PronyShear(4e6, E, tau, 2e9),)),
+    }[kind]
+    return scene(lower, upper)
+
+
+@pytest.mark.slow  # the series itself is in materials/test_series.py
+@pytest.mark.parametrize("kind", ["spring", "slab", "two", "coating", "base", "bulk"])
+def test_a_term_of_no_modulus_is_no_term(kind):
+    """Whatever its time is, at velocities whose friction is 1e-24 and 1e-3: values and derivatives."""
+    v, E, tau = np.array([1e-25, 1e-2]), np.array([8e8, 9e7]), np.array([1e-9, 1e-5])
+    small = rf.Quadrature(order=8, panels=3, graded=1, angular_order=8)
+
+    @jax.jit
+    def both(E, tau):
+        def friction(E):
+            mu = rf.friction(zero_term_scene(kind, E, tau), v, 1e5, quadrature=small)
+            return mu, mu
+
+        slope, mu = jax.jacrev(friction, has_aux=True)(E)
+        return mu, slope
+
+    mu, slope = both(E, tau)
+    for long in (1e-20, 1e-5, 1.0, 1e20):
+        found, slopes = both(np.append(E, 0.0), np.append(tau, long))
+        np.testing.assert_allclose(found, mu, rtol=1e-12)
+        np.testing.assert_allclose(slopes[:, :2], slope, rtol=1e-11)
+        # The derivative goes on from E > 0: no smaller than what moves the friction by a millionth.
+        step = 1e-6 * mu / np.maximum(np.abs(slopes[:, 2]), 1e-300)
+        for i in range(2):
+            moved = both(np.append(E, min(step[i], 1.0)), np.append(tau, long))[1]
+            np.testing.assert_allclose(moved[i, 2], slopes[i, 2], rtol=1e-4)
+
+
+@pytest.mark.slow
+def test_derivatives_by_poisson_of_a_very_thin_slab():
+    """d ln Q / d nu of a bonded slab at nu = 1/2 falls as its thickness, in both modes."""
+
+    def found(poisson, thickness):
+        slab = rf.Body(rf.Elastic(1e7, poisson), ROAD, rf.Slab(thickness))
+        return jnp.stack(three(rf.solve(rf.Scene(slab, rf.Body(OTHER)), 0.1, 1e5)))
+
+    slopes = [
+        jax.jit(mode(found))(0.5, d) / d for mode in (jax.jacfwd, jax.jacrev) for d in (1e-7, 1e-9, 6e-10)
+    ]
+    np.testing.assert_allclose(slopes[3:], slopes[:3], rtol=1e-11)
+    np.testing.assert_allclose(slopes[:3], np.broadcast_to(slopes[2], (3, 3)), rtol=1e-4)

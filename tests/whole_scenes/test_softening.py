@@ -1,5 +1,7 @@
 """Strain softening: the angular means and scenes against quadrature and the oracle, limits, extremes."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +14,7 @@ from support.scenes.common import ROAD
 import rubberfric as rf
 from rubberfric.scene.scene import optional_parts
 from rubberfric.scene.settings import OTHER
+from rubberfric.scene.softening import knots, softening_factors, strain
 from rubberfric.theory.paper import covers
 from rubberfric.theory.stiffness.angular_means import PronyStiffness
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
@@ -85,6 +88,30 @@ def test_means_of_storage_and_loss_apart(name):
     np.testing.assert_allclose(found, exact, rtol=1e-12)
 
 
+@pytest.mark.slow
+def test_means_have_the_derivatives_of_the_quadrature():
+    """<F'^2> and <F''^2>: forward mode = reverse mode = derivatives of the integrals by complex steps."""
+    given, qv = PronyStiffness(*map(np.array, F["four terms"])), np.array([1e-4, 0.3, 1e3])
+    at = as_arrays(given)
+    forward, reverse = (
+        jax.jit(d(lambda F: split_means(F, jnp.asarray(qv))))(at) for d in (jax.jacfwd, jax.jacrev)
+    )
+    means = np.array([by_quadrature(*given, x) for x in qv]).T
+    for one, other, leaf in zip(*map(jax.tree.leaves, (forward, reverse, at)), strict=True):
+        # A glassy term depends on its time only by 1/a^2, so digits are relative to the mean.
+        scale = means.reshape(*means.shape, *(1,) * leaf.ndim)
+        assert (np.abs(one - other) * leaf <= 1e-14 * scale + 1e-12 * np.abs(one * leaf)).all()
+    step = 1e-100
+    for field in ("weight", "tau"):
+        for i in range(4):
+            leaf = np.array(getattr(given, field), complex)
+            leaf[i] *= 1 + 1j * step
+            moved = given._replace(**{field: leaf})
+            exact = np.array([by_quadrature(*moved, x) for x in qv]).T.imag / step
+            found = getattr(forward, field)[..., i] * getattr(given, field)[i]
+            assert (np.abs(found - exact) <= 1e-13 * means + 1e-11 * np.abs(exact)).all()
+
+
 def in_series_by_quadrature(storage_factor, loss_factor, spring, rest, weight, tau, qv):
     """<|F|^2>, <cos Im F>, <Re F> of a softened solid in series with a spring, analytic in every number."""
     node, share = np.polynomial.legendre.leggauss(20)
@@ -141,6 +168,48 @@ def softened(name):
     return rough_surfaces_of(scene(CASES[name]))[0].softenings[0]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["soft-plain", "soft-both-rough"])
+def test_knots(name):
+    """Where the strain meets the table; dq/dc there from c^2 m_2(q) = strain^2, dm_2/dq = 2 pi q^3 C."""
+    case, given = CASES[name], softened(name)
+    spectra = [oracle._Spectrum(case[psd]) for psd in ("psd1", "psd2")]
+    exact = oracle.strain_knots(case["softening"], spectra)
+
+    def of(factor):
+        return knots(given._replace(softening=dataclasses.replace(given.softening, factor=factor)))
+
+    factor = case["softening"]["factor"]
+    q, slope = map(np.asarray, jax.jit(lambda c: jax.jvp(of, (c,), (jnp.ones(()),)))(jnp.asarray(factor)))
+    first, last = (f(s.kinks[i] for s in spectra if s.kinks.size) for f, i in ((min, 0), (max, -1)))
+    inside = (q > first * (1 + 1e-9)) & (q < last * (1 - 1e-9))  # the others are at the ends
+    assert inside.sum() >= 10
+    np.testing.assert_allclose(q[inside], exact, rtol=1e-12)
+    C = sum(np.where((q > s.kinks[0]) & (q < s.kinks[-1]), s(q), 0.0) for s in spectra if s.kinks.size)
+    square = np.array(case["softening"]["strain"]) ** 2
+    np.testing.assert_allclose(
+        slope[inside], (-2 * square / factor**3 / (2 * np.pi * q**3 * C))[inside], rtol=1e-10
+    )
+
+
+@pytest.mark.slow
+def test_strain_and_factors():
+    """Strain from the slope of both surfaces; factors linear in its logarithm, held outside the table."""
+    given, q = softened("soft-both-rough"), np.geomspace(50.0, 5e5, 40)
+    pair = scene(CASES["soft-both-rough"])
+    slope_of = jax.jit(rf.rms_slope)
+    slopes = [np.asarray(slope_of(as_arrays(body.spectrum), q)) for body in (pair.lower, pair.upper)]
+    exact = given.softening.factor * np.hypot(*slopes)
+    np.testing.assert_allclose(jax.jit(strain)(given, q), exact, rtol=1e-12, atol=0)
+    assert exact[0] == 0 and exact[-1] > given.softening.strain[-1]
+    found = jax.jit(softening_factors)(given, q)
+    log = np.log(np.maximum(exact, 1e-300)), np.log(given.softening.strain)
+    for values, table in zip(found, (given.softening.storage, given.softening.loss), strict=True):
+        np.testing.assert_allclose(values, np.interp(*log, table), rtol=1e-12)
+    slope = jax.jit(jax.jacfwd(lambda q: jnp.stack(softening_factors(given, q))))(jnp.array([10.0, 1e2, 1e6]))
+    assert np.isfinite(slope).all()
+
+
 # Scenes whose answer is known otherwise.
 
 PLAIN = CASES["soft-plain"]
@@ -167,24 +236,51 @@ def test_equal_factors_scale_the_rubber(scale):
     np.testing.assert_allclose(solved(storage=flat, loss=flat), unsoftened(PLAIN, scale), rtol=1e-12)
 
 
-def test_small_and_large_strains_meet_the_ends_of_the_table():
+OTHERS = (
+    "slab",
+    "corrected",
+    "warm",
+    "both-rough",
+    "rough-rubber",
+    "table-modulus",
+    "shear-modulus",
+    "on-elastic",
+    "two-rubbers",
+    "table-on-elastic",
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OTHERS)
+def test_factors_of_one_soften_nothing(name):
+    given = CASES[f"soft-{name}"]
+    flat = given["softening"] | {"storage": [1.0] * 20, "loss": [1.0] * 20}
+    found, exact = value(arguments(given | {"softening": flat})), unsoftened_of(given)
+    # With two deformable solids or a tabulated modulus one side, or both, is a quadrature over the angle.
+    sampled = "on-elastic" in name or name == "two-rubbers" or "table" in name
+    rtol = 1e-5 if "table" in name else 1e-10 if sampled else 1e-12
+    np.testing.assert_allclose(found, exact, rtol=rtol)
+
+
+def unsoftened_of(given):
+    return np.asarray(value(arguments(given | {"softening": None})))
+
+
+def test_ends_of_the_table_and_units():
     for factor, entry in ((1e-6, 0), (1e-200, 0), (1e6, -1), (1e200, -1)):
         held = {name: [PLAIN["softening"][name][entry]] * 20 for name in ("storage", "loss")}
         # On another mesh; and at 1e6 the strain passes the table within 1e-12 of the first wavevector.
         np.testing.assert_allclose(solved(factor=factor), solved(**held), rtol=1e-11)
-
-
-def test_units_of_stress_cancel():
-    """Moduli of 1e-30 and 1e30 Pa with pressures alike."""
+    # Lower moduli make more contact and less separation.
+    soft, stiff = solved(), unsoftened(PLAIN)
+    assert soft[0] > stiff[0] and soft[2] < stiff[2]
+    # Moduli of 1e-30 and 1e30 Pa with pressures alike.
     for unit in (1e-30, 1e30):
         solid = PLAIN["solid1"]
         solid = solid | {"E_inf": solid["E_inf"] * unit, "E": [E * unit for E in solid["E"]]}
         found = solved({"solid1": solid, "pressure": PLAIN["pressure"] * unit})
         np.testing.assert_allclose(found, solved(), rtol=1e-12)
-
-
-def test_velocities():
-    """Odd, linear where slow, of a glass where fast."""
+    # Odd, linear where slow, of a glass where fast.
     np.testing.assert_allclose(solved({"v": -0.1}), solved() * [1, -1, 1, 1], rtol=1e-15)
     slow, slower = solved({"v": 1e-28}), solved({"v": 1e-30})
     np.testing.assert_allclose(slow, slower * [1, 100, 1, 1], rtol=1e-12)
@@ -253,12 +349,19 @@ def test_single_precision(name):
     np.testing.assert_allclose(found, expected(given), rtol=2e-5)
 
 
+@pytest.mark.slow
+def test_elastic_solids_do_not_soften():
+    stiff = {"kind": "elastic", "E": 2e7, "nu": 0.4}
+    given = PLAIN | {"solid1": stiff}
+    np.testing.assert_allclose(value(arguments(given)), unsoftened_of(given), rtol=1e-13)
+
+
 # Tables of the bodies' own.
 
 BOTH = CASES["soft-two-rubbers"]
 
 
-@pytest.mark.parametrize("name", ["soft-plain", "soft-two-rubbers"])
+@pytest.mark.parametrize("name", slow_if(lambda name: "two" in name, ["soft-plain", "soft-two-rubbers"]))
 def test_a_table_of_each_body_is_that_of_the_scene(name):
     given = CASES[name]
     own = {

@@ -8,29 +8,37 @@ import subprocess
 import sys
 
 import pytest
-from support.folders import DATA
+from support.folders import DATA, ROOT
+
+# In a new process, because conftest switches double precision on.
+PROGRAM = """
+import sys
+sys.modules["matplotlib"] = None
+import jax
+from {}.commands.main import main
+assert not jax.config.jax_enable_x64
+status = main(sys.argv[1:])
+assert jax.config.jax_enable_x64
+sys.exit(status)
+"""
 
 
 @pytest.mark.parametrize(
-    ("command", "most"),
+    ("package", "arguments", "most"),
     # A second for the question whether XLA knows an option; a fit has rows, slopes, four parts of a step and
     # three of the error bars.
-    [
-        (["rubberfric", "run", "tread_on_asphalt.toml"], 2),
-        (["fitting", "tread_on_asphalt_fit.toml"], 10),
-    ],
+    [("rubberfric", ("run", "tread_on_asphalt.toml"), 2), ("fitting", ("tread_on_asphalt_fit.toml",), 10)],
     ids=["run", "fit"],
 )
-def test_few_programs_are_compiled(command, most):
+def test_commands_compile_few_programs_in_double_precision_without_matplotlib(package, arguments, most):
     done = subprocess.run(
-        [sys.executable, "-m", *command],
-        # With the compiler options of the commands.
-        env={k: v for k, v in os.environ.items() if k != "XLA_FLAGS"} | {"JAX_LOG_COMPILES": "1"},
+        [sys.executable, "-W", "error", "-c", PROGRAM.format(package), *arguments],
+        env=os.environ | {"JAX_LOG_COMPILES": "1", "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
-        check=True,
         cwd=DATA,
     )
     compiled = [line for line in done.stderr.splitlines() if line.startswith("Finished XLA compilation of")]
     names = [line.split("jit(")[1].split(")")[0] for line in compiled if "jit(" in line]
+    assert done.returncode == 0, done.stderr
     assert 0 < len(names) <= most, names

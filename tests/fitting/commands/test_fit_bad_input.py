@@ -57,10 +57,7 @@ def test_scene(scene):
         ({"a": MODULUS}, "data is a dict: must be"),
         (np.ones((3, 2)), "data is a ndarray: must be"),
         (ModulusData, "data is a type: must be"),
-        (
-            [MODULUS, None],
-            "data[1] is a NoneType: must be FrictionData, AreaData, ModulusData or SpectrumData",
-        ),
+        ([MODULUS, None], "data[1] is a NoneType: must be FrictionData, AreaData, ModulusData or"),
         ([[MODULUS]], "data[0] is a list: must be"),
     ],
 )
@@ -127,16 +124,8 @@ def test_integers_of_any_kind_are_integers():
             ModulusData([1.0], [1e7], [1e6], temperature=300.0),
             "have a temperature, but upper.material has no shift",
         ),
-        (
-            SCENE,
-            FrictionData([1.0], [0.3], pressure=1e5, temperature=120.0),
-            "temperature[0] = 120.0: must be > 143.15 K, the pole of the WLF law",
-        ),
-        (
-            SCENE,
-            ModulusData([1.0], [1e7], [1e6], body="lower"),
-            "body = 'lower'; body must be 'upper', a viscoelastic solid",
-        ),
+        (SCENE, FrictionData([1.0], [0.3], pressure=1e5, temperature=120.0), "temperature[0] = 120.0: must"),
+        (SCENE, ModulusData([1.0], [1e7], [1e6], body="lower"), "body = 'lower'; body must be 'upper', a"),
         (
             rf.Scene(rf.Body(PLAIN, AFFINE), rf.Body(PLAIN)),
             ModulusData([1.0], [1e7], [1e6]),
@@ -152,11 +141,7 @@ def test_integers_of_any_kind_are_integers():
             SpectrumData([1e3], [1e-14]),
             "no body is given; body must be 'lower' or 'upper', a solid with a spectrum",
         ),
-        (
-            SCENE,
-            SpectrumData([1e3], [1e-14], body="upper"),
-            "body = 'upper'; body must be 'lower', a solid with a spectrum",
-        ),
+        (SCENE, SpectrumData([1e3], [1e-14], body="upper"), "body = 'upper'; body must be 'lower', a solid"),
     ],
 )
 def test_data_that_the_scene_cannot_predict(scene, data, text):

@@ -120,49 +120,25 @@ PRIOR = '"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }'
         ('scene = "scene.toml"', "", "scene: is missing; must be given"),
         (JOB[JOB.index("[[data]]") : JOB.index("[free]")], "", "data: is missing; must be given"),
         (JOB[JOB.index("[free]") :], "", "free: is missing; must be given"),
-        (
-            'body = "upper"',
-            "check_unit = false",
-            "data[0].check_unit: unknown key; did you mean 'check_units'",
-        ),
+        ('body = "upper"', "check_unit = false", "data[0].check_unit: unknown key; did you mean"),
         ("modulus.csv", "modulus.ods", "save a sheet as .csv"),
         ('scene = "scene.toml"', "scene = 3", "scene = 3: must be one line of text"),
         ("scene.toml", "no.toml", "scene: no.toml: cannot be read: No such file"),
         ("scene.toml", "scene.yaml", "suffix '.yaml': must be .toml or .h5"),
         ("Small fit", "Small\\nfit", "title = 'Small\\nfit': must be one line of text"),
-        (
-            "[[data]]",
-            "[data]",
-            "data = {'file': 'modulus.csv', 'body': 'upper', 'relative': 0.03}: must be tables",
-        ),
+        ("[[data]]", "[data]", "data = {'file': 'modulus.csv', 'body': 'upper', 'relative': 0.03}: must be"),
         ('file = "modulus.csv"', "", "data[0].file: is missing; must be given"),
         ('body = "upper"', 'bdy = "upper"', "data[0].bdy: unknown key; did you mean 'body'?"),
-        (
-            'body = "upper"',
-            'body = "up"',
-            "data[0].file: modulus.csv: ModulusData.body = 'up': must be 'low",
-        ),
+        ('body = "upper"', 'body = "up"', "data[0].file: modulus.csv: ModulusData.body = 'up': must be 'low"),
         ("modulus.csv", "no.csv", "data[0].file: no.csv: cannot be read: No such file"),
         ("modulus.csv", "friction.h5", "body = 'upper': must not be given; friction data have none"),
         ("relative = 0.03", "relative = -0.03", "ModulusData.relative = -0.03: must be > 0"),
         ("relative = 0.03", "relative = [1, 2]", "data[0].relative = [1, 2]: must be one number"),
         ("relative = 0.03", 'relative = "3 %"', "data[0].relative = '3 %': must be a number"),
-        (
-            "relative = 0.03",
-            "pressure = 1e5",
-            "pressure = 100000.0: must not be given; modulus data have none",
-        ),
+        ("relative = 0.03", "pressure = 1e5", "pressure = 100000.0: must not be given; modulus data have"),
         ("relative = 0.03", "name = 3", "data[0].name = 3: must be one line of text"),
-        (
-            JOB[JOB.index("[free]") :],
-            "[free]",
-            "free: is empty; must contain the key paths of free parameters",
-        ),
-        (
-            E_LINE,
-            'upper.material.E = "positive"',
-            'free.upper.material.E: put the key path in quotes: "upper.mater',
-        ),
+        (JOB[JOB.index("[free]") :], "[free]", "free: is empty; must contain the key paths of free"),
+        (E_LINE, 'upper.material.E = "positive"', "free.upper.material.E: put the key path in quotes:"),
         (
             E_LINE,
             'upper.material.E = { rule = "positive" }',
@@ -179,52 +155,16 @@ PRIOR = '"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }'
             "gamma = { rul = 1 }",
             "free.'gamma'.rul: unknown key; did you mean 'r",
         ),
-        (
-            "upper.material.tau[1]",
-            "upper.material.tua",
-            "'upper.material.tua': unknown key path; did you mean 'upper.ma",
-        ),
-        (
-            "upper.material.tau[1]",
-            "upper.material.tau[2]",
-            "has the elements [0] ... [1]; must name one of them",
-        ),
-        (
-            'tau[1]" = "positive"',
-            'tau[1]" = "postive"',
-            "rule = 'postive': did you mean 'positive'? must be one",
-        ),
-        (
-            'tau[1]" = "positive"',
-            'tau[1]" = "bounded"',
-            "free.'upper.material.tau[1]'.low: is missing; must be given",
-        ),
-        (
-            'tau[1]" = "positive"',
-            'tau[1]" = 3',
-            'tau[1]\' = 3: must be "positive" or a table with the key rule',
-        ),
+        ("upper.material.tau[1]", "upper.material.tua", "'upper.material.tua': unknown key path; did you"),
+        ("upper.material.tau[1]", "upper.material.tau[2]", "has the elements [0] ... [1]; must name one of"),
+        ('tau[1]" = "positive"', 'tau[1]" = "postive"', "rule = 'postive': did you mean 'positive'? must"),
+        ('tau[1]" = "positive"', 'tau[1]" = "bounded"', "free.'upper.material.tau[1]'.low: is missing"),
+        ('tau[1]" = "positive"', 'tau[1]" = 3', 'tau[1]\' = 3: must be "positive" or a table with the key'),
         (E_LINE, '"upper.material.E" = {}', "free.'upper.material.E'.rule: is missing; must be given"),
-        (
-            '"positive", start',
-            '"positive", low = 1, start',
-            "free.'upper.material.E'.low: unknown key; must be one of",
-        ),
-        (
-            "[5e7, 2e7]",
-            "[5e7, 2e7, 1]",
-            "free['upper.material.E']: start = [50000000.0, 20000000.0, 1.0]: must be one",
-        ),
-        (
-            "[5e7, 2e7]",
-            "-1",
-            "free['upper.material.E']: starts at -1: must start at a value > 0, because it is Positive",
-        ),
-        (
-            "low = 1e5",
-            "low = 1e8",
-            "free.'upper.material.E_inf': Bounded(100000000.0, 10000000.0): must be finite",
-        ),
+        ('"positive", start', '"positive", low = 1, start', "free.'upper.material.E'.low: unknown key"),
+        ("[5e7, 2e7]", "[5e7, 2e7, 1]", "free['upper.material.E']: start = [50000000.0, 20000000.0, 1.0]:"),
+        ("[5e7, 2e7]", "-1", "free['upper.material.E']: starts at -1: must start at a value > 0, because"),
+        ("low = 1e5", "low = 1e8", "free.'upper.material.E_inf': Bounded(100000000.0, 10000000.0): must be"),
         ("low = 1e5", 'low = "a"', "free.'upper.material.E_inf'.low = 'a': must be a number"),
         ("low = 1e5, high = 1e7", "low = 2e6, high = 1e7", "starts at 1e+06: must start inside the bounds"),
         (
@@ -242,25 +182,13 @@ PRIOR = '"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }'
             '"gamma" = { mean = 1, sigma = 1 }',
             "prior['gamma']: the key must be one of the free parameters upper.material.E,",
         ),
-        (
-            "sigma = 1e5",
-            "sgma = 1e5",
-            "prior.'upper.material.E_inf'.sgma: unknown key; did you mean 'sigma'?",
-        ),
+        ("sigma = 1e5", "sgma = 1e5", "prior.'upper.material.E_inf'.sgma: unknown key; did you mean"),
         (", sigma = 1e5", "", "prior.'upper.material.E_inf'.sigma: is missing; must be given"),
         ("sigma = 1e5", "sigma = 0", "prior.'upper.material.E_inf': Gaussian: sigma = 0.0: must be"),
-        (
-            "mean = 1e6",
-            "smooth = 1",
-            "prior.'upper.material.E_inf'.sigma: unknown key; must be one of smooth",
-        ),
+        ("mean = 1e6", "smooth = 1", "prior.'upper.material.E_inf'.sigma: unknown key; must be one of"),
         (PRIOR, '"upper.material.E" = 3', "prior.'upper.material.E' = 3: must be a table"),
         ('"lm"', '"ml"', "fit.method = 'ml': must be one of lm, lbfgs, adam"),
-        (
-            "starts = 2",
-            "start = 2",
-            "fit.start: unknown key; did you mean 'starts'? must be one of method, starts",
-        ),
+        ("starts = 2", "start = 2", "fit.start: unknown key; did you mean 'starts'? must be one of method"),
         ("starts = 2", "starts = 0", "fit.starts = 0: must be an integer, 1 to 10000"),
     ],
 )
@@ -296,24 +224,6 @@ def test_bad_arguments(call, monkeypatch, arguments, message):
     assert message in complaint
     assert complaint.startswith("rubberfric-fit: ")
     assert sorted(os.listdir()) == JOB_FILES
-
-
-@pytest.mark.usefixtures("job")
-def test_command_needs_no_matplotlib_and_switches_double_precision_on():
-    """In a new process, because conftest switches double precision on."""
-    program = """
-import sys
-sys.modules["matplotlib"] = None
-import jax, fitting
-from fitting.commands.main import main
-assert not jax.config.jax_enable_x64
-status = main(["job.toml"])
-assert jax.config.jax_enable_x64
-sys.exit(status)
-"""
-    done = subprocess.run([sys.executable, "-W", "error", "-c", program], capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("Small fit\n[[Verdict]]\n")
 
 
 def test_a_fit_that_does_not_converge_is_written_and_reported_all_the_same(call, job):
@@ -359,21 +269,6 @@ def test_failed_work(call, job, monkeypatch, error):
     monkeypatch.setattr(work, "fit", fail)
     assert call(job, "--out", "fit.h5") == (1, "", f"rubberfric-fit: {error}\n")
     assert sorted(os.listdir()) == JOB_FILES
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("job")
-def test_reader_that_goes_away():
-    """`rubberfric-fit ... | head` ends without a traceback and writes its files."""
-    program = (
-        "import sys; from fitting.commands.main import main; sys.exit(main(['job.toml', '--out', 'fit.h5']))"
-    )
-    arguments = [sys.executable, "-c", program]
-    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        process.stdout.close()
-        complaint = process.stderr.read()
-    assert (process.returncode, complaint) == (1, "")
-    assert fitting.FitResult.load("fit.h5").success
 
 
 def start_cost(result):
@@ -534,16 +429,13 @@ def test_an_interrupt_before_the_fit(call, job, monkeypatch):
     assert sorted(os.listdir()) == JOB_FILES
 
 
-def test_a_profile_is_printed_below_the_report(call, job):
+def test_profiles(call, job):
     status, printed, complaint = call(job, "--profile", "upper.material.E_inf")
     assert (status, complaint) == (0, "")
     below = printed.split("[[Profile of upper.material.E_inf]]\n")[1].splitlines()
     low, high = (float(end) for end in below[0].split(",")[0].split("..."))
     assert low < 1e6 < high and len(below) == 2 + 17
     assert "upper.material.E[0] = " in below[2]
-
-
-def test_a_profile_of_what_is_not_free_does_not_cost_the_report(call, job):
     status, printed, complaint = call(job, "--profile", "gamma")
     assert status == 2 and "[[Variables]]" in printed
     assert "--profile: name = 'gamma': must be one of upper.material.E[0]," in complaint

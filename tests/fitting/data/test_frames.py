@@ -71,11 +71,7 @@ def test_there_and_back():
         ({"v": V, "mu": ["a"] * 3}, None, r"^column 'mu': must be numbers$"),
         ({"v": V, "mu": MU}, {"T": "C"}, r"^units: 'T' is not a column that is read$"),
         ({"v": V, "mu": [1.0, np.nan, 1.0], "p": [1e5] * 3}, None, r"^FrictionData\.friction\[1\] = nan"),
-        (
-            {"v": V, "mu": MU},
-            None,
-            r"^the frame has no column p \[Pa\]; it has the columns v, mu\. Rename .* give pressure=",
-        ),
+        ({"v": V, "mu": MU}, None, r"^the frame has no column p \[Pa\]; it has the columns v, mu\. Rename"),
     ],
 )
 def test_wrong_frames(frame, units, message):

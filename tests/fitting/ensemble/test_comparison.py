@@ -64,14 +64,11 @@ def test_what_is_missing_shows_and_what_is_too_much_does_not(fits):
     assert repr(table) == "<Comparison: 3 fits, best 'two'>"
 
 
-def test_names_say_what_the_scenes_have(fits):
+def test_names_and_the_least_wrong(fits):
     table = fitting.compare(list(fits.values()))
     assert {one.name for one in table.variants} == {"plain", "shear", "shear #2"}
     table = fitting.compare([fits["one"], fits["one"]])
     assert table.words[0].startswith("the data cannot tell 'plain', 'plain #2' apart")
-
-
-def test_the_least_wrong_is_called_so(fits):
     bare = dataclasses.replace(fits["one"])
     table = fitting.compare({"one": fits["one"], "two": bare})
     assert any(line.startswith("NONE OF THEM EXPLAINS THE DATA") for line in table.words)
@@ -99,15 +96,9 @@ def test_what_is_no_comparison(fits):
         (one, "results is a FitResult: must be a list or a dict of FitResults"),
         ([one, 3], "results[1]: is a int: must be a FitResult"),
         ({"a": one, "b": other}, "'b' and 'a': data[0], "),
-        (
-            {"a": one, "b": two_sets},
-            "'b' and 'a' are fits of 2 and 1 data sets; both must be of the same data",
-        ),
+        ({"a": one, "b": two_sets}, "'b' and 'a' are fits of 2 and 1 data sets; both must be of the same"),
         ({"a": one, "b": robust}, "losses are ('huber', 1.345) and ('linear', 1.0); they must be the same"),
-        (
-            {"a": one, "b": scaled},
-            "only one fit has errors scaled by the scatter; the errors of both or of neither must be scaled",
-        ),
+        ({"a": one, "b": scaled}, "only one fit has errors scaled by the scatter; the errors of both or of"),
     ):
         with pytest.raises(ValueError, match="must") as caught:
             fitting.compare(results)

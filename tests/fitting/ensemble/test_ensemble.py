@@ -215,7 +215,7 @@ def test_too_little_memory_is_refused_before_a_step(members):
 # --- failures of members
 
 
-def test_a_member_that_fails_does_not_sink_the_others(members, whole):
+def test_failed_members(members, whole):
     starts = members.starts.copy()
     starts[5], starts[11] = np.nan, 1e4
     ends = fitting.run_ensemble(dataclasses.replace(members, starts=starts), batch=4)
@@ -224,16 +224,10 @@ def test_a_member_that_fails_does_not_sink_the_others(members, whole):
     assert "failed: 5, 11" in ends.report()
     others = np.setdiff1d(np.arange(17), [5, 11])
     assert_same(ends, whole, others)
-
-
-def test_when_all_members_fail_the_result_says_so(members):
     ends = fitting.run_ensemble(dataclasses.replace(members, starts=members.starts + np.nan))
     assert ends.failed.size == 17 and "failed" in ends.report()
     refused(lambda: ends.best, "no member has a finite cost")
     refused(ends.interval, "no member converged")
-
-
-def test_a_member_out_of_steps_is_told(members):
     ends = fitting.run_ensemble(dataclasses.replace(members, max_steps=3))
     assert np.all(ends.njev <= 3) and OUT_OF_STEPS in ends.status
     assert np.all(ends.cost < np.inf)
@@ -388,7 +382,7 @@ def test_a_checkpoint_of_another_job_is_refused(members, half_way, change):
     assert half_way.read_bytes() == before
 
 
-def test_a_checkpoint_of_fewer_members_names_both_numbers(members, half_way):
+def test_checkpoints_of_other_jobs(members, half_way):
     more = dataclasses.replace(members, starts=np.concatenate([members.starts, members.starts[:2]]))
     count = members.starts.shape[0]
     refused(
@@ -396,13 +390,7 @@ def test_a_checkpoint_of_fewer_members_names_both_numbers(members, half_way):
         half_way,
         f"has {count} members: must have {count + 2}",
     )
-
-
-def test_the_same_job_made_again_is_the_same(members):
     assert cases.modulus().fingerprint() == members.fingerprint()
-
-
-def test_an_existing_file_is_not_overwritten(members, half_way):
     before = half_way.read_bytes()
     refused(lambda: fitting.run_ensemble(members, checkpoint=half_way), half_way, "resume=True")
     assert half_way.read_bytes() == before

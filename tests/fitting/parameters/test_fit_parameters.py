@@ -106,10 +106,7 @@ def test_a_scalar_has_no_elements():
         ("E", "unknown key path; must be one of lower.spectrum.q0, "),
         ("upper.material.E.x", "unknown key path"),
         ("area_correction", "is a static field"),
-        (
-            "upper.material",
-            "is an object; must be one of its numbers: upper.material.E_inf, upper.material.E,",
-        ),
+        ("upper.material", "is an object; must be one of its numbers: upper.material.E_inf"),
         ("upper", "is an object"),
         ("shear.tau_f0", "the scene has no shear; add one before the fit"),
         ("shear", "the scene has no shear"),
@@ -274,10 +271,7 @@ def test_start_gives_the_start_instead_of_the_scene():
         (Positive("soft"), "start = 'soft': must be one number or 4 numbers"),
         (Positive(np.nan), "start = nan: must be finite"),
         (Free([1.0, np.inf, 1.0, 1.0]), "must be finite"),
-        (
-            Bounded(0.0, 1e6),
-            "starts at 5e+08: must start inside the bounds 0 ... 1e+06, not on them; give start=",
-        ),
+        (Bounded(0.0, 1e6), "starts at 5e+08: must start inside the bounds 0 ... 1e+06, not on them; give"),
         (Bounded(2e6, 1e9), "starts at 2e+06: must start inside the bounds"),
         (Bounded(0.0, 1.0, start=1.0), "starts at 1: must start inside the bounds 0 ... 1, not on them"),
         (Bounded(0.0, 1.0, start=0.0), "starts at 0: must start inside the bounds"),
@@ -335,30 +329,21 @@ def test_wrong_rules(make, text):
 # --- tied parameters
 
 
-def test_tied_elements_keep_their_ratios():
+def test_tied_elements_keep_their_ratio_to_their_source():
     free = {"gamma": Positive(), E + "[1:]": Tied(E + "[0]"), E + "[0]": Positive()}
     layout, constants, x = free_parameters(SCENE, free)
     assert layout.size == 2 and element_names(layout) == ["gamma", E + "[0]"]
     scene = to_scene(layout, constants, jnp.asarray(x) + np.log([1.0, 3.0]))
     np.testing.assert_allclose(scene.upper.material.E, 3 * np.array(RUBBER.E), rtol=1e-13)
-
-
-def test_tied_one_to_one_by_element():
     free = {E: Positive(), "upper.material.tau": Tied(E)}
     layout, constants, x = free_parameters(SCENE, free)
     factor = np.array([2.0, 3.0, 5.0, 7.0])
     scene = to_scene(layout, constants, jnp.asarray(x) + np.log(factor))
     np.testing.assert_allclose(scene.upper.material.tau, factor * np.array(RUBBER.tau), rtol=1e-13)
-
-
-def test_a_given_ratio_replaces_that_of_the_start():
     free = {"upper.material.E_inf": Positive(), E + "[:2]": Tied("upper.material.E_inf", ratio=10.0)}
     layout, constants, x = free_parameters(SCENE, free)
     scene = to_scene(layout, constants, jnp.asarray(x))
     np.testing.assert_allclose(scene.upper.material.E, [3e7, 3e7, 8e6, 2e6], rtol=1e-14)
-
-
-def test_what_is_tied_moves_with_its_source_in_gradients():
     free = {E + "[0]": Positive(), "upper.material.E_inf": Tied(E + "[0]")}
     layout, constants, x = free_parameters(SCENE, free)
 
@@ -372,18 +357,12 @@ def test_what_is_tied_moves_with_its_source_in_gradients():
     ("free", "text"),
     [
         ({E: Tied("gamma")}, "tied to 'gamma': must be another key of free, one that is not tied itself"),
-        (
-            {E: Tied(E + "[0]"), "gamma": Positive()},
-            "must be another key of free, one that is not tied itself",
-        ),
+        ({E: Tied(E + "[0]"), "gamma": Positive()}, "must be another key of free, one that is not tied"),
         ({E: Tied(E), "gamma": Positive()}, "must be another key of free, one that is not tied itself"),
         ({E: Tied(3), "gamma": Positive()}, "tied to 3: must be another key of free"),
         ({E: Positive(), "gamma": Tied(E + "[:]")}, "must be another key of free"),
         ({E: Positive(), "gamma": Tied(E)}, f"has 1 elements, but '{E}' has 4; tie it to a parameter"),
-        (
-            {E + "[:3]": Tied(E + "[3:]"), E + "[3:]": Free(start=0.0)},
-            "starts at 0, so the ratio must be given",
-        ),
+        ({E + "[:3]": Tied(E + "[3:]"), E + "[3:]": Free(start=0.0)}, "starts at 0, so the ratio must be"),
     ],
 )
 def test_wrong_ties(free, text):

@@ -70,25 +70,19 @@ def test_every_vector_can_be_smooth(path, u):
     np.testing.assert_allclose(found, bends(u, y * np.exp(moved)) / 0.2, rtol=1e-9, atol=1e-9)
 
 
-def test_several_vectors_are_smooth_each_for_itself():
+def test_several_smooth_vectors():
     paths = ["softening.storage", "softening.loss"]
     free = dict.fromkeys(paths, Positive())
     found = rows(SCENE, free, {", ".join(paths): Smooth(0.3)})
     each = [rows(SCENE, free, {path: Smooth(0.3)}) for path in paths]
     np.testing.assert_allclose(found, np.concatenate(each), rtol=1e-12)
     np.testing.assert_allclose(found, rows(SCENE, free, {path: Smooth(0.3) for path in paths}), rtol=1e-12)
-
-
-def test_every_vector_says_what_it_stands_over():
-    """All vectors except abscissas: a new kind with a vector must declare its abscissa, too."""
+    # All vectors except abscissas: a new kind with a vector must declare its abscissa, too.
     for scene in (SCENE, PRONY):
         leaves = dict(zip(scene_paths(scene), jax.tree.leaves(scene), strict=True))
         over = {path: path_over(scene, path) for path, leaf in leaves.items() if np.ndim(leaf)}
         for path, other in over.items():
             assert path in over.values() if other is None else leaves[path].shape == leaves[other].shape
-
-
-def test_smooth_of_numbers_that_have_no_logarithm():
     free = {"softening.loss": Free(start=[1.0, 0.5, -0.1, 0.2])}
     with pytest.raises(ValueError, match=r"starts at -0\.1: must be > 0, because Smooth uses logarithms"):
         rows(SCENE, free, {"softening.loss": Smooth()})
@@ -198,16 +192,10 @@ def test_wrong_keys():
         (lambda: Sum(high=-1.0), "must be numbers > 0"),
         (lambda: Sum(2.0, 1.0), "must be low < high"),
         (lambda: Sum(high=1.0, sigma=0.0), "sigma = 0.0: must be a finite number > 0"),
-        (
-            lambda: Correlated((1.0,), ((1.0, 0.0),), (0.0,), (np.inf,)),
-            "covariance must be numbers of the shape",
-        ),
+        (lambda: Correlated((1.0,), ((1.0, 0.0),), (0.0,), (np.inf,)), "covariance must be numbers of the"),
         (lambda: Correlated((), (), (), ()), "mean must be numbers of the shape"),
         (lambda: Correlated((1.0,), ((0.0,),), (0.0,), (np.inf,)), "> 0 on its diagonal"),
-        (
-            lambda: Correlated((-1.0,), ((1.0,),), (0.0,), (np.inf,)),
-            "mean must be finite and between low and high",
-        ),
+        (lambda: Correlated((-1.0,), ((1.0,),), (0.0,), (np.inf,)), "mean must be finite and between low"),
         (lambda: Correlated((1.0,), ((1.0,),), (-np.inf,), (2.0,)), "high must be inf where low is -inf"),
     ],
 )

@@ -163,14 +163,11 @@ def test_numbers_by_their_key_paths(joint, quick):
     assert frame.loc["gamma", "withheld"].startswith("not identified")
 
 
-def test_a_fit_that_failed_says_so_first(quick):
+def test_report_of_failed_and_of_assumed_errors(quick):
     text = dataclasses.replace(quick, status=OUT_OF_STEPS).report()
     assert text.startswith(
         "THE FIT DID NOT SUCCEED: not converged: out of steps; raise max_steps\n\n[[Verdict]]\n"
     )
-
-
-def test_errors_that_cannot_be_estimated_are_called_assumed():
     data = modulus(np.array([1e3]))
     result = fitting.fit(SCENE, data, {"upper.material.E[1:]": fitting.Positive()})
     lines = section(result.report(), "Data")
@@ -178,9 +175,6 @@ def test_errors_that_cannot_be_estimated_are_called_assumed():
     stopped = section(dataclasses.replace(result, status=OUT_OF_STEPS).report(), "Data")
     assert stopped[0].endswith("no errors given: 10 % assumed, not estimated without success")
     assert "reduced chi-square = none: no degrees of freedom" in section(result.report(), "Statistics")
-
-
-def test_same_relative_errors_are_said_once(quick):
     assert (
         section(quick.report(), "Data")[0] == "1: modulus, 12 points: 24 values, errors given (relative 3 %)"
     )
@@ -499,40 +493,22 @@ def replace(name, values, units="-"):
 
 BAD = {
     "newer": (attribute("/", format_version=2), "format_version = 2: must be 1"),
-    "foreign": (
-        attribute("/", format="rubberfric scene"),
-        "format = 'rubberfric scene': must be 'rubberfric fit'",
-    ),
+    "foreign": (attribute("/", format="rubberfric scene"), "format = 'rubberfric scene': must be"),
     "status": (attribute("/", status=99), "status = 99: must be one of 0, 1, "),
     "cost": (attribute("/", cost="low"), "attribute cost = 'low': must be of type float"),
-    "loss": (
-        attribute("/", loss="hubert"),
-        "loss = 'hubert': did you mean 'huber'? must be one of linear, huber",
-    ),
+    "loss": (attribute("/", loss="hubert"), "loss = 'hubert': did you mean 'huber'? must be one of linear"),
     "extra": (attribute("/", colour="red"), "attribute 'colour' is unknown"),
     "x": (replace("parameters/x", [1.0]), "/parameters/x has shape (1,): must be (4,)"),
-    "names": (
-        replace("parameters/names", ["a", "b", "c", "d"]),
-        "/parameters/names: must list the elements that are free",
-    ),
-    "no names": (
-        replace("parameters/names", [1.0]),
-        "/parameters/names: is missing; must be a dataset of texts",
-    ),
+    "names": (replace("parameters/names", ["a", "b", "c", "d"]), "/parameters/names: must list the"),
+    "no names": (replace("parameters/names", [1.0]), "/parameters/names: is missing; must be a dataset of"),
     "covariance": (drop("uncertainty/covariance"), "/uncertainty/covariance: is missing; must be a dataset"),
-    "rank": (
-        lambda file: file["uncertainty"].attrs.__delitem__("rank"),
-        "attribute rank = None: must be of type int",
-    ),
+    "rank": (lambda file: file["uncertainty"].attrs.__delitem__("rank"), "attribute rank = None: must be"),
     "count": (replace("minima/count", [1.5]), "/minima/count: must be 1 integers"),
     "estimated": (replace("estimated", [1.0, 2.0]), "/estimated has shape (2,): must be (1,)"),
     "rule": (attribute("free/0", rule="Positiv"), "/free/0: rule = 'Positiv': did you mean 'Positive'?"),
     "no rule": (attribute("free/1", low=1.0), "/free/1: attribute 'low' is unknown"),
     "scale": (attribute("free/1", scale=-1.0), "/free/1: Free: scale = -1.0: must be a number > 0"),
-    "path": (
-        attribute("free/0", path="upper.material.F"),
-        "'upper.material.F': unknown key path; did you mean",
-    ),
+    "path": (attribute("free/0", path="upper.material.F"), "'upper.material.F': unknown key path; did you"),
     "no path": (lambda file: file["free/0"].attrs.__delitem__("path"), "must be a key path like"),
     "numbers": (lambda file: file.move("free/0", "free/2"), "/free/0: is missing; must be a group"),
     "data": (attribute("data/0", kind="mass"), "/data/0: kind = 'mass': must be one of friction, area"),

@@ -70,13 +70,10 @@ def test_a_linear_problem_has_the_normal_posterior_of_the_textbook(linear, sampl
     np.testing.assert_allclose(samples.interval(0.95), [low, high], rtol=1e-14)
 
 
-def test_the_density_of_the_draws_is_that_of_the_fit(linear, samples):
+def test_density_and_band_are_those_of_the_fit(linear, samples):
     for i in (0, 700):
         expected = float(linear.log_density(samples.x[1, i]))
         assert samples.log_density[1, i] == pytest.approx(expected, rel=1e-10)
-
-
-def test_the_band_of_a_linear_problem_is_the_fits(linear, samples):
     found = samples.band(1e-3, np.array([1e5, 2e5]), draws=300)
     expected = linear.band(1e-3, np.array([1e5, 2e5]))
     np.testing.assert_allclose(found.value, expected.value, rtol=0.02)

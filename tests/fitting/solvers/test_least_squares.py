@@ -179,22 +179,17 @@ def test_robust_losses_of_a_straight_line_against_scipy(loss):
     assert (away.max() > 0.1) == (loss == "linear")
 
 
-def test_rows_beyond_those_of_the_loss_count_by_their_squares():
+def test_linear_problems():
     """A prior beside an outlier: the minimum of ln(1 + (x - 10)^2) / 2 + x^2 / 2, by its derivative."""
     end = minimum(lambda x: jnp.stack([x[0] - 10, x[0]]), [9.0], Loss("cauchy", 1.0, 1), tolerance=1e-14)
     x = float(end.x[0])
     assert (x - 10) / (1 + (x - 10) ** 2) + x == pytest.approx(0, abs=1e-6)
-
-
-def test_one_step_of_a_linear_problem_without_damping_is_its_solution():
     A = np.random.default_rng(1).standard_normal((6, 3))
     b = np.arange(6.0)
     iterate = started(lambda x: A @ x - b, np.zeros(3))._replace(own=jnp.asarray(1e-29))
     after = step(lambda x: A @ x - b, both(lambda x: A @ x - b), iterate, longest=1e3)
     np.testing.assert_allclose(after.x, np.linalg.lstsq(A, b, rcond=None)[0], rtol=1e-10)
 
-
-def test_no_step_is_longer_than_allowed():
     def residuals(x):
         return x - 1e3
 

@@ -119,21 +119,9 @@ def test_widening_and_bodies(first):
         (["lower.material.E", "gamma"], "upper", "upper.material.E, gamma"),
         (["lower.material.E"], "R20.upper", "R20.upper.material.E"),
         (["R20.lower.material.E", "*.shear.tau_f0"], "lower", "lower.material.E, *.shear.tau_f0"),
-        (
-            ["R20.lower.material.E", "R40.lower.material.E"],
-            None,
-            "R20.lower.material.E, R40.lower.material.E",
-        ),
-        (
-            ["R20.lower.material.E", "R40.lower.material.E"],
-            "lower",
-            "of R20.lower and R40.lower, but all must belong to one body",
-        ),
-        (
-            ["lower.spectrum.q1", "upper.material.E"],
-            "lower",
-            "of lower and upper, but all must belong to one body",
-        ),
+        (["R20.lower.material.E", "R40.lower.material.E"], None, "R20.lower.material.E, R40.lower.material."),
+        (["R20.lower.material.E", "R40.lower.material.E"], "lower", "of R20.lower and R40.lower, but all"),
+        (["lower.spectrum.q1", "upper.material.E"], "lower", "of lower and upper, but all must belong to"),
         (["gamma", "shear.c"], "lower", "of none, but all must belong to one body"),
     ],
 )

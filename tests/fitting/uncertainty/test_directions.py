@@ -32,17 +32,11 @@ def test_more_roughness_and_less_gamma(sign):
     assert "add a measured spectrum or an area curve, or fix gamma or the cut-off" in text
 
 
-def test_a_higher_hurst_exponent_is_less_roughness():
+def test_what_directions_mean():
     text = said(lower__spectrum__hurst=1.0, gamma=0.7)
     assert f"more roughness ({HURST}) with less gamma" in text
-
-
-def test_roughness_against_contact_shear():
     text = said(lower__spectrum__q1=-0.4, shear__v0=1.0)
     assert f"more roughness ({Q1}) with less {V0} gives the same curve" in text
     assert "contact shear and roughness compensate each other: fix the cut-off or give it by RmsSlope" in text
-
-
-def test_nothing_is_said_of_roughness_alone():
     assert "more roughness" not in said(lower__spectrum__h_rms=1.0, lower__spectrum__q1=-1.0)
     assert "more roughness" not in said(shear__v0=1.0, shear__c=0.3)

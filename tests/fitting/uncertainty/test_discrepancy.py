@@ -143,7 +143,7 @@ def squares(found, amplitudes):
     return weight @ amplitudes**2 / weight.sum()
 
 
-def test_amplitude_against_a_scan_of_the_likelihood(off):
+def test_amplitudes_against_a_scan_of_the_likelihood(off):
     distance = np.log(V[:, None] / V) / WIDTH
     found = averaged(
         off.problem, linearised(off.problem, off.x), [SCENE], off.data, fitting.Discrepancy(None, WIDTH)
@@ -151,9 +151,6 @@ def test_amplitude_against_a_scan_of_the_likelihood(off):
     exact = squares(*scanned(off, [1 / (1 + 0.5 * distance**2)]))
     np.testing.assert_allclose(found.amplitude, math.sqrt(exact[0]), rtol=0.02)
     assert found.width == pytest.approx(WIDTH) and found.parts == () and found.remark == ""
-
-
-def test_parts_against_a_scan_of_the_likelihood(off):
     found = averaged(off.problem, linearised(off.problem, off.x), [SCENE], off.data, fitting.Discrepancy())
     widths = math.log(10) * np.array([0.1, 0.2, 0.4, 0.8, 1.6])
     kernels = [np.exp(-0.5 * (np.log(V[:, None] / V) / w) ** 2) for w in widths]

@@ -158,21 +158,15 @@ def test_draws_are_scenes_that_predict(modulus):
     np.testing.assert_allclose(density(x), expected - constant, rtol=1e-9)
 
 
-def test_a_loaded_fit_has_the_same(modulus, tmp_path):
+def test_densities_of_loaded_and_robust_fits(modulus, tmp_path):
     modulus.save(tmp_path / "fit.h5")
     again = fitting.FitResult.load(tmp_path / "fit.h5")
     assert float(again.log_density(modulus.x)) == pytest.approx(-modulus.cost, rel=1e-12)
-
-
-def test_of_a_robust_loss_it_is_minus_half_its_sum(modulus):
     free, width = {E: Positive()}, 0.5
     result = other_problem(modulus, modulus.data, free, loss="huber", width=width)
     data, E_inf = modulus.data[0], 3e6
     r = np.log(moduli(E_inf, np.asarray(RUBBER.E)) / np.concatenate([data.storage, data.loss])) / 0.2
     rho = np.where(np.abs(r) < width, r**2, 2 * width * np.abs(r) - width**2)
     np.testing.assert_allclose(result.log_density(result.x), -0.5 * rho.sum(), rtol=1e-11)
-
-
-def test_what_it_may_be_flat_in(modulus):
     with pytest.raises(ValueError, match=r"^flat = 'E': must be one of x, values$"):
         log_density(modulus, flat="E")

@@ -187,7 +187,7 @@ def test_a_bent_valley_against_scipy(tau):
     assert tau < 0.4 or profile.low < 0.6 * bar[0][fit.names.index(E_INF)]
 
 
-def test_an_open_end_is_reported_with_what_was_tried():
+def test_ends_of_profiles():
     """At high frequencies E_inf may as well be 0."""
     fit = bent_fit(1.0)
     profile = fit.profile(E_INF)
@@ -195,9 +195,6 @@ def test_an_open_end_is_reported_with_what_was_tried():
     assert profile.values[0] == pytest.approx(fit[E_INF].value / 1e6, rel=1e-3)
     text = profile.report()
     assert "lower end open" in text and "a factor of 1e6 from the fit" in text
-
-
-def test_values_that_are_given_confine_the_profile():
     fit = bent_fit(0.05)
     value = fit[E_INF].value
     profile = fit.profile(E_INF, values=value * np.array([0.99, 1.01]))
@@ -205,8 +202,6 @@ def test_values_that_are_given_confine_the_profile():
     assert np.isnan([profile.low, profile.high]).all()
     assert all(end.startswith("not reached by the values given: ") for end in profile.ends)
 
-
-def test_an_interrupt_ends_a_profile():
     def stop(step, cost):
         del step, cost
         raise KeyboardInterrupt

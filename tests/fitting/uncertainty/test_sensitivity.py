@@ -7,6 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.cases.stored import h_rms, reference
+from support.cases.stored import scene as scene_of
 from support.counting.compilations import compilations
 from support.scenes.common import ROAD, SHEAR
 from support.scenes.common import SOFT as RUBBER
@@ -15,6 +17,8 @@ from support.scenes.fits import FAST
 import rubberfric as rf
 from fitting import sensitivity, sensitivity_names
 from rubberfric.analysis.jacobian import BLOCK
+
+ORACLE = reference("derivative_cases")
 
 SHIFTED = dataclasses.replace(RUBBER, shift=rf.WLF(9.0, 120.0, 293.15))
 SCENE = rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(SHIFTED, None, rf.Slab(2e-3)), shear=SHEAR)
@@ -55,6 +59,20 @@ each_quantity = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.slow
+@each_quantity
+def test_all_moduli_and_the_pressure_times_one_factor_change_nothing(quantity):
+    s = sums(quantity)
+    np.testing.assert_allclose(s["moduli"] + s["p"], 0, atol=1e-10)
+
+
+@pytest.mark.slow
+@each_quantity
+def test_longer_times_are_a_faster_motion(quantity):
+    s = sums(quantity)
+    np.testing.assert_allclose(s["times"] - s["v0"], s["v"], atol=1e-10)
+
+
 @each_quantity
 def test_all_lengths_times_one_factor_move_only_the_separation(quantity):
     s = sums(quantity)
@@ -69,8 +87,60 @@ def test_heights_and_pressure_times_one_factor(quantity, expected):
     np.testing.assert_allclose(s["height"] + s["p"], expected, atol=1e-10)
 
 
+@pytest.mark.slow
+def test_tabulated_modulus():
+    """The identity for E' and E'' of a table, and derivatives of results of `solve`."""
+    omega = np.geomspace(1e-2, 1e7, 12)
+    modulus = np.asarray(rf.complex_modulus(RUBBER, omega))
+    rubber = rf.TabulatedModulus(omega, modulus.real, modulus.imag, 0.5)
+    scene = rf.Scene(rf.Body(rubber), rf.Body(rf.Rigid(), ROAD))
+    rows = np.array(fast(scene, V, P, ("lower.material.storage", "lower.material.loss", "gamma")))
+    assert rows.shape == (25, 3) and np.count_nonzero(rows) > 30
+
+    def log_of(x):
+        there = dataclasses.replace(scene, gamma=scene.gamma * jnp.exp(x[1]))
+        return jnp.log(rf.friction(there, V, P * jnp.exp(x[0]), quadrature=FAST))
+
+    by_pressure, by_gamma = np.array(jax.jacfwd(log_of)(jnp.zeros(2))).T
+    np.testing.assert_allclose(rows[:24].sum(0) + by_pressure, 0, atol=1e-10)
+    np.testing.assert_allclose(rows[24], by_gamma, atol=1e-11)
+
+
 TO_PATH = {"solid1": "lower.material", "solid2": "upper.material", "psd1": "lower.spectrum"}
 TO_PATH |= {"psd2": "upper.spectrum", "nu": "poisson", "H": "hurst"}
+
+
+def key_path(parameter):
+    """Key path of a parameter of the reference table."""
+    if parameter.endswith(".thickness"):
+        return {"solid1": "lower", "solid2": "upper"}[parameter.split(".")[0]] + ".layer.thickness"
+    *parts, last = (TO_PATH.get(part, part) for part in parameter.split("."))
+    return ".".join(parts) + f"[{last}]" if last.isdigit() else ".".join([*parts, last])
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity"),
+    [
+        pytest.param("two-slabs", "friction", marks=pytest.mark.slow),
+        pytest.param("two-slabs", "separation", marks=pytest.mark.slow),
+        ("wlf-hot", "friction"),
+        pytest.param("corrected", "area", marks=pytest.mark.slow),
+    ],
+)
+def test_equal_to_the_oracle(name, quantity):
+    """Derivatives of brute-force values, of every number with one."""
+    case = ORACLE[name]
+    given = {
+        k: d[quantity] for k, d in case["derivatives"].items() if k not in ("v", "pressure", "temperature")
+    }
+    paths = [key_path(parameter) for parameter in given]
+    conditions = case["v"], case["pressure"], paths, case.get("temperature")
+    found = np.array(sensitivity(scene_of(case), *conditions, quantity=quantity))
+    Q = case[quantity]
+    expected = np.array(list(given.values())) / Q
+    floor = 1e-6 * h_rms(case) / Q if quantity == "separation" else 0.0
+    assert found.shape == expected.shape and len(found) > 15
+    assert (np.abs(found - expected) <= 1e-6 * (1 + floor + np.abs(expected))).all()
 
 
 @pytest.mark.slow

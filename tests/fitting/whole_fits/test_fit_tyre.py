@@ -5,6 +5,8 @@ one would wish: six points without error bars carry three numbers, and the model
 frictional heating is above all measurements at 0.2 m/s.
 """
 
+import dataclasses
+
 import numpy as np
 import pytest
 import scipy.optimize
@@ -13,7 +15,7 @@ from support.scenes.fits import FAST
 from support.scenes.tyre import GAMMA, PRESSURE, read, road
 
 import rubberfric as rf
-from fitting import FrictionData, ModulusData, Positive, fit, fit_prony
+from fitting import Bounded, FrictionData, ModulusData, Positive, fit, fit_prony
 
 pytestmark = pytest.mark.skipif(not TYRE.is_dir(), reason="no measured tyre data beside the project")
 
@@ -54,6 +56,15 @@ def fitted(scene):
     return fit(scene, measured("R20"), SHEAR, quadrature=FAST)
 
 
+def errors(result, compound, material):
+    """ln(predicted / measured) of a compound with the road and contact shear of a fit."""
+    data = measured(compound)
+    there = dataclasses.replace(result.scene, lower=rf.Body(material))
+    predicted = np.asarray(rf.friction(there, data.velocity, PRESSURE, quadrature=FAST))
+    assert (predicted > 0).all() and np.isfinite(predicted).all()
+    return np.log(predicted / data.friction)
+
+
 @pytest.mark.parametrize("compound", LEVELS)
 def test_master_curve(series, compound):
     found = series[compound]
@@ -75,3 +86,45 @@ def test_master_curve_as_close_as_scipy(series, compound):
     theirs = np.log(A @ E / data.measured)
     assert rms(found.residuals) <= rms(theirs)
     assert rms(np.expm1(found.residuals)) < 1.25 * rms(np.expm1(theirs))
+
+
+@pytest.mark.slow
+def test_contact_shear_from_six_points(fitted):
+    assert fitted.success and not fitted.withheld and not fitted.unidentified
+    assert fitted.freedom == pytest.approx(3)
+    assert fitted.estimated[0] == pytest.approx(0.153, abs=0.01)
+    relative = fitted.stderr / fitted.values
+    assert (relative > 0.1).all() and (relative < 1).all()
+    np.testing.assert_allclose(fitted.values, [4.7e7, 0.62, 4.1e-3], rtol=0.05)
+    log_error = np.log(fitted.predict(measured("R20").velocity, PRESSURE) / measured("R20").friction)
+    assert rms(log_error) == pytest.approx(0.108, abs=0.005)
+
+
+@pytest.mark.slow
+def test_a_fourth_number_is_not_identified(scene):
+    """gamma would scale the viscoelastic part: then neither it nor the shape of the shear is known."""
+    four = fit(scene, measured("R20"), SHEAR | {"gamma": Bounded(0.01, 1.0)}, quadrature=FAST)
+    assert four.success and four.freedom < 2.5
+    assert set(four.withheld) == {"shear.c", "shear.v0", "gamma"}
+    assert np.isnan(four.stderr).sum() == 3 and np.isfinite(four.stderr[0])
+    assert "gamma" in four.unidentified[0].text and "shear.v0" in four.unidentified[0].text
+    assert rms(errors(four, "R20", scene.lower.material)) == pytest.approx(0.067, abs=0.005)
+
+
+@pytest.mark.slow
+def test_other_compound_from_its_own_modulus(fitted, series):
+    """Only the slow points are predicted; viscoelastic friction grows too much with velocity."""
+    error = errors(fitted, "R40", series["R40"].material)
+    assert rms(error) == pytest.approx(0.235, abs=0.02)
+    assert rms(error[:4]) < 0.12 and error[-1] > 0.4
+    # The measured curve of the first compound says more about the second than the model does.
+    assert rms(np.log(measured("R20").friction / measured("R40").friction)) == pytest.approx(0.092, abs=0.001)
+
+
+@pytest.mark.slow
+def test_tabulated_modulus_instead_of_the_series(fitted):
+    """Its friction is 4 to 10 % higher, so the fit of the shear does not carry over."""
+    data = curve("R40")
+    table = rf.TabulatedModulus(data.omega, data.storage, data.loss)
+    error = errors(fitted, "R40", table)
+    assert rms(error) == pytest.approx(0.30, abs=0.03)

@@ -65,7 +65,7 @@ def test_shared_and_own_numbers_are_found_again(result):
     assert fitted["R20"].upper.material.E_inf != fitted["R40"].upper.material.E_inf
 
 
-def test_report_page_and_picture_are_by_scene(result):
+def test_report_file_and_predictions(result, tmp_path):
     text = result.report()
     for line in ("R20: explains the data", "1: R20: friction, 6 points", "R20.shear.c: 0.1, 1 times R40"):
         assert line in text
@@ -74,16 +74,10 @@ def test_report_page_and_picture_are_by_scene(result):
     axes = result.plot()
     legend = [text.get_text() for text in axes[0].get_legend().get_texts()]
     assert legend[:2] == ["R20, 0.3 MPa", "R40, 0.3 MPa"]
-
-
-def test_the_file_gives_the_fit_back(result, tmp_path):
     result.save(tmp_path / "joint.h5")
     again = fitting.FitResult.load(tmp_path / "joint.h5")
     assert again.report() == result.report()
     assert again.data_scenes == ("R20", "R40") and set(again.scene) == {"R20", "R40"}
-
-
-def test_predictions_name_their_scene(result):
     band = result.band(V["R40"], 3e5, scene="R40")
     np.testing.assert_allclose(band.value, result.predict(V["R40"], 3e5, scene="R40"), rtol=1e-9)
     with pytest.raises(ValueError, match="scene = None: must be one of R20, R40"):

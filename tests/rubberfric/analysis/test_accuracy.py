@@ -2,11 +2,7 @@
 
 import csv
 import functools
-import importlib.util
-import io
 import os
-import subprocess
-import sys
 import unittest.mock
 from pathlib import Path
 
@@ -35,7 +31,6 @@ from rubberfric.analysis.reference import (
 )
 from rubberfric.analysis.reference import reference as reference_of
 from rubberfric.analysis.sweep import Accuracy, Row, with_automatic
-from rubberfric.base.progress import command_progress
 from rubberfric.commands import accuracy as accuracy_command
 from rubberfric.commands import main as command
 from rubberfric.io.results import Conditions
@@ -336,23 +331,6 @@ def test_plot_draws_every_row():
     )
 
 
-def test_page_of_the_notebook(tmp_path):
-    spec = importlib.util.spec_from_file_location("page", DATA.parent / "notebooks" / "error_over_time.py")
-    notebook = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(notebook)
-    result = made([[1e-2] * 6, [1e-8] * 3 + [1e-13] * 3])
-    sweeps = {("tread_on_asphalt", "smooth rubber"): result, ("two_rubbers", "two rubbers"): result}
-    notebook.draw(tmp_path / "f.png", sweeps)
-    assert (tmp_path / "f.png").read_bytes().startswith(b"\x89PNG")
-    lines = list(notebook.page(sweeps, 60.0))
-    assert "## Two rubbers (`data/two_rubbers.toml`)" in lines
-    knobs = "order=10, panels=6, graded=3, ratio=6, angular_order=10"
-    assert f"| `{knobs}` | float64 | 1e-02 | 1e-02 | 90 | 45 | 1.0 + 2.0 |" in lines
-    assert f"| `{knobs}` | float64 | 1e-08 | < 3e-12 | 45 | 22 | 1.0 + 2.0 |" in lines
-    assert "| textbook, 200 x 64 | float64 | 3e-03 |  | 1 |  |  |" in lines
-    assert all((DATA / f"{name}.toml").exists() for name in notebook.SCENES)
-
-
 def test_times_are_medians_over_alternating_rounds():
     calls = []
     functions = {name: functools.partial(calls.append, name) for name in "ab"}
@@ -387,16 +365,16 @@ def test_bad_arguments(changed, message):
 
 
 def test_double_precision_is_needed():
-    """Use a separate process, because conftest switches x64 on."""
-    program = (
-        "import rubberfric as rf\n"
-        "scene = rf.Scene(rf.Body(rf.Elastic(1e6, 0.5)), rf.Body(rf.Rigid()))\n"
-        "accuracy, setting = rf.analysis.accuracy, rf.analysis.quadrature_for\n"
-        "for call in (lambda: accuracy(scene, 1.0, 1e5), lambda: setting(scene, 1e-6)):\n"
-        "    try:\n        call()\n    except ValueError as error:\n        print(error)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout.count('write jax.config.update("jax_enable_x64", True) first\n') == 2
+    with jax.enable_x64(False):
+        at = rf.Scene(rf.Body(rf.Elastic(1e6, 0.5)), rf.Body(rf.Rigid()))
+        for call in (
+            lambda: rf.analysis.accuracy(at, 1.0, 1e5),
+            lambda: rf.analysis.quadrature_for(at, 1e-6),
+        ):
+            with pytest.raises(
+                ValueError, match=r'write jax\.config\.update\("jax_enable_x64", True\) first$'
+            ):
+                call()
 
 
 TEXT = """
@@ -440,19 +418,6 @@ def test_command(call, monkeypatch):
     assert pressure.shape == (1, 1)
     assert sorted(os.listdir()) == ["scene.toml", "t.csv", "t.png"]
     assert Path("t.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_progress_is_one_line_on_a_terminal(monkeypatch):
-    class Terminal(io.StringIO):
-        def isatty(self):
-            return True
-
-    for stream, shown in ((Terminal(), "\r\033[Kreference\r\033[Ka row\n\r\033[K"), (io.StringIO(), "")):
-        monkeypatch.setattr(sys, "stderr", stream)
-        with command_progress() as tell:
-            tell("reference")
-            tell.line("a row")
-        assert stream.getvalue() == shown
 
 
 def test_velocities_are_thinned_to_a_number_of_points():

@@ -3,6 +3,7 @@
 import functools
 
 import jax
+import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
@@ -198,3 +199,33 @@ def test_separation_within_the_contact_of_each_scale(name):
         assert found.area[i] == pytest.approx(float(G), rel=1e-12)
         known = {**cut(CASES[name], q[i], "above"), "pressure": p / float(found.area[i])}
         assert found.contact_separation[i] == pytest.approx(oracle.solve(known)["separation"], rel=2e-8)
+
+
+@pytest.mark.slow
+def test_separation_profile_ends():
+    scene, v, p = conditions(TYRE)
+    found = rf.analysis.separation_profile(scene, v, np.array([p, p]), q=[50.0, 100.0, 3.1e4, 1e5])
+    assert found.separation.shape == (2, 4)
+    whole = float(rf.separation(scene, v, p))
+    np.testing.assert_allclose(found.contact_separation[:, :2], whole, rtol=1e-9)
+    assert not np.any(found.contact_separation[:, 2:]) and not np.any(found.separation[:, 2:])
+    assert (found.separation[:, 0] == np.inf).all() and (found.area[:, 0] == 1).all()
+    smooth = rf.Scene(rf.Body(rf.Elastic(1e6, 0.5)), rf.Body(rf.Rigid()))
+    assert not np.any(rf.analysis.separation_profile(smooth, v, p, q=[1.0]).separation)
+    with pytest.raises(ValueError, match=r"^q is None, but the scene has no roughness; give wavevectors$"):
+        rf.analysis.separation_profile(smooth, v, p)
+
+
+@pytest.mark.slow
+def test_derivatives_of_the_separation_profile_agree():
+    coarse = rf.Quadrature(order=8, panels=4, graded=3, angular_order=8)
+    arguments = jax.tree.map(lambda x: jnp.asarray(x, float), conditions(TYRE))
+
+    def fields(scene, v, p):
+        found = rf.analysis.separation_profile(scene, v, p, q=jnp.array([600.0, 5e3]), quadrature=coarse)
+        return jnp.stack([found.contact_separation, found.separation])
+
+    forward, reverse = (jax.jit(j(fields, (0, 1, 2)))(*arguments) for j in (jax.jacfwd, jax.jacrev))
+    for one, other in zip(jax.tree.leaves(forward), jax.tree.leaves(reverse), strict=True):
+        assert np.isfinite(one).all()
+        np.testing.assert_allclose(one, other, rtol=1e-8, atol=1e-11 * np.max(np.abs(one)))

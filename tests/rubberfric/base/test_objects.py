@@ -53,24 +53,6 @@ def test_key_paths_are_field_names(obj):
         assert found is leaf
 
 
-@every()
-def test_jit_round_trip(obj):
-    same(obj, jax.jit(lambda x: x)(obj))
-
-
-@every(WITH_LEAVES)
-def test_vmap_is_a_loop(obj):
-    pair = [obj, jax.tree.map(lambda x: 2 * x, obj)]
-    stacked = jax.tree.map(lambda *x: jnp.stack(x), *pair)
-    loop = np.array([total(x) for x in pair])
-    np.testing.assert_allclose(jax.vmap(total)(stacked), loop, rtol=1e-14)
-    axes = jax.tree.map(lambda _: 0, obj)  # an object whose leaves are axes
-    np.testing.assert_allclose(jax.vmap(total, in_axes=(axes,))(stacked), loop, rtol=1e-14)
-    nowhere = jax.tree.map(lambda _: None, obj)
-    same_twice = jax.vmap(lambda x, i: total(x) + i, in_axes=(nowhere, 0))(obj, jnp.zeros(2))
-    np.testing.assert_allclose(same_twice, loop[[0, 0]], rtol=1e-14)
-
-
 @every(WITH_LEAVES)
 def test_gradients_are_not_checked(obj):
     """A gradient is an object too, with values that no constructor would take."""
@@ -78,14 +60,6 @@ def test_gradients_are_not_checked(obj):
         gradient = derivative(lambda x: -total(x))(obj)
         assert type(gradient) is type(obj)
         assert all(np.all(np.asarray(leaf) == -1) for leaf in jax.tree.leaves(gradient))
-
-
-@every()
-def test_eval_shape(obj):
-    shapes = jax.eval_shape(lambda x: x, obj)
-    assert type(shapes) is type(obj)
-    for leaf, shape in zip(jax.tree.leaves(obj), jax.tree.leaves(shapes), strict=True):
-        assert shape.shape == np.shape(leaf)
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
@@ -215,24 +189,15 @@ def tread(**changes):
         (lambda: rf.SelfAffine(1e2, 1e3, 1e5, 1.01, 1e-4), r"SelfAffine\.hurst = 1\.01: must be between"),
         (lambda: rf.SelfAffine.from_C0(1e2, 1e3, 1e5, 0.8, -1.0), r"SelfAffine\.C0 = -1\.0: must be >= 0"),
         (lambda: rf.SelfAffine.from_C0(1e2, 1e3, 1e5, 0.8, np.nan), r"SelfAffine\.C0 = nan: must be"),
-        (
-            lambda: rf.TabulatedSpectrum([2.0, 1.0], [1.0, 1.0]),
-            r"TabulatedSpectrum\.q\[1\] = 1\.0 after 2\.0",
-        ),
+        (lambda: rf.TabulatedSpectrum([2.0, 1.0], [1.0, 1.0]), r"TabulatedSpectrum\.q\[1\] = 1\.0 after"),
         (lambda: rf.TabulatedSpectrum([1.0, 1.0], [1.0, 1.0]), r"must increase strictly"),
         (lambda: rf.TabulatedSpectrum([1.0], [1.0]), r"TabulatedSpectrum\.q has 1 entries"),
-        (
-            lambda: rf.TabulatedSpectrum([1.0, 2.0], [1.0, 0.0]),
-            r"TabulatedSpectrum\.C\[1\] = 0\.0: must be > 0",
-        ),
+        (lambda: rf.TabulatedSpectrum([1.0, 2.0], [1.0, 0.0]), r"TabulatedSpectrum\.C\[1\] = 0\.0: must be"),
         (lambda: rf.TabulatedModulus([2.0, 1.0], [1.0, 1.0], [1.0, 1.0]), r"TabulatedModulus\.omega\[1\]"),
         (lambda: rf.TabulatedModulus([1.0], [1.0], [1.0]), r"TabulatedModulus\.omega has 1 entries"),
         (lambda: rf.TabulatedModulus([1.0, 2.0], [1.0, 1.0], [1.0, 0.0]), r"TabulatedModulus\.loss\[1\]"),
         (lambda: rf.TabulatedShift([2.0, 1.0], [1.0, 1.0], 1.5), r"TabulatedShift\.T\[1\] = 1\.0 after 2\.0"),
-        (
-            lambda: rf.TabulatedShift([1.0, 2.0], [1.0, 1.0], 2.5),
-            r"TabulatedShift\.T_ref = 2\.5: must be inside",
-        ),
+        (lambda: rf.TabulatedShift([1.0, 2.0], [1.0, 1.0], 2.5), r"TabulatedShift\.T_ref = 2\.5: must be"),
         (lambda: rf.TabulatedShift([1.0], [1.0], 1.0), r"TabulatedShift\.T has 1 entries"),
         (lambda: rf.ContactShear(-1.0, 0.1, 6e-3), r"ContactShear\.tau_f0 = -1\.0: must be >= 0"),
         (lambda: rf.ContactShear(6.5e6, -0.1, 6e-3), r"ContactShear\.c = -0\.1: must be >= 0"),
@@ -245,17 +210,11 @@ def tread(**changes):
             lambda: rf.Body(rf.PronyShear(1.0, [1.0], [1.0], 1.0), layer=rf.Slab(1e-3)),
             r"Body\.layer: a body of PronyShear .*; must be None",
         ),
-        (
-            lambda: rf.PronyShear(0.0, [0.0], [1.0], 1.0),
-            r"PronyShear\.G_inf = 0\.0: must be > 0 if all G are 0",
-        ),
+        (lambda: rf.PronyShear(0.0, [0.0], [1.0], 1.0), r"PronyShear\.G_inf = 0\.0: must be > 0 if all G"),
         (lambda: rf.PronyShear(0.0, [], [], 1.0), r"PronyShear\.G is empty"),
         (lambda: rf.PronyShear(0.0, [1.0], [1.0], 0.0), r"PronyShear\.bulk = 0\.0: must be > 0"),
         (lambda: rf.Body(rf.Rigid(), layer=rf.Slab(1e-3)), r"Body\.layer: a rigid body has no layer"),
-        (
-            lambda: rf.Scene(rf.Body(rf.Rigid()), rf.Body(rf.Rigid())),
-            r"both Rigid; one of the solids must deform",
-        ),
+        (lambda: rf.Scene(rf.Body(rf.Rigid()), rf.Body(rf.Rigid())), r"both Rigid; one of the solids must"),
         (
             lambda: rf.Scene(rf.Body(tread()), rf.Body(tread()), area_correction=1),
             r"must be one of False, True",

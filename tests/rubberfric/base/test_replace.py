@@ -38,26 +38,20 @@ def test_every_number_by_its_path(path):
     same(changed.replace(path, value), SCENE)
 
 
-def test_fields_of_the_object_itself():
+def test_paths_of_fields_objects_and_options():
     changed = PLAIN.replace(gamma=0.4, area_correction=True)
     assert (changed.gamma, changed.area_correction) == (0.4, True)
     assert changed.lower is PLAIN.lower
     assert (PLAIN.gamma, PLAIN.area_correction) == (0.5, False)
     assert RUBBER.replace(shift=None).shift is None
     same(PLAIN.replace(), PLAIN)
-
-
-def test_objects_and_options_by_path():
     slab = rf.Slab(1e-3)
     changed = PLAIN.replace({"upper.layer": slab, "area_correction": True}, gamma=0.3)
     assert changed.upper.layer is slab
     assert (changed.area_correction, changed.gamma) == (True, 0.3)
     assert changed.replace("upper.layer.base", "frictionless").upper.layer.base == "frictionless"
     assert changed.replace("upper.layer", None).upper.layer is None
-
-
-def test_values_that_must_change_together():
-    """Each alone would break a rule of the object."""
+    # Each alone would break a rule of the object.
     moved = PLAIN.replace({"lower.spectrum.q0": 1e6, "lower.spectrum.qr": 1e7, "lower.spectrum.q1": 1e8})
     assert float(moved.lower.spectrum.q0) == 1e6
     with pytest.raises(ValueError, match=r"^lower\.spectrum: SelfAffine\.qr = 1000\.0: must be >= q0"):
@@ -124,10 +118,7 @@ def test_traced_values():
         ({"upper.material.shift.C2": -1}, r"upper\.material\.shift: WLF\.C2 = -1\.0: must be > 0$"),
         ({"upper.material.E[1]": -1}, r"upper\.material: Prony\.E\[1\] = -1\.0: must be >= 0$"),
         ({"upper.material.E[1]": [1, 2]}, r"upper\.material\.E\[1\] = .*: has shape \(2,\): must be \(1,\)"),
-        (
-            {"upper.material.E[3]": 1},
-            r"'upper\.material\.E\[3\]': .* has the elements \[0\] \.\.\. \[2\]",
-        ),
+        ({"upper.material.E[3]": 1}, r"'upper\.material\.E\[3\]': .* has the elements \[0\] \.\.\. \[2\]"),
         ({"upper.material.E[0]": "a"}, r"upper\.material\.E\[0\] = 'a': must be a number$"),
         ({"upper.material[0]": 1}, r"'upper\.material\[0\]': upper\.material = Prony\(.*not an array; leave"),
         ({"gamma[0]": 1}, r"'gamma\[0\]': gamma is a single number; leave \[ \] out"),
@@ -135,14 +126,8 @@ def test_traced_values():
         ({"upper.layer.thickness": 1}, r"'upper\.layer\.thickness': upper\.layer = None: must be an object$"),
         ({"upper": rf.Rigid()}, r"Scene\.upper = Rigid\(\): must be Body$"),
         ({"upper..E": 1}, r"'upper\.\.E': must be a key path like"),
-        (
-            {"upper.material": RUBBER, "upper.material.E_inf": 1},
-            r"'upper\.material': must not be given together",
-        ),
-        (
-            {"upper.material.E": [1.0], "upper.material.E[0]": 1},
-            r"'upper\.material\.E': must not be given together",
-        ),
+        ({"upper.material": RUBBER, "upper.material.E_inf": 1}, r"'upper\.material': must not be given"),
+        ({"upper.material.E": [1.0], "upper.material.E[0]": 1}, r"'upper\.material\.E': must not be given"),
     ],
 )
 def test_refused(changes, message):

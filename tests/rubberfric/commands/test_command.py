@@ -341,6 +341,18 @@ def test_scenes_of_the_data_folder(call, path, tmp_path):
 
 
 @pytest.mark.slow
+def test_roughness_of_the_rubber_costs_area_but_hardly_any_friction_at_high_speed():
+    """The red and blue curves of the paper's last figure approach each other as v increases."""
+    flat, rough = (rf.load_scene(DATA / f"{n}.toml") for n in ("tread_on_asphalt", "rough_tread_on_asphalt"))
+    conditions = Conditions(np.array([1e-6, 1e-3, 1e1]), np.array([0.15e6]), np.array([293.15]))
+    red, blue = (run_command.compute(scene, conditions) for scene in (flat, rough))
+    area, friction = (blue.area / red.area)[0, 0], (blue.friction / red.friction)[0, 0]
+    assert np.all(area < 1)
+    assert np.all(np.diff(area) > 0)
+    assert np.all(np.diff(abs(friction - 1)) < 0)
+
+
+@pytest.mark.slow
 def test_a_tabulated_scene_says_how_much_lies_outside_its_table(call):
     status, printed, _ = call("run", DATA / "tabulated_tread.toml")
     last = printed.splitlines()[-1]

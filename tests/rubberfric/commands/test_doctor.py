@@ -30,15 +30,12 @@ def test_versions_devices_and_programs(tmp_path):
     assert "FAULT" not in done.stdout and "jax#38445" not in done.stdout
 
 
-def test_known_faults(monkeypatch):
+def test_known_faults(monkeypatch, tmp_path):
     said = "\n".join(doctor._lines(argparse.Namespace(no_cache=True)))
     assert "not used: --no-cache" in said and "FAULT" not in said
     monkeypatch.setattr(jax, "__version__", "0.10.2")
     said = "\n".join(doctor._lines(argparse.Namespace(no_cache=True)))
     assert "FAULT        jax 0.10.2: it computes wrong numbers on processors (jax-ml/jax#39103)" in said
-
-
-def test_programs_that_are_not_found_again(monkeypatch, tmp_path):
     monkeypatch.setattr(doctor, "compilation_cache", lambda: tmp_path)
     monkeypatch.setattr(doctor, "_is_found", lambda: False)
     said = "\n".join(doctor._lines(argparse.Namespace(no_cache=False)))
@@ -47,8 +44,6 @@ def test_programs_that_are_not_found_again(monkeypatch, tmp_path):
     said = "\n".join(doctor._lines(argparse.Namespace(no_cache=False)))
     assert "not used: its folder cannot be written to" in said
 
-
-def test_packages_that_are_on_the_path_only(monkeypatch):
     def missing(name):
         raise importlib.metadata.PackageNotFoundError(name)
 

@@ -229,10 +229,7 @@ def test_selected_temperatures():
         ({"pressure": (1, 2)}, "ModulusData has no pressure: must be one of omega, temperature"),
         ({"omega": (2, 1)}, r"omega = \(2, 1\): must be \(lowest, highest\), with lowest <= highest"),
         ({"omega": 2.0}, r"omega = 2.0: must be \(lowest, highest\)"),
-        (
-            {"temperature": (400, 500)},
-            "in these ranges; must overlap with temperature 280 ... 300",
-        ),
+        ({"temperature": (400, 500)}, "in these ranges; must overlap with temperature 280 ... 300"),
     ):
         with pytest.raises(ValueError, match=message):
             data.selected(**ranges)

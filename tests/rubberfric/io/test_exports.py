@@ -244,11 +244,7 @@ GOOD = "f [Hz];E' [MPa];E'' [MPa]\n1;5;1\n2;6;2\n"
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (
-            "E'' [MPa]",
-            "E' [MPa]",
-            'columns "E\' [MPa]" and "E\' [MPa]": both hold E_stor: must be only one',
-        ),
+        ("E'' [MPa]", "E' [MPa]", 'columns "E\' [MPa]" and "E\' [MPa]": both hold E_stor: must be only one'),
         ("E'' [MPa]", "foo [MPa]", "line 1: no column E_loss: the table must have one"),
         ("' [MPa]", "' [mPa]", "unit 'mPa': must be one of Pa, kPa, MPa, GPa"),
         (" [Hz]", "", "column f: unit '-': must be one of Hz"),
@@ -258,11 +254,7 @@ GOOD = "f [Hz];E' [MPa];E'' [MPa]\n1;5;1\n2;6;2\n"
         ("2;6;2", "2;6;2;7", "line 3: has 4 fields: must have 3"),
         ("2;6;2", "2;6,5;2.5", "line 3: '2.5': has a decimal point, others a comma: must all have"),
         ("2;6;2", "2;-6;2", "line 3: E' [MPa] = '-6': must be > 0"),
-        (
-            "2;6;2",
-            "E' [MPa];f [Hz]\n5;1",
-            "line 3: has other columns than line 1: a file must have one table",
-        ),
+        ("2;6;2", "E' [MPa];f [Hz]\n5;1", "line 3: has other columns than line 1: a file must have one"),
     ],
 )
 def test_faulty_exports(tmp_path, old, new, message):

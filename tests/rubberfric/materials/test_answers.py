@@ -62,16 +62,13 @@ def test_a_table_is_no_series():
         series_of(TABLE, 1.0)
 
 
-def test_flags():
+def test_flags_and_frequencies():
     assert [m.deforms for m in (RIGID, ELASTIC, PRONY)] == [False, True, True]
     assert [m.relaxes for m in (RIGID, ELASTIC, PRONY, SHEAR, TABLE)] == [False, False, True, True, True]
     assert [m.always_in_series for m in (PRONY, SHEAR, TABLE)] == [False, True, False]
     assert not RIGID.needs_quadrature
     with pytest.raises(ValueError, match=r"^material is Rigid, which has no modulus; use a deformable"):
         RIGID.static_modulus()
-
-
-def test_frequencies():
     np.testing.assert_allclose(PRONY.frequency_range(), [1e-2, 1e3])
     np.testing.assert_allclose(SHEAR.frequency_range(), [1e-2, 1e3])
     np.testing.assert_allclose(TABLE.frequency_range(), [1e-3, 1e2])
@@ -79,24 +76,15 @@ def test_frequencies():
     assert RIGID.frequency_range() is None
     assert TABLE.relaxation_times() is None
     np.testing.assert_array_equal(SHEAR.relaxation_times(), SHEAR.tau)
-
-
-def test_what_follows_without_being_said():
-    """Methods of the base class, which a kind may keep."""
+    # Methods of the base class, which a kind may keep.
     flat = rf.TabulatedModulus([1e-3, 1e-1, 1e1, 1e3], [1e6, 1e6, 3e6, 3e6], [1e5, 2e5, 2e5, 1e5])
     for material in (PRONY, flat):
         assert float(Material.static_modulus(material)) == pytest.approx(float(material.static_modulus()))
         assert float(Material.glassy_reduced(material)) == pytest.approx(float(material.glassy_reduced()))
-
-
-def test_liquids():
     assert not PRONY.is_liquid()
     assert PRONY.replace(E_inf=0.0).is_liquid()
     assert SHEAR.replace(G_inf=0.0).is_liquid()
     assert not TABLE.is_liquid()
-
-
-def test_poisson():
     assert float(poisson_of(ELASTIC)) == 0.3
     for material in (SHEAR, RIGID):
         with pytest.raises(ValueError, match=r"^material must have a constant Poisson's ratio, got a "):

@@ -96,12 +96,9 @@ def test_shift(law, T):
     np.testing.assert_allclose(moved, table_modulus(TABLE, omega * shift_factor(law, T)), rtol=1e-11)
 
 
-def test_no_temperature_is_the_reference_temperature():
+def test_shifted_moduli():
     shifted = rf.Prony(3.6e6, E, TAU, shift=rf.WLF(8.86, 101.6, 293.15))
     assert (rf.complex_modulus(shifted, OMEGA) == rf.complex_modulus(PRONY, OMEGA)).all()
-
-
-def test_omega_and_temperature_broadcast():
     shifted = rf.Prony(3.6e6, E, TAU, shift=rf.WLF(8.86, 101.6, 293.15))
     omega, T = np.array([1e-2, 1.0, 1e5]), np.array([[280.0], [300.0]])
     both = rf.complex_modulus(shifted, omega, T)

@@ -129,6 +129,31 @@ def test_scenes(name):
     np.testing.assert_allclose(found, [exact[quantity] for quantity in QUANTITIES], rtol=1e-9)
 
 
+@pytest.mark.slow
+def test_gradients():
+    """Forward = reverse, and against differences of the oracle for the bulk modulus and all G."""
+    names = ("solid1", "solid2", "psd1", "psd2")
+    given = dict(zip(names, CASES["facing elastic"], strict=True)) | {
+        "v": 0.03,
+        "pressure": 2e5,
+        "gamma": 0.5,
+    }
+    arguments = as_arrays((scene(given), given["v"], given["pressure"]))
+    reverse, forward = (jax.jit(d(quantities))(arguments) for d in (jax.jacrev, jax.jacfwd))
+    for a, b, x in zip(*map(jax.tree.leaves, (reverse, forward, arguments)), strict=True):
+        scale = np.maximum(np.abs(x), 1e-3)
+        np.testing.assert_allclose(a * scale, b * scale, rtol=1e-9, atol=1e-11)
+    slopes, numbers = reverse[0].lower.material, arguments[0].lower.material
+    for name in ("bulk", "G", "tau"):
+        found = np.sum((np.asarray(getattr(slopes, name)) * getattr(numbers, name)).reshape(3, -1), -1)
+        ends = []
+        for h in (-1e-4, 1e-4):
+            solid = given["solid1"] | {name: (np.array(given["solid1"][name]) * (1 + h)).tolist()}
+            end = oracle.solve(given | {"solid1": solid}, halvings=60, order=10)
+            ends.append([end[quantity] for quantity in QUANTITIES])
+        np.testing.assert_allclose(found, (np.array(ends[1]) - ends[0]) / 2e-4, rtol=2e-6, atol=1e-12)
+
+
 def test_temperature_shifts_the_shear():
     law = rf.WLF(8.86, 101.6, 293.15)
     moved = rf.complex_modulus(material(shift=law), 10.0, 320.0)

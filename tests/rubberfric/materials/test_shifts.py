@@ -80,6 +80,17 @@ def test_derivatives_of_a_table_at_its_entries(name):
             np.testing.assert_allclose(found[1], by_T, rtol=1e-6, atol=1e-7)
 
 
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
+def test_references_and_derivatives(law):
+    assert law.log_factor(law.T_ref) == 0.0
+    temperatures = jnp.linspace(264.0, 333.0, 30)
+    assert (jnp.diff(law.log_factor(temperatures)) < 0).all()
+    slope = jax.grad(law.log_factor)(275.0)
+    h = 1e-2
+    difference = (law.log_factor(275.0 + h) - law.log_factor(275.0 - h)) / (2 * h)
+    assert slope == pytest.approx(float(difference), rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("law", "bad"),
     [

@@ -196,6 +196,29 @@ def test_scenes_with_scaled_moduli(name):
     np.testing.assert_allclose(cold, rf.friction(SCENES[name](wlf()), V, 3e5), rtol=1e-12)
 
 
+@pytest.mark.parametrize("name", some(SCENES, QUICK[:1]))
+def test_derivatives(name):
+    """By the temperature and by all numbers of the shift, in both modes and by differences."""
+    scene = SCENES[name](wlf(ENTROPIC))
+
+    @jax.jit
+    def values(x):
+        law = rf.WLF(8.86 * x[0], 101.6 * x[1], T_REF, vertical=rf.Entropic(6e-4 * x[2]))
+        found = rf.solve(SCENES[name](law), 0.1, 3e5, 320.0 * x[3], quantities=QUANTITIES)
+        return jnp.log(jnp.stack([getattr(found, q) for q in QUANTITIES if q != "friction" or dissipates]))
+
+    dissipates = rf.friction(scene, 0.1, 3e5, 320.0) > 0
+    one, h = jnp.ones(4), 1e-4
+    forward, reverse = jax.jit(jax.jacfwd(values))(one), jax.jit(jax.jacrev(values))(one)
+    np.testing.assert_allclose(forward, reverse, rtol=1e-9, atol=1e-11)
+    if name in ("table", "layers"):
+        return  # entries of a table are kinks, at which differences err
+    for i in range(4):
+        f = [values(one.at[i].add(k * h)) for k in (-2, -1, 1, 2)]
+        difference = (8 * (f[2] - f[1]) - (f[3] - f[0])) / (12 * h)
+        np.testing.assert_allclose(forward[:, i], difference, rtol=1e-7, atol=1e-9)
+
+
 def test_contact_shear():
     scene = SCENES["one"](None)
     laws = (rf.Arrhenius(0.5, T_REF, vertical=vertical) for vertical in (None, ENTROPIC))

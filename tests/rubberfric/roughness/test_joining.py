@@ -171,36 +171,22 @@ def test_moments_of_a_part_are_preserved():
         np.testing.assert_allclose(rf.roughness.moment(table, order), sum(parts), rtol=1e-10)
 
 
+join = rf.roughness.join_spectra
+resample = rf.roughness.resample
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: rf.roughness.join_spectra(LOW), "join_spectra got 1 spectra: must be at least two"),
-        (
-            lambda: rf.roughness.join_spectra(HIGH, LOW),
-            "spectrum 1 covers 100 ... 10000 1/m and spectrum 0 covers 2000 ... 1e+06 1/m",
-        ),
-        (
-            lambda: rf.roughness.join_spectra(LOW, HIGH, method="max"),
-            "method = 'max': must be one of crossover, mean",
-        ),
-        (
-            lambda: rf.roughness.join_spectra(LOW, HIGH, weights=(1, -1)),
-            "weights = [1.0, -1.0]: must be two numbers >= 0",
-        ),
-        (
-            lambda: rf.roughness.join_spectra(LOW, rf.SelfAffine(1e3, 1e3, 1e6, 0.8, 0.0)),
-            "spectrum 1 is zero: must be rough",
-        ),
-        (lambda: rf.roughness.resample(LOW), "pass exactly one of q and per_decade"),
-        (
-            lambda: rf.roughness.resample(LOW, [50.0, 1e3]),
-            "q = 50 ... 1000: must be within the spectrum's 100 ... 10000",
-        ),
-        (
-            lambda: rf.roughness.resample(LOW, [1e3, 500.0]),
-            "must be at least two wavevectors, strictly increasing",
-        ),
-        (lambda: rf.roughness.resample(LOW, per_decade=-1), "per_decade = -1: must be a number > 0"),
+        (lambda: join(LOW), "join_spectra got 1 spectra: must be at least two"),
+        (lambda: join(HIGH, LOW), "spectrum 1 covers 100 ... 10000 1/m and spectrum 0 covers 2000 ..."),
+        (lambda: join(LOW, HIGH, method="max"), "method = 'max': must be one of crossover, mean"),
+        (lambda: join(LOW, HIGH, weights=(1, -1)), "weights = [1.0, -1.0]: must be two numbers >= 0"),
+        (lambda: join(LOW, rf.SelfAffine(1e3, 1e3, 1e6, 0.8, 0.0)), "spectrum 1 is zero: must be rough"),
+        (lambda: resample(LOW), "pass exactly one of q and per_decade"),
+        (lambda: resample(LOW, [50.0, 1e3]), "q = 50 ... 1000: must be within the spectrum's 100 ... 10000"),
+        (lambda: resample(LOW, [1e3, 500.0]), "must be at least two wavevectors, strictly increasing"),
+        (lambda: resample(LOW, per_decade=-1), "per_decade = -1: must be a number > 0"),
     ],
 )
 def test_what_is_refused(call, message):

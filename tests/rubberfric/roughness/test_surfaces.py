@@ -47,41 +47,20 @@ def test_a_periodic_surface_needs_no_window():
 HOLES = np.ma.masked_array(MAP, mask=MAP > 1)
 
 
+of_surface = rf.roughness.spectrum_of_surface
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (
-            lambda: rf.roughness.spectrum_of_surface(MAP),
-            "topography is a ndarray without heights; pass a Surf",
-        ),
-        (
-            lambda: rf.roughness.spectrum_of_surface(surface(MAP, (1.0, 1.0), None)),
-            "unit is missing and the topography has none",
-        ),
-        (
-            lambda: rf.roughness.spectrum_of_surface(surface(MAP, (1.0, 1.0), "inch")),
-            "unit = 'inch': must be one of m, ",
-        ),
-        (
-            lambda: rf.roughness.spectrum_of_surface(surface(MAP, (1.0, 1.0)), unit="nm"),
-            "unit = 'nm': leave it out; the topography has 'um'",
-        ),
-        (
-            lambda: rf.roughness.spectrum_of_surface(surface(HOLES, (1.0, 1.0))),
-            "has undefined points; fill them in first",
-        ),
-        (
-            lambda: rf.roughness.spectrum_of_surface(surface(LINE, (1.0,), is_uniform=False)),
-            "has unevenly spaced points",
-        ),
-        (
-            lambda: rf.roughness.spectrum_of_surface(surface(MAP, (1.0,))),
-            "must have equal numbers of entries, 1 or 2",
-        ),
-        (
-            lambda: rf.roughness.spectrum_of_surface(surface(MAP, (1.0, 1.0)), window="kaiser"),
-            "must be one of hann",
-        ),
+        (lambda: of_surface(MAP), "topography is a ndarray without heights; pass a Surf"),
+        (lambda: of_surface(surface(MAP, (1.0, 1.0), None)), "unit is missing and the topography has none"),
+        (lambda: of_surface(surface(MAP, (1.0, 1.0), "inch")), "unit = 'inch': must be one of m, "),
+        (lambda: of_surface(surface(MAP, (1.0, 1.0)), unit="nm"), "unit = 'nm': leave it out; the"),
+        (lambda: of_surface(surface(HOLES, (1.0, 1.0))), "has undefined points; fill them in first"),
+        (lambda: of_surface(surface(LINE, (1.0,), is_uniform=False)), "has unevenly spaced points"),
+        (lambda: of_surface(surface(MAP, (1.0,))), "must have equal numbers of entries, 1 or 2"),
+        (lambda: of_surface(surface(MAP, (1.0, 1.0)), window="kaiser"), "must be one of hann"),
         (lambda: rf.roughness.spectrum_from("C", HOLES[0], HOLES[0]), "has masked entries; leave them out"),
     ],
 )

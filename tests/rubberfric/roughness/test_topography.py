@@ -218,40 +218,23 @@ def test_detrending():
 FLAT = np.zeros(20)
 
 
+of_profile = rf.roughness.spectrum_of_profile
+of_topography = rf.roughness.spectrum_of_topography
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: rf.roughness.spectrum_of_profile(0.0, FLAT), "x = 0.0: must be > 0"),
-        (
-            lambda: rf.roughness.spectrum_of_profile(np.arange(19), FLAT),
-            "x of shape (19,): must be a finite spacing, or 20",
-        ),
-        (
-            lambda: rf.roughness.spectrum_of_profile(np.arange(20) ** 2, FLAT),
-            "positions must increase evenly",
-        ),
-        (
-            lambda: rf.roughness.spectrum_of_profile(1.0, FLAT[:5]),
-            "heights of shape (5,), type float64: must be real, 1-dim",
-        ),
-        (
-            lambda: rf.roughness.spectrum_of_profile(1.0, FLAT + np.nan),
-            "heights[0] is not finite; fill in",
-        ),
-        (
-            lambda: rf.roughness.spectrum_of_profile(1.0, FLAT, window="kaiser"),
-            "window = 'kaiser': must be one of hann, none",
-        ),
-        (
-            lambda: rf.roughness.spectrum_of_profile(1.0, FLAT, detrend=3),
-            "detrend = 3: must be 0, 1, 2 or None",
-        ),
-        (
-            lambda: rf.roughness.spectrum_of_profile(1.0, FLAT, per_decade=0),
-            "per_decade = 0: must be a number > 0 or None",
-        ),
-        (lambda: rf.roughness.spectrum_of_topography(FLAT, 1.0), "must be real, 2-dimensional"),
-        (lambda: rf.roughness.spectrum_of_topography(np.zeros((9, 9)), 1.0, -1.0), "dy = -1.0: must be > 0"),
+        (lambda: of_profile(0.0, FLAT), "x = 0.0: must be > 0"),
+        (lambda: of_profile(np.arange(19), FLAT), "x of shape (19,): must be a finite spacing, or 20"),
+        (lambda: of_profile(np.arange(20) ** 2, FLAT), "positions must increase evenly"),
+        (lambda: of_profile(1.0, FLAT[:5]), "heights of shape (5,), type float64: must be real, 1-dim"),
+        (lambda: of_profile(1.0, FLAT + np.nan), "heights[0] is not finite; fill in"),
+        (lambda: of_profile(1.0, FLAT, window="kaiser"), "window = 'kaiser': must be one of hann, none"),
+        (lambda: of_profile(1.0, FLAT, detrend=3), "detrend = 3: must be 0, 1, 2 or None"),
+        (lambda: of_profile(1.0, FLAT, per_decade=0), "per_decade = 0: must be a number > 0 or None"),
+        (lambda: of_topography(FLAT, 1.0), "must be real, 2-dimensional"),
+        (lambda: of_topography(np.zeros((9, 9)), 1.0, -1.0), "dy = -1.0: must be > 0"),
     ],
 )
 def test_what_is_refused(call, message):

@@ -22,11 +22,8 @@ def _solved(scene):
     return np.array([found.area, found.separation])
 
 
-def test_surfaces_that_know_nothing_of_each_other_are_as_before():
+def test_limits_of_coherence():
     np.testing.assert_allclose(_solved(_scene(0.0)), _solved(_scene()), rtol=1e-13)
-
-
-def test_a_surface_on_its_replica_has_no_contact_roughness():
     area, separation = _solved(_scene(1.0, upper=ROAD))
     assert np.all(area == 1)
     assert np.all(separation == 0)

@@ -137,15 +137,11 @@ both_modes = jax.jit(lambda at: [jac(lambda at: shear_friction(*at))(at) for jac
 
 
 @every_point
-def test_formula(at):
+def test_formula_and_derivatives(at):
     with mp.workdps(30):
         expected = float(exact(as_mp(at)))
     assert jax.jit(shear_friction)(*at) == pytest.approx(expected, rel=1e-13, abs=1e-300)
-
-
-@every_point
-def test_derivatives_with_respect_to_every_number(at):
-    """Derivatives by tau_f0, c, v0, the shift, area, velocity, pressure and temperature; both modes."""
+    # Derivatives by tau_f0, c, v0, the shift, area, velocity, pressure and temperature; both modes.
     with mp.workdps(60):
         expected, value = np.array(exact_slopes(at)), float(exact(as_mp(at)))
     theta = np.concatenate([np.ravel(x) for x in jax.tree.leaves(at)])

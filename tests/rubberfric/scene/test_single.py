@@ -42,6 +42,15 @@ def test_under_jit_nothing_is_refused():
     assert np.isfinite(jax.jit(rf.friction)(single, v, jnp.float32(1e5), T)).all()
 
 
+@pytest.mark.slow
+def test_ordinary_scenes_pass():
+    layered = rf.Scene(rf.Body(RUBBER, None, rf.Slab(1e-4)), rf.Body(rf.Elastic(1e12, 0.3), ROAD))
+    single = as_arrays(layered, jnp.float32)
+    found = rf.friction(single, jnp.float32([0.1]), jnp.float32(1e5))
+    assert found.dtype == jnp.float32
+    np.testing.assert_allclose(found, rf.friction(layered, [0.1], 1e5), rtol=1e-5)
+
+
 def test_full_contact_is_no_more_than_one():
     """JAX's erf in float32 passes 1 where x is 3.7 ... 3.83."""
     x = jnp.linspace(3.6, 4.0, 4001, dtype=jnp.float32)

@@ -1,11 +1,13 @@
 """Two bodies that take up heat: what each has of the heat of contact shear, and that none of it is lost."""
 
 import dataclasses
+import itertools
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy
 from support.scenes.fits import AFFINE as ROAD
 
 import rubberfric as rf
@@ -61,6 +63,43 @@ def test_flash_temperature_of_two_half_spaces(lower):
     ]
     harmonic = 1 / sum(1 / x for x in exact)
     np.testing.assert_allclose(found, harmonic, rtol=1e-4)
+
+
+@pytest.mark.parametrize(("q", "hotter"), [(3e2, 10.0), (1e4, 3.5), (1e9, 1.0)])
+def test_rise_below_the_surface_is_a_share_of_that_of_either_solid(q, hotter):
+    r"""At finite q each solid has its share of the rise from all heat, which is not a harmonic sum.
+
+    By scipy: T_i = s_i (2/pi) Q/(rho c_p) int dk (1 - exp(-D k^2 t_0))/(D k^2) 4 q^2/(k^2 + 4 q^2).
+    """
+    v, power, t0 = 1.0, 3e6, 2e-3
+    steel = rf.ThermalProperties(7800.0, 460.0, 50.0)
+    bodies = heating_of(HEATING, steel), heating_of(HEATING, None)
+    at = jnp.array([q])
+    ready = diffusion(at, at, (at[0], at[0]), 161)
+    shares = shear_shares(*bodies, True)
+    np.testing.assert_allclose(shares[0] / shares[1], effusivity(steel) / effusivity(RUBBER), rtol=1e-12)
+    found, alone = [], []
+    for body, share in zip(bodies, shares, strict=True):
+        heat = float(body.density * body.heat_capacity)
+        D = float(body.conductivity) / heat
+
+        def density(log_k, D=D):  # over ln k
+            k = np.exp(log_k)
+            return -np.expm1(-D * k**2 * t0) / (D * k) * 4 * q**2 / (k**2 + 4 * q**2)
+
+        borders = np.linspace(-20.0, 40.0, 31)
+        pieces = [
+            scipy.integrate.quad(density, a, b, epsrel=1e-12)[0] for a, b in itertools.pairwise(borders)
+        ]
+        alone.append(2 / np.pi * power * v / heat * sum(pieces))
+        given = share * jnp.array([power])
+        found.append(float(rise_below_surface(heat_kernel(body, ready, jnp.array([v]), True), given)[0, 0]))
+    np.testing.assert_allclose(found, np.array(shares) * alone, rtol=1e-7)
+    harmonic = 1 / sum(1 / x for x in alone)
+    # The better conductor is hotter; at the surface both are equal, and the harmonic sum.
+    assert found[0] > hotter * found[1]
+    if q > 1e7:
+        np.testing.assert_allclose(found, harmonic, rtol=1e-4)
 
 
 def two_rubbers(share=None):

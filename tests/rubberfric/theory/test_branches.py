@@ -61,15 +61,12 @@ def test_branches_end_at_their_folds_and_jump(direction):
     assert np.sign(wanted[-4]) == -direction and np.sign(wanted[-3]) == direction
 
 
-def test_places_do_not_depend_on_the_other_targets():
+def test_places_on_a_branch():
     targets = np.array([-7.3, -0.2, 0.5, 2.2, 9.0])
     together = followed(targets, 1)[0]
     for i, target in enumerate(targets):
         np.testing.assert_array_equal(followed([target, -12.0, target], 1)[0][0], together[i])
     np.testing.assert_array_equal(followed(targets[::-1], 1)[0], together[::-1])
-
-
-def test_what_begins_beyond_its_target_arrives_there_all_the_same():
     rises, arrived = followed([-12.0], 1)
     assert arrived.all()
     np.testing.assert_allclose(rises[0, 0], roots(-12.0)[0], rtol=1e-8)

@@ -126,21 +126,25 @@ def test_without_adhesion_nothing_of_it_is_traced(monkeypatch):
     assert area["erf"] == 1 and area["multiply-add"] == ANGULAR
 
 
-def test_shear_alone_needs_the_area_only():
+def test_absent_parts_and_requested_quantities_only():
+    plain = scene((TREAD,), (RIGID, ROAD))
+    rough = scene((TREAD, WORN), (RIGID, ROAD))
+    layered = scene((TREAD, None, rf.Slab(1e-3)), (RIGID, ROAD))
+    two = scene((TREAD, WORN), (TREAD, ROAD))
+    count = {
+        name: len(primitives(lambda s, v: rf.friction(s, v, 1e5), s, VELOCITY))
+        for name, s in {"plain": plain, "rough": rough, "layered": layered, "two": two}.items()
+    }
+    assert count["plain"] < count["layered"] < count["two"]
+    assert count["plain"] < count["rough"] < count["two"]
     s = scene((TREAD, WORN), (TREAD, ROAD), shear=rf.ContactShear(6e6, 0.1, 1e-2))
     assert added(s, "shear_friction")["erf"] == 1
     assert "erf" not in primitives(
         lambda v: rf.solve(scene((TREAD,), (RIGID, ROAD)), v, 1e5, quantities=("shear_friction",)), VELOCITY
     )
-
-
-def test_quantities_share_the_stiffness():
     s = scene((TREAD,), (RIGID, ROAD))
     single = [work(lambda s, v, q=q: rf.solve(s, v, 1e5, quantities=(q,)), s, VELOCITY) for q in QUANTITIES]
     assert work(lambda s, v: rf.solve(s, v, 1e5), s, VELOCITY) < 0.7 * sum(single)
-
-
-def test_elastic_solids_do_not_depend_on_the_number_of_velocities():
     s = scene((rf.Elastic(1e7, 0.4),), (RIGID, ROAD))
     one = work(lambda s, v: rf.contact_area(s, v, 1e5, quadrature=QUADRATURE), s, VELOCITY[:1])
     many = work(lambda s, v: rf.contact_area(s, v, 1e5, quadrature=QUADRATURE), s, VELOCITY)

@@ -35,7 +35,8 @@ import mpmath as mp
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
-from scipy.special import erf, erfc
+from scipy.special import erf
+from support.oracles.tables import law
 
 BOLTZMANN = 8.617333262e-5  # [eV/K]
 
@@ -279,9 +280,9 @@ def slab_factor(x, nu, base="bonded"):
         return top / (a * (mp.sinh(2 * x) - 2 * x) + 4 * (1 - 2 * nu) * x)
 
 
-def coating_coefficients(x, nu1, nu0):
+def coating_coefficients(x, nu1, nu0, digits=60):
     """e^-2x times N, D of Sbar = (N0 r^2 + N1 r + N2)/(D0 r^2 + D1 r + D2), r = mu1/mu0."""
-    with mp.workdps(60):
+    with mp.workdps(digits):
         x = mp.mpf(min(x, 1e4))
         a, b = 3 - 4 * mp.mpf(nu1), 3 - 4 * mp.mpf(nu0)
         sinh, cosh, exp = mp.sinh(2 * x), mp.cosh(2 * x), mp.exp(2 * x)
@@ -298,30 +299,11 @@ def coating_coefficients(x, nu1, nu0):
 
 def table_modulus(data, omega):
     """ln E' and ln E'' linear in ln omega, averaged with a Gaussian; E'' ~ omega below, 1/omega above."""
-    knots, storage, loss = (np.log(np.asarray(data[name], float)) for name in ("omega", "storage", "loss"))
+    table = [np.log(np.asarray(data[name], float)) for name in ("omega", "storage", "loss")]
     omega = np.asarray(omega, float)
     x = np.log(np.where(omega > 0, omega, 1e-300))
-    width, outside = data.get("smoothing", 0.1), data.get("outside", "fall")
-    fall = 1.0 if outside == "fall" else 0.0
-    E1, E2 = (np.exp(_averaged(knots, *curve, width, x)) for curve in ((storage, 0.0), (loss, fall)))
-    if outside == "none":
-        E2 = E2 * erfc((knots[0] - x) / width / 2**0.5) * erfc((x - knots[-1]) / width / 2**0.5) / 4
+    E1, E2 = law(table, data.get("outside", "fall"), x, data.get("smoothing", 0.1))
     return E1 + 1j * np.where(omega > 0, E2, 0.0)
-
-
-def _averaged(knots, values, fall, width, x):
-    """The Gaussian mean of a line through knots, slopes +-fall outside: the integral over every piece."""
-    slopes = np.concatenate([[fall], np.diff(values) / np.diff(knots), [-fall]])
-    begin, height = (np.concatenate([row[:1], row]) for row in (knots, values))
-    total = np.zeros(x.shape)
-    for k, slope in enumerate(slopes):
-        low = -np.inf if k == 0 else (knots[k - 1] - x) / width
-        high = np.inf if k == slopes.size - 1 else (knots[k] - x) / width
-        # From the tails or from the middle, whichever keeps its digits.
-        mass = 0.5 * (erf(high / 2**0.5) - erf(low / 2**0.5))
-        mean = (np.exp(-0.5 * np.square(low)) - np.exp(-0.5 * np.square(high))) / np.sqrt(2 * np.pi)
-        total += (height[k] + slope * (x - begin[k])) * mass + slope * width * mean
-    return total
 
 
 def shift_factor(shift, T):

@@ -54,7 +54,7 @@ def test_a_table_is_built_once_for_its_numbers():
     assert "iota" not in primitives(lambda v: friction(ON_ROAD, v), jnp.asarray(VELOCITY))
 
 
-def test_an_array_that_is_changed_in_place_is_another():
+def test_changed_arrays_and_few_tables():
     storage = STORAGE.copy()
     first = friction(scene((RIGID, ROAD), (rubber(storage),)))
     storage *= 2.0
@@ -62,9 +62,6 @@ def test_an_array_that_is_changed_in_place_is_another():
     known = jax.jit(friction)(scene((RIGID, ROAD), (rubber(2 * STORAGE),)))
     np.testing.assert_allclose(second, known, rtol=1e-13)
     assert (second[1:] != first[1:]).all()
-
-
-def test_few_are_kept():
     for factor in np.linspace(1.0, 2.0, 9):
         friction(ON_ROAD.replace("upper.material.storage", factor * STORAGE))
     assert len(stiffness_means._kept) <= 4
