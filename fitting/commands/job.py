@@ -44,6 +44,7 @@
 """
 
 import dataclasses
+import os
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -142,9 +143,10 @@ def _scene(path, key, file, of_data, data, outputs):
     files = {key: file}
     for i, one in enumerate(data):
         files[f"{of_data}[{i}].file"] = one.get("file") if isinstance(one, dict) else None
-    written = [Path(output).resolve() for output in outputs]
+    # Path.resolve raises RuntimeError for a link to itself.
+    written = [os.path.realpath(output) for output in outputs]
     for own, name in files.items():
-        if isinstance(name, str) and (path.parent / name).resolve() in written:
+        if isinstance(name, str) and os.path.realpath(path.parent / name) in written:
             raise ValueError(
                 f"{path}: {own} = {name!r}: is an input file of the job; choose another file for the output"
             )

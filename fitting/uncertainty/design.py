@@ -58,7 +58,8 @@ class Design:
     names : key path of every free element
     before, after : standard deviations of x without and with the measurements, shape (size,); for Positive
         parameters these are relative errors
-    rate : |d ln value / dx| of every element, shape (size,); `rate * before` are relative errors of values
+    rate : absolute value of d ln(value) / dx of every element, shape (size,); `rate * before` are relative
+        errors of values
     predicted : (before, after) root mean square relative error of the prediction of the criterion, or None
     candidates : conditions of all candidates, each of shape (candidates,)
     gain : gain of one measurement at each candidate, shape (candidates,): for D in nats, for A and

@@ -34,7 +34,6 @@ fits differ by at most 10 %.
 """
 
 import dataclasses
-import functools
 import math
 from typing import NamedTuple
 
@@ -49,6 +48,7 @@ from rubberfric.materials.material import apply_vertical_shift, poisson_of, rela
 from rubberfric.roughness.radial_mesh import Mesh, build_mesh
 from rubberfric.roughness.spectra import BrokenPowerLaw
 from rubberfric.scene.scene import Body
+from rubberfric.theory.area.circle_matrices import circle_matrices
 from rubberfric.theory.paper import E_r
 from rubberfric.theory.structure import RoughSurface
 
@@ -79,13 +79,6 @@ CONSTANTS = LawConstants()
 
 # End of the displacements beyond q1, over q1, and the Gauss nodes in ln q there.
 END, BEYOND = 6.0, 10
-
-# Step and end of the trapezoidal rule in t, cos(phi) = 1 / cosh(t): errors exp(-pi^2 / step) and exp(-end).
-_STEP, _LAST = 0.45, 15.0
-
-# Smallest step of the grid of ln(q cos(phi)), and points of the polynomials that interpolate on it. The grid
-# has _ENTRIES entries for the angles and _PER_PANEL for each panel of the mesh.
-_GRID, _POINTS, _ENTRIES, _PER_PANEL = 0.22, 16, 110, 7
 
 _STEPS = 30
 
@@ -160,10 +153,8 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
     beyond = math.log(END) * node
     height2 = surface.law.height2
     log_q = jnp.concatenate([jnp.log(mesh.q).reshape(-1), jnp.log(q1) + beyond])
-    # A table of the modulus has kinks over ln omega, rounded over the width `detail`.
-    finer = 1.0 if surface.detail is None else min(4.0, max(1.0, _GRID / surface.detail))
-    entries = round(finer * (_ENTRIES + _PER_PANEL * quadrature.panels)) if surface.relaxes else 1
-    grid, mean, along = _circle(log_q, entries, finer)
+    panels = quadrature.panels if surface.relaxes else None
+    grid, mean, along = circle_matrices(log_q, panels, surface.detail)
     body, slab = surface.strained if surface.strained.material.deforms else surface.rough, None
     if body.layer is not None:
         layer, poisson = body.layer, poisson_of(body.material)
@@ -312,60 +303,6 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     there = height[:, None] * there
     mu_of_q = (jnp.sign(velocity) * factor)[:, None] * jnp.concatenate([here, there], -1)
     return State(A, jnp.sum(mu_of_q, -1), mu_of_q, 1 / (1 + odds), converged)
-
-
-def _circle(log_q, count, finer):
-    """Return a grid of q cos(phi), and weights of integrals over the circle from values on this grid.
-
-    The weights of the mean and of the integral with the factor cos(phi) have the shape (nodes, count). They
-    hold for functions of ln(q cos(phi)). `log_q` ends with the largest wavevector. The steps of the grid and
-    of the rule are divided by `finer`.
-    """
-    if count == 1:  # nothing depends on the frequency
-        one = jnp.ones((log_q.size, 1), log_q.dtype)
-        return jnp.exp(log_q[-1:]), one, 0 * one
-    t = _STEP / finer * np.arange(int(finer * _LAST / _STEP))
-    dphi = 4 * _STEP / finer / np.cosh(t)
-    dphi[0] /= 2
-    dphi[-1] += 2 * np.pi - dphi.sum()  # the rest of the circle is at rest
-    s = np.log(np.cosh(t))
-    # The grid moves with q1, so that the error of the interpolation has no derivative.
-    top = log_q[-1]
-    step = jnp.maximum(_GRID / finer, (top - log_q[0] + float(s[-1])) / (count - 2 * _POINTS))
-    step = jax.lax.stop_gradient(step)
-    to_nodes = _interpolation((top - log_q) / step + _POINTS, count)
-    to_angles = _interpolation(typed(s, top) / step + _POINTS, count + _POINTS)
-    at_zero = typed(np.stack([dphi / (2 * np.pi), dphi / np.cosh(t)]), top) @ to_angles
-    # Entries of the grid, from the high to the low frequencies, relative to the position of the integral.
-    later = np.arange(count) - np.arange(count)[:, None] + _POINTS
-    mean, along = to_nodes @ jnp.where(later >= 0, at_zero[:, np.maximum(later, 0)], 0.0)
-    return jnp.exp(top + step * (_POINTS - np.arange(count))), mean, along
-
-
-def _interpolation(position, count):
-    """Return weights of the interpolation to positions from `count` entries with the step 1.
-
-    The result has the shape (positions, count).
-    """
-    before = jnp.floor(position)
-    distance, powers = position - before - 0.5, [jnp.ones_like(position)]
-    for _ in range(1, _POINTS):
-        powers.append(powers[-1] * distance)
-    weights = jnp.stack(powers, -1) @ typed(_polynomials(), position)
-    which = np.arange(count) - before.astype(int)[:, None] + _POINTS // 2 - 1
-    inside = (which >= 0) & (which < _POINTS)
-    return jnp.where(inside, jnp.take_along_axis(weights, jnp.clip(which, 0, _POINTS - 1), 1), 0.0)
-
-
-@functools.cache
-def _polynomials():
-    """Return the coefficients of the Lagrange polynomials around the middle of the points.
-
-    The coefficients are ordered by ascending powers. Each column is a polynomial.
-    """
-    points = np.arange(_POINTS) - (_POINTS - 1) / 2
-    others = [(x, np.delete(points, i)) for i, x in enumerate(points)]
-    return np.stack([np.poly(rest)[::-1] / np.prod(x - rest) for x, rest in others], 1)
 
 
 def _modulus(law, omega, T):

@@ -119,10 +119,22 @@ def test_widening_and_bodies(first):
         (["lower.material.E", "gamma"], "upper", "upper.material.E, gamma"),
         (["lower.material.E"], "R20.upper", "R20.upper.material.E"),
         (["R20.lower.material.E", "*.shear.tau_f0"], "lower", "lower.material.E, *.shear.tau_f0"),
-        (["R20.lower.material.E", "R40.lower.material.E"], None, "R20.lower.material.E, R40.lower.material."),
-        (["R20.lower.material.E", "R40.lower.material.E"], "lower", "of R20.lower and R40.lower, but all"),
-        (["lower.spectrum.q1", "upper.material.E"], "lower", "of lower and upper, but all must belong to"),
-        (["gamma", "shear.c"], "lower", "of none, but all must belong to one body"),
+        (
+            ["R20.lower.material.E", "R40.lower.material.E"],
+            None,
+            "R20.lower.material.E, R40.lower.material.E",
+        ),
+        (
+            ["R20.lower.material.E", "R40.lower.material.E"],
+            "lower",
+            "R20.lower and R40.lower, but all must belong to one body",
+        ),
+        (
+            ["lower.spectrum.q1", "upper.material.E"],
+            "lower",
+            "lower and upper, but all must belong to one body",
+        ),
+        (["gamma", "shear.c"], "lower", "but all must belong to one body"),
     ],
 )
 def test_whose_numbers_they_are_there(paths, body, expected):
@@ -132,7 +144,7 @@ def test_whose_numbers_they_are_there(paths, body, expected):
         [key] = joint_prior(paths, mean, np.eye(n), limits, np.full(n, np.nan), body, 1.0)
     except ValueError as error:
         key = str(error)
-    assert key == expected or (expected in key and "must be" in expected)
+    assert key == expected or (key.startswith("body = ") and expected in key)
 
 
 def test_a_prior_of_another_material_is_refused(first):

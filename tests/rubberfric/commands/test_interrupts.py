@@ -142,11 +142,15 @@ def test_a_command_called_from_python_waits_for_the_compiler_and_imports(capfd, 
         return "done"
 
     wait.__code__ = wait.__code__.replace(co_name=name)
-    with Interrupts("rubberfric", process=False) as interrupts:
-        assert wait() == "done"
-        assert capfd.readouterr().err == f"rubberfric: {DELAYED}\n"
-        with pytest.raises(KeyboardInterrupt):
-            time.sleep(10)
+    before = signal.signal(which, signal.default_int_handler)  # a background job may ignore it
+    try:
+        with Interrupts("rubberfric", process=False) as interrupts:
+            assert wait() == "done"
+            assert capfd.readouterr().err == f"rubberfric: {DELAYED}\n"
+            with pytest.raises(KeyboardInterrupt):
+                time.sleep(10)
+    finally:
+        signal.signal(which, before)
     assert interrupts.status == 128 + which
 
 
