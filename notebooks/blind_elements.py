@@ -100,6 +100,22 @@ def scene_of(case):
     return rf.Scene(rf.Body(lower, own), rf.Body(upper, other))
 
 
+def case_of(kind, geometry, hurst, material, velocity, stiff, area):
+    """Return a case with about the relative contact area `area` under a stiffness `stiff`."""
+    ratio, rolloff, periods, grid = geometry
+    return {
+        "kind": kind,
+        "ratio": ratio,
+        "rolloff": rolloff,
+        "hurst": hurst,
+        "periods": periods,
+        "grid": grid,
+        "material": material,
+        "velocity": velocity,
+        "pressure": stiff * float(erfinv(area)) * np.sqrt(0.3),
+    }
+
+
 def drawn(kind, count, geometries, seed):
     """Yield cases with numbers drawn at random; a third of them has A/A0 below 1 %."""
     random = np.random.default_rng(seed)
@@ -114,17 +130,8 @@ def drawn(kind, count, geometries, seed):
         fastest = 0.0 if material == "elastic" else float(np.min(MATERIALS[material].tau))
         v = np.exp(random.uniform(np.log(0.05), np.log(5 / fastest))) if fastest else 0.0
         stiff = abs(complex(rf.complex_modulus(MATERIALS[material], 0.3 * v)))
-        yield {
-            "kind": kind,
-            "ratio": ratio,
-            "rolloff": rolloff,
-            "hurst": float(random.choice([0.55, 0.7, 0.8, 0.9, 1.0])),
-            "periods": periods,
-            "grid": grid,
-            "material": str(material),
-            "velocity": v,
-            "pressure": stiff * float(erfinv(area)) * np.sqrt(0.3),
-        }
+        hurst = float(random.choice([0.55, 0.7, 0.8, 0.9, 1.0]))
+        yield case_of(kind, (ratio, rolloff, periods, grid), hurst, str(material), v, stiff, area)
 
 
 def drawn_slabs(count, seed):
@@ -144,7 +151,6 @@ def drawn_twos(count, seed):
     """Yield cases of two rough solids: both relax, one relaxes on an elastic or on a rigid one."""
     random = np.random.default_rng(seed)
     for k in range(count):
-        ratio, rolloff, periods, grid = TWO[k % len(TWO)]
         names = ["single", "mild", "pair", "flat", "cliff"]
         upper = str(random.choice(names))
         lower = ("elastic*3", "elastic*10", "rigid", *(f"{name}*2" for name in names))[(k // 2) % 8]
@@ -160,38 +166,17 @@ def drawn_twos(count, seed):
             pairs = ((stiff, modulus(lower, 0)), (modulus(upper, 0), modulus(lower, 0.3 * v)))
             stiff = np.mean([a * b / (a + b) for a, b in pairs])
         area = np.exp(random.uniform(np.log(0.01), np.log(0.5)))
-        yield {
-            "kind": "two rough",
-            "ratio": ratio,
-            "rolloff": rolloff,
-            "hurst": float(random.choice([0.6, 0.8, 1.0])),
-            "periods": periods,
-            "grid": grid,
-            "material": upper,
-            "lower": lower,
-            "share": float(random.choice([0.25, 0.5, 0.75])),
-            "velocity": v,
-            "pressure": stiff * float(erfinv(area)) * np.sqrt(0.3),
-        }
+        hurst, share = float(random.choice([0.6, 0.8, 1.0])), float(random.choice([0.25, 0.5, 0.75]))
+        case = case_of("two rough", TWO[k % len(TWO)], hurst, upper, v, stiff, area)
+        yield case | {"lower": lower, "share": share}
 
 
 def large():
     """Yield cases of large grids."""
-    for (ratio, rolloff, periods, grid), (material, area, v) in itertools.product(
-        LARGE, (("flat", 0.03, 10.0), ("elastic", 0.03, 0.0), ("steep", 0.1, 100.0))
-    ):
+    loads = (("flat", 0.03, 10.0), ("elastic", 0.03, 0.0), ("steep", 0.1, 100.0))
+    for geometry, (material, area, v) in itertools.product(LARGE, loads):
         stiff = abs(complex(rf.complex_modulus(MATERIALS[material], 0.3 * v)))
-        yield {
-            "kind": "large",
-            "ratio": ratio,
-            "rolloff": rolloff,
-            "hurst": 0.8,
-            "periods": periods,
-            "grid": grid,
-            "material": material,
-            "velocity": v,
-            "pressure": stiff * float(erfinv(area)) * np.sqrt(0.3),
-        }
+        yield case_of("large", geometry, 0.8, material, v, stiff, area)
 
 
 CASES = {
