@@ -19,8 +19,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from numpy.polynomial import chebyshev
-from scipy.interpolate import PPoly
 
 from rubberfric.base.compilation import quick_jit
 from rubberfric.io.results import Conditions, Interpolation, result_shape
@@ -100,7 +100,7 @@ class Interpolant(NamedTuple):
         cells = values[:, :-1].reshape(log_pressure.size, -1, _NODES) @ _to_cells(_NODES).T
         cells = cells.reshape(log_pressure.size, -1, _COEFFICIENTS).T
         cells = cells / np.diff(self.edges)[:, None] ** np.arange(_COEFFICIENTS - 1, -1, -1)[:, None, None]
-        curve = PPoly.construct_fast(np.ascontiguousarray(cells), self.edges)
+        curve = scipy.interpolate.PPoly.construct_fast(np.ascontiguousarray(cells), self.edges)
         found = curve(np.maximum(log_speed, self.edges[0]))
         found[np.isneginf(log_speed)] = values[:, -1]
         return found

@@ -6,8 +6,8 @@ Programs that read these tables interpolate linearly in v, p and T, and keep the
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jax.typing import ArrayLike
-from scipy.interpolate import RegularGridInterpolator
 
 from rubberfric.base.checks import NONNEGATIVE, check_increasing, check_values
 from rubberfric.io.results import Curves, curves_of
@@ -40,7 +40,9 @@ class FrictionTable(NamedTuple):
         several = [(axis, np.clip(x, axis[0], axis[-1])) for axis, x in known if axis.size > 1]
         if not several:
             return np.full(shape, self.friction.item())
-        interpolated = RegularGridInterpolator([axis for axis, _ in several], self.friction.squeeze())
+        interpolated = scipy.interpolate.RegularGridInterpolator(
+            [axis for axis, _ in several], self.friction.squeeze()
+        )
         return interpolated(np.stack([np.broadcast_to(x, shape) for _, x in several], -1)).reshape(shape)
 
 

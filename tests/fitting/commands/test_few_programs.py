@@ -19,6 +19,8 @@ from {}.commands.main import main
 assert not jax.config.jax_enable_x64
 status = main(sys.argv[1:])
 assert jax.config.jax_enable_x64
+slow = {{"scipy.interpolate", "scipy.stats"}} & sys.modules.keys()  # each takes half a second to import
+assert not slow, slow
 sys.exit(status)
 """
 
