@@ -32,6 +32,8 @@ from fitting.uncertainty.covariance import Linearised, Uncertainty, data_residua
 _SIGNIFICANCE = 1e-3
 # Largest number of outliers that are named.
 _WORST = 3
+# Part of chi-square above which one value dominates.
+_DOMINANT = 0.5
 # Variance of the squared median of normal deviates over the variance of their mean square.
 _MEDIAN = 2.72
 # Median of |r| to standard deviation.
@@ -83,9 +85,15 @@ def verdict(
     if not robust:
         reasons += [_named(*one) for one in far[:_WORST]]
         reasons += [f"and {len(far) - _WORST} further outliers"] * (len(far) > _WORST)
+        share = far[0][0] ** 2 / sum(np.sum(one**2) for one in rows) if far else 0.0
         if given and far and not _size(_without(given, far), robust=False):
             reasons.append(
                 'the other values agree with their errors: check the outliers, or use loss="huber"'
+            )
+        elif share > _DOMINANT:
+            reasons.append(
+                f"the largest residual has {100 * share:.0f} % of chi-square: check this value,"
+                ' or use loss="huber"'
             )
     if reasons:
         return Verdict(False, "THE SCENE DOES NOT EXPLAIN THE DATA", tuple(reasons))

@@ -132,6 +132,26 @@ def test_single_values_are_named():
     assert rest == "and 2 further outliers"
 
 
+@pytest.mark.parametrize("estimated", [None, 0.02])
+def test_a_value_that_dominates_chi_square(estimated):
+    """One value pulls the fit away from the others, which then disagree with their errors as well."""
+    rows = noise(4)
+    rows[7] += 100.0
+    rows = fitted(rows)
+    rows = rows if estimated is None else scaled(rows)
+    share = rows[7] ** 2 / np.sum(rows**2)
+    assert 0.9 < share < 0.95
+    advice = (
+        f'the largest residual has {100 * share:.0f} % of chi-square: check this value, or use loss="huber"'
+    )
+    reasons = judged(rows, estimated).reasons
+    assert reasons[-1] == advice
+    assert sum("loss=" in reason for reason in reasons) == 1
+    assert not any("loss=" in reason for reason in judged(rows, estimated, loss="huber").reasons)
+    # Without a value that dominates, a robust loss would not help.
+    assert not any("loss=" in reason for reason in judged(10 * fitted(noise(4))).reasons)
+
+
 RUBBER = rf.Prony(3e6, [1e8, 3e7, 8e6], [1e-7, 1e-5, 1e-3], shift=rf.WLF(12.0, 150.0, 293.15))
 ROAD = rf.SelfAffine(200.0, 1500.0, 5e4, 0.8, 3e-4)
 SCENE = rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(RUBBER))
