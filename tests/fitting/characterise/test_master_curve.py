@@ -7,6 +7,7 @@ import pytest
 
 import rubberfric as rf
 from fitting import FrictionData, MasterCurve, ModulusData, fit_master_curve, fit_prony
+from fitting.characterise.sweep_shifts import invert_blocks, solve_blocks
 
 LAW = rf.WLF(8.0, 110.0, 293.15)
 T = np.array([243.15, 253.15, 263.15, 273.15, 283.15, 293.15, 303.15, 318.15, 333.15])
@@ -51,6 +52,21 @@ def pulls(found, law=LAW):
     shifts = ((found.log_aT - true)[moved]) / found.stderr[moved]
     fitted = found.wlf if isinstance(law, rf.WLF) else found.arrhenius
     return shifts, (fitted.values - [float(getattr(law, name)) for name in fitted.names]) / fitted.stderr
+
+
+def test_blocks_give_the_solution_of_the_whole_system():
+    """5 unknowns of each modulus and 3 common ones, against one dense system of 13 equations."""
+    rng, own = np.random.default_rng(0), [np.r_[0:5, 10:13], np.r_[5:10, 10:13]]
+    H, right, whole, b = np.zeros((2, 8, 8)), rng.standard_normal((2, 8)), np.zeros((13, 13)), np.zeros(13)
+    for k, at in enumerate(own):
+        root = rng.standard_normal((9, 8))
+        H[k] = root.T @ root
+        whole[np.ix_(at, at)] += H[k]
+        b[at] += right[k]
+    c, C, inverse = solve_blocks(H, right, 5), invert_blocks(H, 5), np.linalg.inv(whole)
+    for k, at in enumerate(own):
+        np.testing.assert_allclose(c[k], (inverse @ b)[at], rtol=1e-10)
+        np.testing.assert_allclose(C[k], inverse[np.ix_(at, at)], rtol=1e-10)
 
 
 @pytest.fixture(scope="module")
