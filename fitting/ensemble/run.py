@@ -18,7 +18,6 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import h5py
 import jax
@@ -27,37 +26,27 @@ from jax.experimental import multihost_utils
 
 from fitting.ensemble.batches import advance_members, blank_iterate, make_batch
 from fitting.ensemble.members import EnsembleResult, Members
-from fitting.solvers.objective import INTERRUPTED, OUT_OF_STEPS, RUNNING, Iterate
 from fitting.solvers.options import check_options
-from fitting.solvers.ordered import end_x
+from fitting.solvers.runs import Progress
 from rubberfric.base import VERSION, StrPath, check_writable, shown, write_durably
 from rubberfric.io import hdf5
 
 _FORMAT = "rubberfric ensemble checkpoint"
 
 
-class Checkpoint(NamedTuple):
-    """State of an ensemble between two steps. The arrays have one row per member and change in place."""
-
-    begun: np.ndarray  # bool: True if the start of the member was evaluated
-    steps: np.ndarray  # number of steps taken since the start was evaluated
-    iterate: Iterate
-    seconds: np.ndarray  # wall time so far, shape ()
-
-
-def write_checkpoint(path: StrPath, fingerprint: str, checkpoint: Checkpoint) -> None:
+def write_checkpoint(path: StrPath, fingerprint: str, progress: Progress) -> None:
     """Write a checkpoint completely or not at all. Raise OSError if it cannot be written."""
     image = io.BytesIO()
     with hdf5.creating(image, _FORMAT) as file:
-        file.attrs.update(fingerprint=fingerprint, seconds=float(checkpoint.seconds))
-        file["begun"], file["steps"] = checkpoint.begun, checkpoint.steps
+        file.attrs.update(fingerprint=fingerprint, seconds=progress.seconds)
+        file["begun"], file["steps"] = progress.begun, progress.steps
         group = file.create_group("iterate")
-        for i, leaf in enumerate(jax.tree.leaves(checkpoint.iterate)):
+        for i, leaf in enumerate(jax.tree.leaves(progress.iterate)):
             group[str(i)] = leaf
     write_durably(path, image.getbuffer())
 
 
-def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Checkpoint:
+def read_checkpoint(path: StrPath, fingerprint: str, blank: Progress) -> Progress:
     """Read a checkpoint with the fingerprint of the job, and arrays of the same shapes as `blank`.
 
     Raise ValueError, in one line with the file, if the file is truncated, is not a checkpoint, or is from
@@ -84,8 +73,8 @@ def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Check
         leaves, tree = jax.tree.flatten(blank.iterate)
         iterate = [_same(file, f"iterate/{i}", leaf) for i, leaf in enumerate(leaves)]
         begun, steps = (_same(file, name, getattr(blank, name)) for name in ("begun", "steps"))
-        seconds = np.array(float(hdf5.plain(file.attrs["seconds"])))
-        return Checkpoint(begun, steps, jax.tree.unflatten(tree, iterate), seconds)
+        seconds = float(hdf5.plain(file.attrs["seconds"]))
+        return Progress(begun, steps, jax.tree.unflatten(tree, iterate), seconds)
 
 
 def _same(file: h5py.File, name: str, like: np.ndarray) -> np.ndarray:
@@ -99,7 +88,7 @@ def _same(file: h5py.File, name: str, like: np.ndarray) -> np.ndarray:
     return array
 
 
-def check_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint, resume: bool) -> Checkpoint:
+def check_checkpoint(path: StrPath, fingerprint: str, blank: Progress, resume: bool) -> Progress:
     """Return the checkpoint in the file, or `blank` if none exists, after a test that it can be written.
 
     Raise ValueError, in one line, if that is impossible, or if the run cannot be continued from the file.
@@ -107,14 +96,14 @@ def check_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint, resume:
     check_writable(path, (".h5",))
     if Path(path).exists() and not resume:
         raise ValueError(f"{path}: the file exists; continue it with resume=True, or remove it")
-    checkpoint = read_checkpoint(path, fingerprint, blank) if Path(path).exists() else blank
+    progress = read_checkpoint(path, fingerprint, blank) if Path(path).exists() else blank
     try:
         # Written twice, because every later write also needs space for the old and the new file.
-        write_checkpoint(path, fingerprint, checkpoint)
-        write_checkpoint(path, fingerprint, checkpoint)
+        write_checkpoint(path, fingerprint, progress)
+        write_checkpoint(path, fingerprint, progress)
     except OSError as error:
         raise ValueError(f"{path}: cannot be written: {error.strerror}") from None
-    return checkpoint
+    return progress
 
 
 def run_ensemble(
@@ -185,45 +174,33 @@ def run_ensemble(
     together = _several_processes(devices)
     record = _Record(members, checkpoint, every, together)
     record.begin(resume)
-    far = record.checkpoint
-    before, compiled, interrupted = float(far.seconds), None, False
+    progress, most = record.progress, members.max_steps
+    before, began, interrupted = progress.seconds, time.monotonic(), False
+    tell = callback or (lambda *_: None)
+    compiled = None
     try:
-        while True:
-            running = far.begun & (far.iterate.status == RUNNING) & (far.steps < members.max_steps)
-            fresh = np.flatnonzero(~far.begun)
-            if callback is not None:
-                callback(len(members) - int(running.sum()) - fresh.size, len(members))
-            if not running.any() and not fresh.size:
-                break
-            if compiled is None:
-                compiled = make_batch(members, devices, batch, vectorised, max_memory)
-                began = time.monotonic()
-            stepping = running.sum() >= compiled.count or not fresh.size
-            which = (np.flatnonzero(running) if stepping else fresh)[: compiled.count]
-            new = advance_members(
-                compiled, compiled.step if stepping else compiled.start, members, far.iterate, which
-            )
-            record.keep(which, new, stepping, before + time.monotonic() - began)
+        tell(len(members) - int(progress.unfinished(most).sum()), len(members))
+        if progress.unfinished(most).any():
+            compiled = make_batch(members, devices, batch, vectorised, max_memory)
+            began = time.monotonic()
+            for which, stepping in progress.schedule(most, compiled.count):
+                program = compiled.step if stepping else compiled.start
+                new = advance_members(compiled, program, members, progress.iterate, which)
+                progress.keep(which, new, stepping, before + time.monotonic() - began)
+                record.write_if_due()
+                tell(len(members) - int(progress.unfinished(most).sum()), len(members))
     except KeyboardInterrupt:
         if together:  # the others wait for this process
             raise
         interrupted = True
     record.write()
-    late = INTERRUPTED if interrupted else OUT_OF_STEPS
-    iterate = far.iterate
-    problem = members.problem
-    moving = np.broadcast_to(members.targets.moving, members.starts.shape)
-    x = end_x(problem.variables, problem.numbers.constants, np.asarray(iterate.x), moving)
+    runs = progress.ends(members.problem, members.targets.moving, interrupted)
     return EnsembleResult(
         kind=members.kind,
         names=members.names,
-        x=x,
-        values=problem.values(x),
-        cost=np.where(far.begun, iterate.cost, np.inf),
-        status=np.where(iterate.status == RUNNING, late, iterate.status),
-        nfev=np.asarray(iterate.nfev),
-        njev=np.asarray(iterate.njev),
-        seconds=float(far.seconds),
+        values=members.problem.values(runs.x),
+        **runs._asdict(),
+        seconds=progress.seconds,
         devices=len(devices),
         batch=0 if compiled is None else compiled.size,
         peak=0 if compiled is None else compiled.peak,
@@ -231,24 +208,22 @@ def run_ensemble(
 
 
 class _Record:
-    """Checkpoint of a run in memory, and the file to which the checkpoint is written."""
+    """Progress of a run, and the file to which it is written."""
 
     def __init__(self, members, path, every, together):
         self.path, self.every, self.together = path, every, together
         self.writes = jax.process_index() == 0 or not together
         self.fingerprint = members.fingerprint() if path is not None else ""
-        count = len(members)
-        self.checkpoint = Checkpoint(
-            np.zeros(count, bool), np.zeros(count, int), blank_iterate(members), np.array(0.0)
-        )
-        self.written, self.changed, self.pending = time.monotonic(), False, None
+        self.progress = Progress.blank(blank_iterate(members))
+        self.written, self.in_file = time.monotonic(), 0
 
     def begin(self, resume):
         """Read the checkpoint if the file exists. All processes raise an error if the file cannot be used."""
         error = None
         if self.path is not None and self.writes:
             try:
-                self.checkpoint = check_checkpoint(self.path, self.fingerprint, self.checkpoint, resume)
+                self.progress = check_checkpoint(self.path, self.fingerprint, self.progress, resume)
+                self.in_file = self._taken()
             except ValueError as found:
                 error = found
         if self.together and self.path is not None:
@@ -256,37 +231,27 @@ class _Record:
             if failed and error is None:
                 raise ValueError(f"{self.path}: cannot be used by the first process; see its error message")
             if not failed:
-                self.checkpoint = _from_first(self.checkpoint)
+                self.progress = _from_first(self.progress)
         if error is not None:
             raise error
 
-    def keep(self, which, new, stepped, seconds):
-        """Store new iterates of the members `which`. Write the file if `every` seconds have passed."""
-        self.pending = which, new, self.checkpoint.steps[which] + stepped, seconds
-        self._take_in()
+    def _taken(self):
+        """Return the number of steps of all members, including their starts."""
+        return int(self.progress.begun.sum() + self.progress.steps.sum())
+
+    def write_if_due(self):
+        """Write the file if `every` seconds have passed."""
         if time.monotonic() - self.written >= self.every:
             self.write()
 
-    def _take_in(self):
-        """Copy the pending rows into the checkpoint. After an interrupt, the next call copies them again."""
-        if self.pending is None:
-            return
-        which, iterate, steps, seconds = self.pending
-        far = self.checkpoint
-        for old, new in zip(jax.tree.leaves(far.iterate), jax.tree.leaves(iterate), strict=True):
-            old[which] = new
-        far.steps[which], far.begun[which] = steps, True
-        far.seconds[...] = seconds
-        self.pending, self.changed = None, True
-
     def write(self):
         """Write the checkpoint to the file. If this fails, give a warning and let the run continue."""
-        self._take_in()
-        if self.path is None or not (self.writes and self.changed):
+        self.progress.take_in()
+        if self.path is None or not self.writes or self._taken() == self.in_file:
             return
         try:
-            write_checkpoint(self.path, self.fingerprint, self.checkpoint)
-            self.changed = False
+            write_checkpoint(self.path, self.fingerprint, self.progress)
+            self.in_file = self._taken()
         except OSError as error:
             text = f"{self.path}: checkpoint not written, the previous one is kept: {error.strerror or error}"
             warnings.warn(text, RuntimeWarning, stacklevel=2)
@@ -304,8 +269,8 @@ def _several_processes(devices):
     return len(owners) > 1
 
 
-def _from_first(checkpoint):
-    """Broadcast the checkpoint of the first process to all processes, and return this checkpoint."""
+def _from_first(progress):
+    """Broadcast the progress of the first process to all processes, and return this progress."""
 
     def sent(array):
         # Sent as bytes, because a sum over processes would change the bits of a NaN.
@@ -313,4 +278,6 @@ def _from_first(checkpoint):
         received = np.asarray(multihost_utils.broadcast_one_to_all(own))
         return received.view(array.dtype).reshape(array.shape).copy()
 
-    return jax.tree.map(sent, checkpoint)
+    parts = progress.begun, progress.steps, progress.iterate, np.array(progress.seconds)
+    begun, steps, iterate, seconds = jax.tree.map(sent, parts)
+    return Progress(begun, steps, iterate, float(seconds))

@@ -1,7 +1,8 @@
 """Run many fits of one structure side by side. Each fit stops at its minimum.
 
-Fits that differ in their start, their data or their fixed elements run in small batches. When a fit ends, the
-next one takes its place, so that memory holds one batch and no fit waits for the slowest.
+Fits that differ in their start, their data or their fixed elements run in small batches. When a fit ends,
+another one takes its place, so that no fit waits for the slowest. `Progress` keeps the state of all fits and
+chooses the next ones, here and in ensembles (`fitting.ensemble.run`).
 
 For least squares, the model and the step are separate compiled functions, because the model takes most of the
 compilation time. A step of Levenberg-Marquardt evaluates the residuals up to four times. For models that take
@@ -9,12 +10,12 @@ long to evaluate, such as heated scenes, a step has one evaluation with derivati
 (`fitting.solvers.brown_dennis`).
 """
 
+import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from fitting.parameters.variables import Array
@@ -54,9 +55,64 @@ class Runs(NamedTuple):
         return Runs(*(array[i] for array in self))
 
 
-@jax.jit
-def _choose(new, mask, old):
-    return jax.tree.map(lambda n, o: jnp.where(mask.reshape(-1, *[1] * (n.ndim - 1)), n, o), new, old)
+@dataclasses.dataclass
+class Progress:
+    """State of several fits between two steps. The arrays have one row per fit and change in place."""
+
+    begun: np.ndarray  # bool: True if the start of the fit was evaluated
+    steps: np.ndarray  # number of steps taken since the start was evaluated
+    iterate: Iterate
+    seconds: float = 0.0  # wall time so far
+    pending: Any = dataclasses.field(default=None, repr=False)  # rows to copy, and their indices
+
+    @classmethod
+    def blank(cls, iterate: Iterate) -> "Progress":
+        """Return the state before the first evaluation."""
+        return cls(np.zeros(len(iterate.x), bool), np.zeros(len(iterate.x), int), iterate)
+
+    def unfinished(self, max_steps: int) -> np.ndarray:
+        """Return True for fits that have neither ended nor taken `max_steps` steps."""
+        return ~self.begun | ((self.iterate.status == RUNNING) & (self.steps < max_steps))
+
+    def schedule(self, max_steps: int, batch: int) -> Iterator[tuple[np.ndarray, bool]]:
+        """Yield the indices of at most `batch` fits to advance next, and True for a step, False for a start.
+
+        The caller passes the new iterates to `keep` before the next iteration.
+        """
+        while (left := self.unfinished(max_steps)).any():
+            running, fresh = np.flatnonzero(left & self.begun), np.flatnonzero(~self.begun)
+            stepping = running.size >= batch or not fresh.size
+            yield (running if stepping else fresh)[:batch], stepping
+
+    def keep(self, which: np.ndarray, iterate: Iterate, stepped: bool, seconds: float = 0.0) -> None:
+        """Store the new iterates of the fits `which`."""
+        self.pending = which, iterate, self.steps[which] + stepped, seconds
+        self.take_in()
+
+    def take_in(self) -> None:
+        """Copy the pending rows. After an interrupt, the next call copies them again."""
+        if self.pending is None:
+            return
+        which, iterate, steps, seconds = self.pending
+        if self.iterate.own is None:
+            own = jax.tree.map(lambda a: np.zeros((len(self.steps), *a.shape[1:]), a.dtype), iterate.own)
+            self.iterate = self.iterate._replace(own=own)
+        for old, new in zip(jax.tree.leaves(self.iterate), jax.tree.leaves(iterate), strict=True):
+            old[which] = new
+        self.steps[which], self.begun[which], self.seconds = steps, True, seconds
+        self.pending = None
+
+    def ends(self, problem: Problem, moving: Any, interrupted: bool) -> Runs:
+        """Return the results; fits that run still have the status INTERRUPTED or OUT_OF_STEPS."""
+        iterate, late = self.iterate, INTERRUPTED if interrupted else OUT_OF_STEPS
+        moving = np.broadcast_to(moving, np.shape(iterate.x))
+        return Runs(
+            end_x(problem.variables, problem.numbers.constants, np.asarray(iterate.x), moving),
+            np.where(self.begun, iterate.cost, np.inf),
+            np.where(iterate.status == RUNNING, late, iterate.status),
+            np.asarray(iterate.nfev),
+            np.asarray(iterate.njev),
+        )
 
 
 def run_fits(
@@ -87,56 +143,30 @@ def run_fits(
     fits, max_steps = len(starts), max_steps or solver.max_steps
     targets = jax.tree.map(lambda a: np.broadcast_to(a, (fits, *a.shape[1:])), targets)
     batch = batch or min(FIT_BATCH, fits)
-    at = np.arange(batch) % fits  # which fit has a place
-    waiting, done, steps = min(batch, fits), np.arange(batch) >= fits, np.zeros(batch, int)
-    variables, constants = structure.variables, numbers.constants
     moving: np.ndarray = np.asarray(targets.moving)  # pyright: ignore[reportOptionalMemberAccess]
-    starts = start_z(variables, constants, starts, moving)
-    ends = Runs(starts.copy(), np.full(fits, np.inf), *(np.full(fits, RUNNING, int) for _ in range(3)))
-
-    def loaded(at):
-        return jax.tree.map(lambda a: np.asarray(a[at]), (targets, starts))
-
-    def keep(iterate, which, status=None):
-        values = [np.asarray(getattr(iterate, name)) for name in Runs._fields]
-        for kept, value in zip(ends, values, strict=True):
-            kept[at[which]] = value[which]
-        if status is not None:
-            ends.status[at[which]] = status
-
-    here, x = loaded(at)
-    iterate = start(solver, structure, numbers, here, x)
-    total = 0
+    z, zero = start_z(structure.variables, numbers.constants, starts, moving), np.zeros(fits, int)
+    cost = np.full(fits, np.inf, z.dtype)
+    progress = Progress.blank(Iterate(z.copy(), cost, zero + RUNNING, zero.copy(), zero.copy(), None))
+    total, interrupted = 0, False
     try:
-        while True:
-            status = np.asarray(iterate.status)
-            finished = ~done & (status != RUNNING)
-            late = ~done & (status == RUNNING) & (steps >= max_steps)
-            keep(iterate, finished)
-            keep(iterate, late, OUT_OF_STEPS)
-            done |= finished | late
-            free = np.flatnonzero(done)[: fits - waiting]
-            if free.size:
-                following = at.copy()
-                following[free] = waiting + np.arange(free.size)
-                here, x = loaded(following)
-                fresh = start(solver, structure, numbers, here, x)
-                iterate = _choose(fresh, np.isin(np.arange(batch), free), iterate)
-                # Assigned last, so that an interrupt before this leaves the batch unchanged.
-                at, waiting = following, waiting + free.size
-                done[free], steps[free] = False, 0
-                continue
-            if done.all():
-                return ends._replace(x=end_x(variables, constants, ends.x, moving))
-            iterate = advance(solver, structure, numbers, here, iterate)
-            steps += 1
-            total += 1
-            if callback is not None:
-                lowest = np.min(np.asarray(iterate.cost)[~done], initial=np.inf)
-                callback(total, float(min(lowest, ends.cost.min())))
+        for which, stepping in progress.schedule(max_steps, batch):
+            places = np.resize(which, batch)
+            here, iterate = jax.tree.map(lambda a, at=places: a[at], (targets, progress.iterate))
+            if stepping:
+                status = np.where(np.arange(batch) < which.size, iterate.status, CONVERGED)
+                new = advance(solver, structure, numbers, here, iterate._replace(status=status))
+            else:
+                new = start(solver, structure, numbers, here, iterate.x)
+            progress.keep(which, jax.tree.map(lambda a, n=which.size: np.asarray(a)[:n], new), stepping)
+            total += stepping
+            if stepping and callback is not None:
+                cost = progress.iterate.cost
+                callback(total, float(np.min(cost, where=np.isfinite(cost), initial=np.inf)))
     except KeyboardInterrupt:
-        keep(iterate, ~done, INTERRUPTED)
-        return ends._replace(x=end_x(variables, constants, ends.x, moving))
+        progress.take_in()
+        interrupted = True
+    runs = progress.ends(problem._replace(structure=structure, numbers=numbers), moving, interrupted)
+    return runs._replace(status=np.where(progress.begun, runs.status, RUNNING))
 
 
 # With more elements in all Hessians, their storage takes longer than the model.
@@ -151,7 +181,7 @@ def start(solver: Solver, structure: FitStructure, numbers: Numbers, targets: Ta
     if _use_brown_dennis(*problem, x):
         plain, jacobian, _ = _in_errors(*problem, *_evaluated(*problem, x, slopes=True))
         each = zip(x, np.asarray(plain), np.asarray(jacobian), strict=True)
-        return _side_by_side([brown_dennis.begin_quadratic(*one) for one in each])
+        return _stacked([brown_dennis.begin_quadratic(*one) for one in each])
     costs = np.asarray(_costs(*problem, _evaluated(*problem, x)[0]))
     status, one = np.where(np.isfinite(costs), RUNNING, NOT_FINITE), np.ones(len(x), int)
     return Iterate(x, costs, status, one, 0 * one, np.full(len(x), solver.damping, x.dtype))
@@ -259,7 +289,7 @@ def _use_brown_dennis(structure, numbers, targets, x):
 def _brown_dennis_step(solver, structure, numbers, targets, iterate):
     """Take one step of each running fit, with one evaluation."""
     problem, running = (structure, numbers, targets), np.flatnonzero(iterate.status == RUNNING)
-    each = [jax.tree.map(lambda a, i=i: np.asarray(a)[i], iterate) for i in range(len(iterate.status))]
+    each = [Iterate(*(a[i] for a in iterate)) for i in range(len(iterate.status))]
     moves = {i: brown_dennis.propose_move(each[i]) for i in running}
     x = np.stack([one.x for one in each])
     for i, move in moves.items():
@@ -269,11 +299,15 @@ def _brown_dennis_step(solver, structure, numbers, targets, iterate):
     for i, move in moves.items():
         limits = {"tolerance": solver.tolerance, "rounding": float(least[i])}
         each[i] = brown_dennis.after_move(each[i], move, rows[i], slopes[i], **limits)
-    return _side_by_side(each)
+    return _stacked(each)
 
 
-def _side_by_side(iterates: list[Iterate]) -> Any:
-    return jax.tree.map(lambda *a: np.stack(a), *iterates)
+def _stacked(iterates: list[Iterate]) -> Iterate:
+    """Stack the iterates of several fits, with their quadratic models in an array of objects."""
+    own = np.empty(len(iterates), object)
+    for i, one in enumerate(iterates):
+        own[i] = one.own
+    return Iterate(*(np.stack(part) for part in list(zip(*iterates, strict=True))[:-1]), own=own)
 
 
 def _at_bounds(solver, structure, numbers, targets, before, after):
@@ -291,7 +325,10 @@ def _at_bounds(solver, structure, numbers, targets, before, after):
         return after
     there = after._replace(x=x, cost=costs, status=status, nfev=after.nfev + 1, njev=after.njev + 1)
     there = _levenberg_marquardt_step(solver, *problem, there)
-    return _choose(there, tried & (np.asarray(there.cost) < np.asarray(after.cost)), after)
+    after, lower = Iterate(*map(np.array, after)), tried & (np.asarray(there.cost) < np.asarray(after.cost))
+    for old, new in zip(after, there, strict=True):
+        old[lower] = np.asarray(new)[lower]
+    return after
 
 
 def _evaluated(structure, numbers, targets, z, which=None, slopes=False):
