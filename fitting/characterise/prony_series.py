@@ -8,11 +8,11 @@ matrix, and nothing is compiled. Bounded least squares finds exact zeros.
 """
 
 import dataclasses
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import nnls
+from scipy.optimize import least_squares, nnls
 
 import rubberfric as rf
 from fitting.data.kinds import ModulusData
@@ -328,26 +328,10 @@ class SeriesProblem:
         return np.diff(slopes, axis=0)
 
     def _minimum(self, x, error, bends):
-        """Return the x = ln E that minimises the squared residuals of data and prior.
-
-        The method is Levenberg-Marquardt with the initial guess x.
-        """
-        damping, (r, J) = 1e-3, self._all(x, error, bends)
-        for _ in range(_ITERATIONS):
-            H, g = J.T @ J, J.T @ r
-            step = -np.linalg.solve(H + damping * np.diag(np.diag(H) + 1e-300), g)
-            trial = x + np.clip(step, -3.0, 3.0)
-            new, slopes = self._all(trial, error, bends)
-            gained = r @ r - new @ new
-            if not gained > 0:
-                if damping > 1e12 or np.abs(step).max() < 1e-12:
-                    break
-                damping *= 10.0
-                continue
-            x, r, J, damping = trial, new, slopes, max(damping / 10, 1e-12)
-            if gained <= 1e-15 * (r @ r):
-                break
-        return x
+        """Return the x = ln E that minimises the squared residuals of data and prior, from the guess x."""
+        rows, slopes = ((lambda x, i=i: self._all(x, error, bends)[i]) for i in (0, 1))
+        limits: Any = {"xtol": 1e-14, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": _ITERATIONS}
+        return least_squares(rows, x, slopes, method="lm", **limits).x
 
     def _all(self, x, error, bends):
         r, J = self.rows(x, error)
