@@ -1,6 +1,5 @@
 """Fit free parameters of a scene to measured data, the inverse problem."""
 
-import functools
 import time
 from collections.abc import Callable, Mapping
 
@@ -128,57 +127,16 @@ def fit(
     if discrepancy is not None:
         check_discrepancy(discrepancy, data, loss, scale_errors)
         problem = with_discrepancy(problem, scenes, data, first_guess(discrepancy, scenes))
-    solver = make_solver(method, tolerance, max_steps)
     tell = progress or (lambda _: None)
     tell(f"compiling a fit of {problem.variables.size} numbers to {problem.targets.measured.size} values")
-    x = random_starts(problem.variables, problem.start, key, starts, decades)
-    runs = search(solver, problem, x, max_steps, callback)
-    end, minima = _lowest(problem, runs, data), _minima(problem, runs)
-    evaluations = np.array([runs.nfev.sum(), runs.njev.sum()])
-
-    def onward(problem, x):
-        # Keep the batch size, because another one would need a compilation.
-        batch = min(FIT_BATCH, starts)
-        end = run_fits(solver, problem, x[None], None, max_steps, callback, batch).row(0)
-        evaluations[:] += end.nfev, end.njev
-        return end
-
-    def judged(problem, end):
-        model = linearised(problem, end.x)
-        return end, model, uncertainty(problem, end.x, model)
-
-    while quadrature is None and succeeded(end.status) and (more := finer(problem, end.x, data)) is not None:
-        tell("fitting on, with the quadrature that the scene at the end of the fit needs")
-        problem, end = more, onward(more, end.x)
-    end, spent = confirm_minimum(problem, end, functools.partial(onward, problem))
-    evaluations += spent
-    tell("compiling and computing the covariance")
-    end, model, known = judged(problem, end)
-    scales = [None if one.error is not None else ASSUMED for one in data]
-    error_scale, rescaled = 1.0, scale_errors is True and None in scales
-    assumed = any(scale is not None for scale in scales)
-    to_estimate = assumed and scale_errors is not False
-    for _ in range(ROUNDS if to_estimate or rescaled else 0):
-        if problem.targets.measured.size - known.parameters < 0.5 or not succeeded(end.status):
-            break
-        before = problem
-        problem, scales, factor = rescaled_errors(problem, scales, known, model, rescaled, error_scale)
-        error_scale, assumed = error_scale * factor, False
-        ratio = common_ratio(before, problem)
-        if ratio is not None:
-            end = end._replace(cost=end.cost / ratio**2)
-            known = uncertainty(problem, end.x, model)
-            break
-        tell("fitting again, with errors from the scatter")
-        end, model, known = judged(problem, onward(problem, end.x))
+    run = _Run(problem, data, make_solver(method, tolerance, max_steps), max_steps, callback, tell)
+    minima = run.search(random_starts(problem.variables, problem.start, key, starts, decades))
+    if quadrature is None:
+        run.refine_quadrature()
+    run.confirm()
+    run.estimate_errors(scale_errors)
     if discrepancy is not None:
-        asked, discrepancy = discrepancy, first_guess(discrepancy, scenes)
-        for _ in range(ROUNDS if succeeded(end.status) and is_open(asked) else 0):
-            discrepancy = averaged(problem, model, scenes, data, asked)
-            problem = with_discrepancy(problem, scenes, data, discrepancy)
-            end, model, known = judged(problem, onward(problem, end.x))
-        found = (problem, model, scenes, data, asked) if succeeded(end.status) else None
-        discrepancy = with_remark(discrepancy, asked, found)
+        discrepancy = run.estimate_discrepancy(discrepancy, scenes)
     return FitResult(
         scene_at_start=scene,
         free=dict(free),
@@ -186,20 +144,100 @@ def fit(
         method=method,
         data=tuple(data),
         data_scenes=tuple(of),
-        problem=problem,
-        x=end.x,
-        status=int(end.status),
-        cost=float(end.cost),
-        nfev=int(evaluations[0]),
-        njev=int(evaluations[1]),
+        problem=run.problem,
+        x=run.end.x,
+        status=int(run.end.status),
+        cost=float(run.end.cost),
+        nfev=int(run.evaluations[0]),
+        njev=int(run.evaluations[1]),
         minima=minima,
-        estimated=tuple(scales),
-        assumed=assumed,
-        error_scale=error_scale,
-        uncertainty=known,
+        estimated=tuple(run.scales),
+        assumed=run.assumed,
+        error_scale=run.error_scale,
+        uncertainty=run.known,
         discrepancy=discrepancy,
         seconds=time.perf_counter() - began,
     )
+
+
+class _Run:
+    """A fit in progress: its problem, the best result so far, the estimated errors, and the uncertainty."""
+
+    def __init__(self, problem, data, solver, max_steps, callback, tell):
+        self.problem, self.data, self.tell = problem, data, tell
+        self.solver, self.limits = solver, (max_steps, callback)
+        self.scales = [None if one.error is not None else ASSUMED for one in data]
+        self.error_scale, self.assumed = 1.0, self.scales.count(None) < len(data)
+
+    def search(self, x):
+        """Fit from all starts x, keep the result with the lowest cost, and return the distinct minima."""
+        runs = search(self.solver, self.problem, x, *self.limits)
+        # Further fits keep the batch size, because another one would need a compilation.
+        self.batch = min(FIT_BATCH, len(x))
+        self.evaluations = np.array([runs.nfev.sum(), runs.njev.sum()])
+        costs = np.where(np.isfinite(runs.cost), runs.cost, np.inf)  # argmin would return a NaN
+        if not np.isfinite(costs).any():
+            raise FloatingPointError(_not_finite(self.problem, self.data))
+        self.end = runs.row(int(np.argmin(costs)))
+        return _minima(self.problem, runs)
+
+    def onward(self, x):
+        """Return the result of a fit from x."""
+        end = run_fits(self.solver, self.problem, x[None], None, *self.limits, self.batch).row(0)
+        self.evaluations += end.nfev, end.njev
+        return end
+
+    def judge(self):
+        """Compute the uncertainty of the result."""
+        self.model = linearised(self.problem, self.end.x)
+        self.known = uncertainty(self.problem, self.end.x, self.model)
+
+    def refine_quadrature(self):
+        """Continue the fit as long as the scene at its end needs a finer quadrature."""
+        while succeeded(self.end.status) and (more := finer(self.problem, self.end.x, self.data)) is not None:
+            self.tell("fitting on, with the quadrature that the scene at the end of the fit needs")
+            self.problem = more
+            self.end = self.onward(self.end.x)
+
+    def confirm(self):
+        """Check the minimum, continue from a lower point if there is one, and compute the uncertainty."""
+        self.end, spent = confirm_minimum(self.problem, self.end, self.onward)
+        self.evaluations += spent
+        self.tell("compiling and computing the covariance")
+        self.judge()
+
+    def estimate_errors(self, scale_errors):
+        """Estimate errors from the scatter, and fit again where they move the minimum."""
+        rescaled = scale_errors is True and None in self.scales
+        to_estimate = self.assumed and scale_errors is not False
+        for _ in range(ROUNDS if to_estimate or rescaled else 0):
+            freedom = self.problem.targets.measured.size - self.known.parameters
+            if freedom < 0.5 or not succeeded(self.end.status):
+                return
+            before, known = self.problem, (self.known, self.model)
+            self.problem, self.scales, factor = rescaled_errors(
+                before, self.scales, *known, rescaled, self.error_scale
+            )
+            self.error_scale, self.assumed = self.error_scale * factor, False
+            ratio = common_ratio(before, self.problem)
+            if ratio is not None:
+                self.end = self.end._replace(cost=self.end.cost / ratio**2)
+                self.known = uncertainty(self.problem, self.end.x, self.model)
+                return
+            self.tell("fitting again, with errors from the scatter")
+            self.end = self.onward(self.end.x)
+            self.judge()
+
+    def estimate_discrepancy(self, asked, scenes):
+        """Return the discrepancy with its estimated amplitude and width, for which the fit is repeated."""
+        found = first_guess(asked, scenes)
+        for _ in range(ROUNDS if succeeded(self.end.status) and is_open(asked) else 0):
+            found = averaged(self.problem, self.model, scenes, self.data, asked)
+            self.problem = with_discrepancy(self.problem, scenes, self.data, found)
+            self.end = self.onward(self.end.x)
+            self.judge()
+        solved = self.problem, self.model, scenes, self.data, asked
+        return with_remark(found, asked, solved if succeeded(self.end.status) else None)
 
 
 def _minima(problem, runs):
@@ -214,14 +252,6 @@ def _minima(problem, runs):
         else:
             found.append(Minimum(cost, 1, problem.values(runs.x[i])))
     return tuple(found)
-
-
-def _lowest(problem, runs, data):
-    """Return the result with the lowest cost, or raise FloatingPointError if the model is never finite."""
-    costs = np.where(np.isfinite(runs.cost), runs.cost, np.inf)  # argmin would return a NaN
-    if not np.isfinite(costs).any():
-        raise FloatingPointError(_not_finite(problem, data))
-    return runs.row(int(np.argmin(costs)))
 
 
 def _not_finite(problem, data):

@@ -329,9 +329,9 @@ class SeriesProblem:
 
     def _minimum(self, x, error, bends):
         """Return the x = ln E that minimises the squared residuals of data and prior, from the guess x."""
-        rows, slopes = ((lambda x, i=i: self._all(x, error, bends)[i]) for i in (0, 1))
-        limits: Any = {"xtol": 1e-14, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": _ITERATIONS}
-        return least_squares(rows, x, slopes, method="lm", **limits).x
+        options: Any = {"xtol": 1e-14, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": _ITERATIONS}
+        options["jac"] = lambda x: self._all(x, error, bends)[1]
+        return least_squares(lambda x: self._all(x, error, bends)[0], x, method="lm", **options).x
 
     def _all(self, x, error, bends):
         r, J = self.rows(x, error)
