@@ -31,20 +31,12 @@ class MasterCurve:
         `fit_prony`, `kramers_kronig`, or `rubberfric.TabulatedModulus` after smoothing
     T : temperatures of the sweeps, rising [K], shape (n,)
     reference : index of the sweep at T_ref
-    log_aT, stderr : ln a_T and its standard errors (0 at T_ref) [-], shape (n,)
-    log_bT, stderr_bT : ln b_T and its standard errors; 0 without vertical shifts
-    covariance : covariance of ln a_T, shape (n, n)
     wlf, arrhenius : laws through the shifts with errors; None if no law fits
-    law : the better of `wlf` and `arrhenius` by Akaike's criterion, or None
-    shift : `WLF` or `Arrhenius` of `law`; `table` if `law` does not agree with the shifts within the errors
-    table : `TabulatedShift` of the shifts themselves
     residuals : ln E' and ln E'' minus the smooth curve, in the order of `data`, shape (2, points)
     of_sweep : index of the sweep that contains each point of `data`
     offsets : mean of ln E' and of ln E'' minus the smooth curve for every sweep, shape (2, n)
     offset_errors : standard errors of `offsets`, from the scatter of the points, shape (2, n)
     bad_points : ("E'" or "E''", T [K], omega [rad/s]) of points <= 0 or beyond four standard deviations
-    scatter : relative errors of E' and E'': scatter of points within sweeps, or medians of the given errors
-    redchi : sum of squares divided by the degrees of freedom; 1 if the errors are estimated
     """
 
     data: ModulusData
@@ -73,7 +65,7 @@ class MasterCurve:
 
     @property
     def log_bT(self) -> np.ndarray:
-        """ln b_T of every sweep [-], shape (n,)."""
+        """ln b_T of every sweep [-], 0 without vertical shifts, shape (n,)."""
         return self.shifts.log_b
 
     @property
@@ -83,7 +75,7 @@ class MasterCurve:
 
     @property
     def stderr(self) -> np.ndarray:
-        """Standard errors of ln a_T [-], shape (n,)."""
+        """Standard errors of ln a_T [-], 0 at T_ref, shape (n,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property

@@ -53,20 +53,10 @@ class PronyFit:
     material : Prony, without the terms that vanish at the minimum
     dropped : relaxation times of the terms that vanish [s]; inf stands for E_inf
     residuals : ln(fit / measured) of E' and of E'', shape (2, n); NaN where measured <= 0
-    rms_storage, rms_loss : root mean squares of the residuals of E' and of E''
     data : the data that were fitted
     smooth : sigma of the `Smooth` prior, given or chosen by "auto"; None without a prior
     weights : weights of E' and of E''
     names : key paths of the moduli that were fitted
-    values, stderr, covariance : the moduli [Pa], their standard errors and covariance
-        Standard errors and covariance are NaN for moduli in `withheld`.
-    correlation : correlation of ln E; NaN for moduli in `withheld`
-    withheld : dict of name of a modulus -> reason why the modulus has no error bar
-    unidentified : combinations of moduli that the data do not determine
-    estimated : relative error estimated from the scatter; None if the data have errors
-    freedom : degrees of freedom, number of measured values minus the effective number of moduli
-    success : True if the minimum was reached
-    message : statement whether the fit converged
     """
 
     material: rf.Prony

@@ -26,8 +26,7 @@ from rubberfric.base.compilation import quick_jit
 from rubberfric.io.results import Conditions, Interpolation, result_shape
 from rubberfric.scene.interface import shear_friction
 from rubberfric.scene.scene import Scene
-from rubberfric.theory.quantities import quantity_parts
-from rubberfric.theory.structure import rough_surfaces_of
+from rubberfric.theory.structure import quantity_parts, rough_surfaces_of
 
 _LEAST = 4096  # smaller maps are computed point by point
 _PIECE = 2**20  # points of a map that are interpolated at once, to bound memory

@@ -28,8 +28,7 @@ from rubberfric.scene.scene import Scene
 from rubberfric.theory.heat_balance import heat_of
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.model import solve
-from rubberfric.theory.quantities import iterates
-from rubberfric.theory.structure import Structure
+from rubberfric.theory.structure import Structure, iterates
 from rubberfric.theory.temperatures import preconditioner, solve_rises, temperatures_of
 
 # Points evaluated together. Each keeps its derivatives with respect to all prepared leaves, about 0.2 MB.

@@ -25,7 +25,7 @@ from rubberfric.io.results import Conditions, Interpolation, Result, check_condi
 from rubberfric.scene.scene import Scene, result_dtype
 from rubberfric.scene.settings import ROBUST, default_quadrature
 from rubberfric.theory.arguments import check_heated, check_kinds, checked_arguments
-from rubberfric.theory.quantities import Solution
+from rubberfric.theory.structure import Solution
 
 # Arrays are [temperature, pressure, velocity], as in result files.
 FrictionMap = Result

@@ -1,11 +1,4 @@
-r"""Profiles over the wavevector: contact, friction, roughness and separations at each length scale.
-
-.. math:: P(q) = \mathrm{erf}\frac{1}{2\sqrt{G(q)}},\qquad
-          \frac{d\mu}{d\ln q} = \frac{q^2}{\sigma_0}\, S P \sum_j C_j \int d\varphi\,
-          q\cos\varphi\,\mathrm{Im}K_j(q v \cos\varphi)
-
-[Scaraggi & Persson, arXiv:1506.06955]; separations as in [Yang & Persson, J. Phys.:
-Condens. Matter 20, 215214 (2008)].
+"""Profiles over the wavevector: contact, friction, roughness and separations at each length scale.
 
 The wavevectors are borders of radial panels, so that G(q) and mu(q) are sums over whole panels. The density
 is evaluated at q itself, without interpolation over q.
@@ -24,7 +17,7 @@ from rubberfric.analysis.law_profile import last_wavevector, over_wavevectors
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.roughness.moments import cumulative_moment
+from rubberfric.roughness.moments import cumulative_moment, safe_root
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio, log_shape
 from rubberfric.scene.scene import Scene, check_without, result_dtype, rough_surfaces
 from rubberfric.theory.area.partial_contact import (
@@ -81,9 +74,10 @@ def profile(
     r"""Compute contact area, friction and roughness as functions of the largest wavevector.
 
     .. math:: P(q) = \mathrm{erf}\frac{1}{2\sqrt{G(q)}},\qquad
-              \mu(q) = \int_{q_0}^{q} \frac{d\mu}{d\ln q'}\, d\ln q'
+              \frac{d\mu}{d\ln q} = \frac{q^2}{\sigma_0}\, S P \sum_j C_j \int d\varphi\,
+              q\cos\varphi\,\mathrm{Im}K_j(q v \cos\varphi)
 
-    [Scaraggi & Persson; the integrals of `rubberfric.friction` up to q]
+    [Scaraggi & Persson, arXiv:1506.06955; the integrands of `rubberfric.friction`]
 
     Parameters
     ----------
@@ -132,11 +126,7 @@ def profile(
 def checked_wavevectors(
     q: ArrayLike | None, ndim: int, conditions: Sequence[jax.Array | None], scene: Scene
 ) -> jax.Array | None:
-    """Check the wavevectors, and cast them to the dtype of the conditions.
-
-    If `q` is None, the result is None. A ValueError is raised if `q` is None and `ndim` is 1 for a scene
-    without roughness.
-    """
+    """Check the wavevectors, or raise ValueError, and cast them to the dtype of the conditions."""
     if q is not None:
         q = as_leaf("q", q, ndim)
         check_values("q", q, POSITIVE)
@@ -177,9 +167,11 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
     found = Profile(
         q=q,
         magnification=q / first,
-        rms_slope=_root(slope2),
-        rms_height=_root(height2),
-        strain=softened[0].softening.factor * _root(slope2) if (softened := surfaces[0].softenings) else None,
+        rms_slope=safe_root(slope2),
+        rms_height=safe_root(height2),
+        strain=softened[0].softening.factor * safe_root(slope2)
+        if (softened := surfaces[0].softenings)
+        else None,
         **results,
     )
     return found, converged
@@ -198,18 +190,12 @@ def default_wavevectors(
 
 
 def fluctuation_at_borders(prepared: Prepared, contact: Contact, count: int) -> jax.Array:
-    """Return G without S, eq. (A11), at the last `count` borders.
-
-    The result has the shape (points, count).
-    """
+    """Return G without S, eq. (A11), at the last `count` borders, of shape (points, count)."""
     return jnp.maximum(sum_below_borders(prepared, contact.G_panels, count), 0.0)
 
 
 def sum_below_borders(prepared: Prepared, panels: jax.Array, count: int) -> jax.Array:
-    """Sum over all panels below each of the last `count` borders.
-
-    `panels` has the shape (panels, points). The result has the shape (points, count).
-    """
+    """Sum over the panels, (panels, points), below each of the last `count` borders: (points, count)."""
     before, below = prepared.roughness.mesh.panels_below, jnp.cumsum(panels, 0)
     assert before is not None  # the mesh has borders
     return jnp.concatenate([jnp.zeros_like(panels[:1]), below])[before[-count:]].T
@@ -282,11 +268,6 @@ def density_of(
     return density
 
 
-def _root(square):
-    """Return the square root with derivative 0 instead of infinity at 0."""
-    return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
-
-
 def _without_roughness(q, shape):
     one, none = jnp.ones((*shape, q.shape[0]), q.dtype), jnp.zeros_like(q)
     nothing = jnp.zeros_like(one)
@@ -329,12 +310,7 @@ def separation_profile(
     contact and the volume of gaps below P A0 falls by d(u_bar P). The mean separation of this area is u1.
     Because u_bar(q1) = 0, the sum over all area is u_bar(q0).
 
-    Parameters
-    ----------
-    scene : Scene
-    velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
-    q : wavevectors [1/m], > 0, shape (n,); None: 100, equally spaced in ln q over the roughness
-    quadrature : Quadrature, static, or None: chosen for the scene
+    Parameters are as for `profile`. If `q` is None, there are 100 wavevectors over the roughness.
 
     Returns
     -------

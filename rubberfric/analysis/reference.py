@@ -27,8 +27,7 @@ from rubberfric.roughness.moments import moment
 from rubberfric.roughness.radial_mesh import build_mesh
 from rubberfric.scene.scene import Scene, cast, rough_surfaces
 from rubberfric.theory.model import solve
-from rubberfric.theory.quantities import QUANTITIES
-from rubberfric.theory.structure import rough_surfaces_of
+from rubberfric.theory.structure import QUANTITIES, rough_surfaces_of
 
 REFINED = (
     Quadrature(order=16, panels=40, graded=20, ratio=3.0, angular_order=18, heat=320),

@@ -21,7 +21,7 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene, rough_surfaces
 from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory import paper
-from rubberfric.theory.quantities import QUANTITIES, Solution
+from rubberfric.theory.structure import QUANTITIES, Solution
 
 _KNOWN = 3.0  # errors below this multiple of the disagreement of the refinements are only bounded
 _KNOBS = tuple(field.name for field in dataclasses.fields(Quadrature))

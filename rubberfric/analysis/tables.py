@@ -21,7 +21,7 @@ from rubberfric.base.checks import POSITIVE, as_leaf, check_values, shown
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.friction_tables import AXES, FrictionTable
 from rubberfric.scene.scene import Scene
-from rubberfric.theory.quantities import iterated, iterates
+from rubberfric.theory.structure import iterated, iterates
 
 AxisRange = float | Sequence[float]
 

@@ -16,7 +16,7 @@ from rubberfric.io.files import read_computable
 from rubberfric.io.results import CONDITION_UNITS, QUANTITY_FORMATS, Result, result_shape
 from rubberfric.plot.choice import save_map_plot
 from rubberfric.plot.maps import check_map
-from rubberfric.theory.quantities import has_transverse_force, iterates
+from rubberfric.theory.structure import has_transverse_force, iterates
 
 _SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "temperatures"}
 

@@ -22,7 +22,7 @@ from rubberfric.io.results import QUANTITY_FORMATS, Conditions, Result, result_s
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import solve
-from rubberfric.theory.quantities import Solution, iterated, quantities_of
+from rubberfric.theory.structure import Solution, iterated, quantities_of
 
 
 def run_scene(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:

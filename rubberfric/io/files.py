@@ -55,7 +55,7 @@ from rubberfric.io.results import (
 )
 from rubberfric.io.toml import read_scene_toml, scene_texts
 from rubberfric.scene.scene import Scene
-from rubberfric.theory.quantities import Solution
+from rubberfric.theory.structure import Solution
 
 _FORMAT = "rubberfric scene"
 # NAME of a dimension scale without coordinates, as netCDF writes it before the length.

@@ -11,7 +11,7 @@ from rubberfric.base.objects.html import count, folded, short, table, with_unit
 from rubberfric.base.objects.physical import object_html
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene, check_background, doubts_of_conditions, shifts, takes_temperature
-from rubberfric.theory.quantities import Solution
+from rubberfric.theory.structure import Solution
 
 
 class Quantity(NamedTuple):

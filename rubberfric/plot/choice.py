@@ -20,7 +20,7 @@ from rubberfric.plot.maps import figure_of_map, plot_map
 from rubberfric.plot.style import Axes, FigureBase, Panels
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.model import solve
-from rubberfric.theory.quantities import Solution, quantities_of
+from rubberfric.theory.structure import Solution, quantities_of
 
 _LINES = 10  # more lines are drawn as a map
 

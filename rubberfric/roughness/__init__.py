@@ -14,9 +14,8 @@ from rubberfric.roughness.normalisation import (
     spectrum_from,
 )
 from rubberfric.roughness.spectra import SelfAffine, log_power_spectrum, power_spectrum
-from rubberfric.roughness.surface_objects import spectrum_of_surface
 from rubberfric.roughness.tabulated import TabulatedSpectrum
-from rubberfric.roughness.topography import spectrum_of_profile, spectrum_of_topography
+from rubberfric.roughness.topography import spectrum_of_profile, spectrum_of_surface, spectrum_of_topography
 
 __all__ = [
     "LINES",

@@ -126,10 +126,13 @@ def _root(spectrum, order, q):
         # Below, ln q may be -inf, whose derivative times 0 is not 0.
         distance = log_ratio(jnp.where(q >= law.q[0], q, law.q[0]), law.q[0])
     # The height is outside the root, because sqrt(height^2) has no derivative for a smooth surface.
-    square = cumulative_moment(unscaled(law), order, distance)
+    return spectrum.height_scale() * safe_root(cumulative_moment(unscaled(law), order, distance))
+
+
+def safe_root(square: jax.Array) -> jax.Array:
+    """Return the square root, with derivative 0 where `square` is 0 (smooth surface)."""
     rough = square > 0
-    root = jnp.where(rough, jnp.sqrt(jnp.where(rough, square, 1.0)), 0.0)
-    return spectrum.height_scale() * root
+    return jnp.where(rough, jnp.sqrt(jnp.where(rough, square, 1.0)), 0.0)
 
 
 def unscaled(law: BrokenPowerLaw) -> BrokenPowerLaw:

@@ -44,6 +44,7 @@ from rubberfric.base.checks import NONNEGATIVE, PLAUSIBLE_STRESS, POSITIVE, betw
 from rubberfric.base.objects.fields import Number, OptionalNumber, child, leaf, static
 from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.materials.shifts import Shift, log_vertical
+from rubberfric.roughness.moments import safe_root
 
 _LN_10 = math.log(10.0)  # a NumPy float would widen float32
 
@@ -196,12 +197,6 @@ class Correlation(PhysicalObject):
 
 def difference(correlation: Correlation, lower: jax.Array, upper: jax.Array) -> jax.Array:
     """Return the spectrum of the height difference of two surfaces with spectra `lower`, `upper` >= 0."""
-    one, other = _root(lower), _root(upper)
+    one, other = safe_root(lower), safe_root(upper)
     # A square plus a remainder >= 0, so that the result is never negative.
     return (one - other) ** 2 + 2 * (1 - correlation.coherence) * (one * other)
-
-
-def _root(square):
-    """Return the square root of `square`, with derivative 0 if `square` is 0 (smooth surface)."""
-    rough = square > 0
-    return jnp.where(rough, jnp.sqrt(jnp.where(rough, square, 1.0)), 0.0)

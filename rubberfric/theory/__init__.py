@@ -1,7 +1,7 @@
 """The theory: from the stiffness of two solids to area of contact, friction and separation."""
 
 from rubberfric.theory.model import contact_area, friction, separation, solve
-from rubberfric.theory.quantities import Solution, quantities_of
+from rubberfric.theory.structure import Solution, quantities_of
 
 __all__ = [
     "Solution",

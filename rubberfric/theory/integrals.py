@@ -34,7 +34,6 @@ from rubberfric.theory.heat_balance import (
     macroasperity,
     prepare_thermal,
 )
-from rubberfric.theory.quantities import quantity_parts
 from rubberfric.theory.stiffness.means_table import MeansTable
 from rubberfric.theory.stiffness.series import modulus_scale
 from rubberfric.theory.stiffness.stiffness_means import Tables
@@ -44,6 +43,7 @@ from rubberfric.theory.structure import (
     RoughSurface,
     Structure,
     SurfaceTemperatures,
+    quantity_parts,
     rough_surfaces_of,
 )
 from rubberfric.theory.temperatures import COARSE, solve_temperatures

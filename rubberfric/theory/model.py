@@ -24,8 +24,8 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.arguments import check_heated, validate, warn_of_last_iterates
 from rubberfric.theory.integrals import evaluate, prepare
-from rubberfric.theory.quantities import QUANTITIES, Solution, iterates
 from rubberfric.theory.stiffness.stiffness_means import known_tables
+from rubberfric.theory.structure import QUANTITIES, Solution, iterates
 
 # Points that are evaluated together.
 BLOCK = 512
@@ -63,8 +63,7 @@ def contact_area(
     ------
     ValueError : concrete pressure <= 0, any NaN, a temperature outside a shift's range,
         a temperature if nothing in the scene depends on it, no temperature if the scene is heated; in
-        float32 also values that single precision cannot represent
-        (`rubberfric.scene.single_precision`).
+        float32 also values that single precision cannot represent.
 
     Notes
     -----

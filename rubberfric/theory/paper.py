@@ -26,7 +26,7 @@ from rubberfric.materials.slab import Slab
 from rubberfric.roughness.spectra import power_spectrum
 from rubberfric.scene.interface import shear_friction
 from rubberfric.scene.scene import Body, Scene, optional_parts
-from rubberfric.theory.quantities import Solution
+from rubberfric.theory.structure import Solution
 
 
 class Nodes(NamedTuple):

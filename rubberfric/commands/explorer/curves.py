@@ -28,7 +28,7 @@ from rubberfric.materials.material import Material, complex_modulus
 from rubberfric.scene.scene import Scene, cast, dissipates, takes_temperature
 from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import solve
-from rubberfric.theory.quantities import quantities_of
+from rubberfric.theory.structure import quantities_of
 
 # Points of a curve. Every third point has sensitivities, and every second point is used in curves for
 # measured points. The last number is the number of points of a master curve.

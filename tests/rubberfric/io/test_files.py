@@ -18,7 +18,7 @@ from rubberfric.io.files import load_result, read_computable, read_scene_file, s
 from rubberfric.io.results import Conditions, Result
 from rubberfric.io.tables import read_directions, read_table, write_table
 from rubberfric.io.toml import scene_texts
-from rubberfric.theory.quantities import Solution
+from rubberfric.theory.structure import Solution
 
 SCENE_FILES = sorted(path for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
 

@@ -8,7 +8,7 @@ from support.scenes.fits import ROAD
 import rubberfric as rf
 from rubberfric.io.files import load_result, save_result
 from rubberfric.io.results import DIMENSIONS, Conditions, Result
-from rubberfric.theory.quantities import Solution
+from rubberfric.theory.structure import Solution
 
 RUBBER = rf.Prony(3e6, [5e7], [1e-5], shift=rf.WLF(12.0, 150.0, 293.15))
 SCENE = rf.Scene(ROAD, rf.Body(RUBBER))
