@@ -161,7 +161,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
     results = over_points(block, (velocity, pressure, temperature), _BLOCK)
     converged = results.pop("converged", None)
     slope2, height2 = (
-        sum(cumulative_moment(law, order, log_ratio(jnp.maximum(q, law.q[0]), law.q[0])) for law in laws)
+        total(cumulative_moment(law, order, log_ratio(jnp.maximum(q, law.q[0]), law.q[0])) for law in laws)
         for order in (2, 0)
     )
     found = Profile(
