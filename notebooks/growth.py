@@ -43,12 +43,8 @@ SETTINGS = {"default": DEFAULT, "quick": QUICK}
 VELOCITIES = (100, 1000, 10_000, 100_000, 1_000_000, 10_000_000)
 TERMS = (1, 3, 10, 30, 100, 300)
 MEMBERS = (1, 10, 100, 1000, 10_000, 100_000)
-SHAPES = (
-    (1000, 1, 1000),
-    (1000, 3, 334),
-    (500, 20, 100),
-    (100, 100, 100),
-)  # velocities, pressures, temperatures
+# Velocities, pressures, temperatures.
+SHAPES = ((1000, 1, 1000), (1000, 3, 334), (500, 20, 100), (100, 100, 100))
 PARTS = ("velocities", "terms", "members", "maps", "throughput")
 
 
@@ -218,8 +214,7 @@ def measure(parts):
 
 def page(store):
     """Yield the lines of the Markdown page."""
-    yield "# Growth of time and memory"
-    yield ""
+    yield from ("# Growth of time and memory", "")
     yield (
         "`python notebooks/growth.py` generates this page. `python -m pytest -m benchmark -s "
         "tests/benchmarks/test_growth_benchmarks.py` also generates it, and checks its statements."
@@ -231,25 +226,15 @@ def page(store):
         "setting *quick* is `rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)`. Times are the shortest "
         "of several runs. Other jobs ran on the machines at the same time."
     )
-    yield ""
-    yield "![growth](figures/growth.png)"
+    yield from ("", "![growth](figures/growth.png)")
     for device, parts in store.items():
-        yield ""
-        yield f"## {device}"
-        for part, lines in (
-            ("velocities", _velocities),
-            ("terms", _terms),
-            ("members", _members),
-            ("maps", _maps),
-            ("throughput", _throughput),
-        ):
+        yield from ("", f"## {device}")
+        for part, lines in zip(PARTS, (_velocities, _terms, _members, _maps, _throughput), strict=True):
             if part in parts:
                 yield ""
                 yield from lines(parts[part])
     if all("processor" in device for device in store):
-        yield ""
-        yield "## GPU"
-        yield ""
+        yield from ("", "## GPU", "")
         yield (
             "Not measured. Running `python notebooks/growth.py` on a GPU adds its measurements to this page. "
             "A roofline model can be computed from the flops and bytes above."
@@ -258,45 +243,41 @@ def page(store):
     yield from _planning(store)
 
 
-def _table(*columns):
-    yield f"| {' | '.join(columns)} |"
-    yield "|" + len(columns) * "---|"
+def _table(text, *columns):
+    yield from (text, "", f"| {' | '.join(columns)} |", "|" + len(columns) * "---|")
 
 
 def _velocities(rows):
-    yield (
+    text = (
         "The first table is for maps with different numbers of velocities, which are written to a file. The "
         "added memory is the increase over a previous map of at most 8e4 velocities. For 1e7 velocities it "
         "includes a copy of the velocities (80 MB)."
     )
-    yield ""
-    yield from _table("velocities", "seconds", "µs per point", "memory added [MB]", "largest memory [MB]")
+    yield from _table(
+        text, "velocities", "seconds", "µs per point", "memory added [MB]", "largest memory [MB]"
+    )
     for (count,), row in rows:
         cells = f"{row['seconds']:.3g}", f"{1e6 * row['seconds'] / count:.1f}", f"{row['added']:.0f}"
         yield f"| {count:.0e} | {' | '.join(cells)} | {row['peak']:.0f} |"
 
 
 def _terms(rows):
-    yield "The next table is for maps of 4096 velocities with different numbers of Prony terms."
-    yield ""
-    yield from _table("terms", "µs per point", "compilation [s]", "memory of the function [MB]")
+    text = "The next table is for maps of 4096 velocities with different numbers of Prony terms."
+    yield from _table(text, "terms", "µs per point", "compilation [s]", "memory of the function [MB]")
     for (count,), row in rows:
-        cells = (
-            f"{1e6 * row['seconds'] / row['points']:.1f}",
-            f"{row['compile']:.1f}",
-            f"{row['program']:.2f}",
-        )
-        yield f"| {count} | {' | '.join(cells)} |"
+        cells = f"{1e6 * row['seconds'] / row['points']:.1f} | {row['compile']:.1f} | {row['program']:.2f}"
+        yield f"| {count} | {cells} |"
 
 
 def _members(rows):
-    yield (
+    text = (
         "The next table is for ensembles of bootstrap fits. Each member fits 4 parameters to 24 moduli. The "
         "memory of the function is bounded, because the members are computed in batches. A checkpoint file "
         "contains the states of all members."
     )
-    yield ""
-    yield from _table("members", "seconds", "µs per step", "memory of the function [MB]", "memory added [MB]")
+    yield from _table(
+        text, "members", "seconds", "µs per step", "memory of the function [MB]", "memory added [MB]"
+    )
     for (count,), row in rows:
         cells = [f"{row['seconds']:.3g}", f"{1e6 * row['seconds'] / row['steps']:.0f}"]
         cells += [f"{row['program']:.2f}", f"{row['added']:.0f}"]
@@ -304,20 +285,12 @@ def _members(rows):
 
 
 def _maps(rows):
-    yield (
+    text = (
         "The next table is for maps of a million points, which are kept in memory. Errors are relative to a "
         "finer quadrature. The time of the first call includes compilation."
     )
-    yield ""
-    yield from _table(
-        "velocities x pressures x temperatures",
-        "setting",
-        "seconds",
-        "first call",
-        "points/s",
-        "memory [MB]",
-        "error",
-    )
+    columns = ("setting", "seconds", "first call", "points/s", "memory [MB]", "error")
+    yield from _table(text, "velocities x pressures x temperatures", *columns)
     for (shape, setting), row in rows:
         cells = [f"{row['seconds']:.1f}", f"{row['first']:.1f}", f"{row['points'] / row['seconds']:.2g}"]
         cells += [f"{row['peak']:.0f}", f"{row['error']:.0e}"]
@@ -325,14 +298,13 @@ def _maps(rows):
 
 
 def _throughput(rows):
-    yield (
+    text = (
         "The last table is for friction at 16384 points (`rf.friction`), and for the gradient of the sum of "
         "these values with respect to every number of the scene. Flops and bytes are counts of the compiler "
         "(`cost_analysis`)."
     )
-    yield ""
     yield from _table(
-        "precision", "quantity", "points/s", "flops per point", "bytes per point", "flops per byte"
+        text, "precision", "quantity", "points/s", "flops per point", "bytes per point", "flops per byte"
     )
     for (dtype,), row in rows:
         for what, x in row.items():
@@ -346,8 +318,7 @@ def _throughput(rows):
 
 
 def _planning(store):
-    yield "## Planning for 1e10 evaluations"
-    yield ""
+    yield from ("## Planning for 1e10 evaluations", "")
     yield (
         "Run time is linear in the number of points. A file with two quantities at 1e10 points has 160 GB in "
         "double precision and 80 GB in single precision. It is allocated before the computation begins. "
@@ -359,9 +330,10 @@ def _planning(store):
         if "maps" not in parts:
             continue
         yield ""
-        yield f"These times follow from the maps of a million points above ({device}):"
-        yield ""
-        yield from _table("pressures", "setting", "hours on one such machine", "machines for a night (10 h)")
+        text = f"These times follow from the maps of a million points above ({device}):"
+        yield from _table(
+            text, "pressures", "setting", "hours on one such machine", "machines for a night (10 h)"
+        )
         for (shape, setting), row in parts["maps"]:
             hours = 1e10 * row["seconds"] / row["points"] / 3600
             yield f"| {shape[1]} | {setting} | {hours:.0f} | {max(1, int(np.ceil(hours / 10)))} |"
@@ -386,21 +358,18 @@ def draw(store, path):
             seconds = np.array([row["seconds"] for _, row in parts[part]])
             ends = counts[[0, -1]]
             axes[0, column].loglog(ends, seconds[-1] * ends / ends[-1], "k:", linewidth=1, label="linear")
-    axes[0, 0].set_ylabel("run time [s]")
-    axes[1, 0].set_ylabel("largest memory of the process [MB]")
-    axes[0, 1].set_ylabel("run time of 4096 points [s]")
-    axes[1, 1].set_ylabel("memory of the function [MB]")
-    axes[0, 2].set_ylabel("run time [s]")
-    axes[1, 2].set_ylabel("memory added [MB]")
+    labels = ("run time [s]", "run time of 4096 points [s]", "run time [s]")
+    labels += tuple(
+        f"{what} [MB]" for what in ("largest memory of the process", "memory of the function", "memory added")
+    )
+    for ax, label in zip(axes.flat, labels, strict=True):
+        ax.set_ylabel(label)
     axes[1, 0].set_ylim(100, 1000)
     axes[1, 0].yaxis.set_minor_formatter(NullFormatter())
     axes[1, 2].set_ylim(1, 10)
-    for row in axes:
-        row[0].set_xlabel("velocities")
-        row[1].set_xlabel("Prony terms")
-        row[2].set_xlabel("members of an ensemble")
-        for ax in row:
-            ax.grid(alpha=0.3)
+    for ax, label in zip(axes.flat, 2 * ("velocities", "Prony terms", "members of an ensemble"), strict=True):
+        ax.set_xlabel(label)
+        ax.grid(alpha=0.3)
     named = {line.get_label(): line for ax in axes[0] for line in ax.lines}
     if named:
         figure.legend(named.values(), named, loc="outside upper center", ncols=len(named), fontsize="small")
