@@ -250,34 +250,14 @@ def kramers_kronig(
     count = min(max(round(per_decade * np.ptp(t)), 1) + 1, n // 2)
     nodes = np.linspace(t.min(), t.max(), count)
     hats = np.stack([np.interp(t, nodes, one) for one in np.eye(count)], axis=1)
-    ends = t.min() - _BEYOND, t.max() + _BEYOND
-    times = 10.0 ** -np.linspace(*ends, int(np.ceil(_TIMES * np.ptp(ends))) + 1)
-    A = columns(omega, np.append(times, np.inf))
-    free = np.concatenate([np.zeros_like(hats), hats])
-    order = np.argsort(omega)
-    peaks = np.exp(np.interp(-np.log(times), np.log(omega[order]), np.log(data.loss[order])))
-    typical = np.append(2 / np.pi * np.log(10) / _TIMES * peaks, 0.1 * data.storage.min())
     error, known = _relative(data)
     for _ in range(1 if known else _ROUNDS):
-        E = nonnegative_logarithmic(A, data.measured, np.zeros(2 * n), error, free)
-        model = A @ E
-        apart = np.log(data.measured / model)
-        contradiction = np.linalg.lstsq(hats / error[n:, None], apart[n:] / error[n:], rcond=None)[0]
-        # Terms at 0 may change too, by the estimate from the loss at their peak, so that the error bars cover
-        # all spectra that fit.
-        width = _ALIKE * np.maximum(E, typical)
-        J = np.concatenate([A * width / model[:, None], free], axis=1) / error[:, None]
-        precision = J.T @ J + np.diag(np.append(np.ones(E.size), np.zeros(count)))
-        covariance = np.linalg.pinv(precision, hermitian=True)
+        model, contradiction, covariance, used = _spectrum_and_contradiction(data, hats, error)
         if not known:
-            rest = np.concatenate([apart[:n], apart[n:] - hats @ contradiction]) ** 2
-            used = np.sum((J @ covariance) * J, axis=1)
-            scatter = [
-                max(np.sqrt(rest[part].sum() / max(n - used[part].sum(), 1.0)), _EXACT)
-                for part in (slice(n), slice(n, None))
-            ]
-            error = np.repeat(scatter, n)
-    covariance = covariance[-count:, -count:]
+            apart = np.log(data.measured / model) - np.append(np.zeros(n), hats @ contradiction)
+            parts = slice(n), slice(n, None)
+            scatter = [np.sum(apart[part] ** 2) / max(n - used[part].sum(), 1.0) for part in parts]
+            error = np.repeat(np.maximum(np.sqrt(scatter), _EXACT), n)
     return KramersKronig(
         10.0**nodes,
         contradiction,
@@ -288,6 +268,32 @@ def kramers_kronig(
         omega,
         model[n:],
     )
+
+
+def _spectrum_and_contradiction(data, hats, error):
+    """Fit the relaxation spectrum and the contradiction k = hats @ x to data with relative errors.
+
+    Returns E' and E'' of the spectrum, x and its covariance, and the part of every value that the fit uses.
+    """
+    omega, n, count = data.omega, data.omega.size, hats.shape[1]
+    low, high = np.log10(omega.min()) - _BEYOND, np.log10(omega.max()) + _BEYOND
+    times = 10.0 ** -np.linspace(low, high, int(np.ceil(_TIMES * (high - low))) + 1)
+    A, free = columns(omega, np.append(times, np.inf)), np.concatenate([np.zeros_like(hats), hats])
+    E = nonnegative_logarithmic(A, data.measured, np.zeros(2 * n), error, free)
+    model = A @ E
+    apart = np.log(data.measured / model)[n:]
+    contradiction = np.linalg.lstsq(hats / error[n:, None], apart / error[n:], rcond=None)[0]
+    # Terms at 0 may change too, by the estimate from the loss at their peak, so that the error bars cover all
+    # spectra that fit.
+    order = np.argsort(omega)
+    peaks = np.exp(np.interp(-np.log(times), np.log(omega[order]), np.log(data.loss[order])))
+    typical = np.append(2 / np.pi * np.log(10) / _TIMES * peaks, 0.1 * data.storage.min())
+    width = _ALIKE * np.maximum(E, typical)
+    J = np.concatenate([A * width / model[:, None], free], axis=1) / error[:, None]
+    precision = J.T @ J + np.diag(np.append(np.ones(E.size), np.zeros(count)))
+    covariance = np.linalg.pinv(precision, hermitian=True)
+    used = np.sum((J @ covariance) * J, axis=1)
+    return model, contradiction, covariance[-count:, -count:], used
 
 
 def _relative(data):
