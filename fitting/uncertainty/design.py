@@ -186,30 +186,29 @@ def design(
             raise ValueError("already: must be a Design of the same candidates and free parameters")
         base = base + information(already.rows[None], 0.0 * base, already.index)[0]
     index = exchange(rows, base, n, price, target)
-    old, new = base[None], information(rows[:1], base, index)
-    before, after = (known.stretch * np.sqrt(np.diag(np.linalg.inv(one[0]))) for one in (old, new))
-    predicted = None
-    if isinstance(criterion, prediction) and target is not None:
-        errors = [float(np.sqrt(variance(one, target[:1])[0])) for one in (old, new)]
-        predicted = errors[0], errors[1]
-    values = np.asarray(to_values(known.variables, known.constants, known.x))
-    rate = np.abs(slopes(known.variables, known.constants, known.x) / np.where(values == 0, np.nan, values))
     single = gain(rows, np.broadcast_to(base, (draws, *base.shape)), target)
     return Design(
         velocity=at[0][index],
         pressure=at[1][index],
         temperature=None if at[2] is None else at[2][index],
         index=index,
-        names=known.names,
-        before=before,
-        after=after,
-        rate=rate,
-        predicted=predicted,
         candidates=at,
         gain=single if target is None else -np.expm1(-single),
         criterion=criterion if isinstance(criterion, str) else "prediction",
         rows=rows[0],
+        **_expected(known, base[None], information(rows[:1], base, index), criterion, target),
     )
+
+
+def _expected(known, old, new, criterion, target):
+    """Return the fields of `Design` for the expected errors, with the information `old` and `new`."""
+    before, after = (known.stretch * np.sqrt(np.diag(np.linalg.inv(one[0]))) for one in (old, new))
+    predicted = None
+    if isinstance(criterion, prediction):
+        predicted = tuple(float(np.sqrt(variance(one, target[:1])[0])) for one in (old, new))
+    values = np.asarray(to_values(known.variables, known.constants, known.x))
+    rate = np.abs(slopes(known.variables, known.constants, known.x) / np.where(values == 0, np.nan, values))
+    return {"names": known.names, "before": before, "after": after, "rate": rate, "predicted": predicted}
 
 
 def _points(candidates) -> Conditions:
