@@ -1,26 +1,18 @@
 """Arguments of `rubberfric-fit` and its sub-commands, and checks before JAX is imported."""
 
-from __future__ import annotations
-
+import argparse
+from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
-TYPE_CHECKING = False  # for type checkers it is true
-if TYPE_CHECKING:
-    import argparse
-    from collections.abc import Callable
-
-    from rubberfric.commands import Parser
+from rubberfric.base import VERSION, check_readable, check_writable
+from rubberfric.commands import Parser, add_common, add_outputs, check_input, check_outputs
 
 PROGRAM = "rubberfric-fit"
 _SCENES = (".toml", ".h5")
 
 
 def _check_fit(arguments: argparse.Namespace) -> None:
-    from pathlib import Path
-
-    from rubberfric.base import check_writable
-    from rubberfric.commands import check_input, check_outputs
-
     checkpoint = arguments.checkpoint
     if arguments.bootstrap is None and (checkpoint is not None or arguments.resume):
         raise ValueError("--checkpoint and --resume must come with --bootstrap N")
@@ -38,8 +30,6 @@ def _check_fit(arguments: argparse.Namespace) -> None:
 
 
 def _design_parser() -> Parser:
-    from rubberfric.commands import Parser, add_common, add_outputs
-
     parser = Parser(
         prog=f"{PROGRAM} design", description="Fit a job and choose the measurements to make next."
     )
@@ -50,8 +40,6 @@ def _design_parser() -> Parser:
 
 
 def _calibration_parser() -> Parser:
-    from rubberfric.commands import Parser, add_common
-
     parser = Parser(
         prog=f"{PROGRAM} calibration",
         description="Fit data drawn from the priors of a job; report the coverage of its error bars.",
@@ -69,8 +57,6 @@ def _calibration_parser() -> Parser:
 
 def _laboratory_parser(kind: str, description: str, out: str, plot: str | None, suffixes: str) -> Parser:
     """Return a parser with the arguments that all commands of `fitting.commands.laboratory` have."""
-    from rubberfric.commands import Parser, add_common, add_outputs
-
     parser = Parser(prog=f"{PROGRAM} {kind}", description=description)
     if plot is None:
         parser.add_argument("--out", metavar="FILE", required=True, help=f"{out} ({suffixes})")
@@ -177,16 +163,11 @@ def _table_parser() -> Parser:
 
 
 def _check_planning(arguments: argparse.Namespace) -> None:
-    from rubberfric.commands import check_input, check_outputs
-
     check_input(arguments.job, (".toml",))
     check_outputs(arguments, ".csv")
 
 
 def _check_characterisation(arguments: argparse.Namespace) -> None:
-    from rubberfric.base import check_readable
-    from rubberfric.commands import check_input, check_outputs
-
     check_outputs(arguments, *_SCENES, ".csv")
     if arguments.scene is not None:
         check_input(arguments.scene, _SCENES)
@@ -197,9 +178,6 @@ def _check_characterisation(arguments: argparse.Namespace) -> None:
 
 
 def _check_job(arguments: argparse.Namespace) -> None:
-    from rubberfric.base import check_readable
-    from rubberfric.commands import check_input, check_outputs
-
     check_outputs(arguments, ".toml")
     check_input(arguments.scene, _SCENES)
     for path in arguments.data:
@@ -207,8 +185,6 @@ def _check_job(arguments: argparse.Namespace) -> None:
 
 
 def _check_table(arguments: argparse.Namespace) -> None:
-    from rubberfric.commands import check_input, check_outputs
-
     check_outputs(arguments, ".inp", ".k", ".csv", ".json", ".txt")
     check_input(arguments.fit, _SCENES)
     for name in ("velocity", "pressure", "temperature"):
@@ -217,9 +193,6 @@ def _check_table(arguments: argparse.Namespace) -> None:
 
 
 def _fit_parser() -> Parser:
-    from rubberfric.base import VERSION
-    from rubberfric.commands import Parser, add_common, add_outputs
-
     parser = Parser(
         prog=PROGRAM,
         description="Fit parameters of a rubber friction scene to measurements; print values and errors.",
@@ -243,10 +216,8 @@ def _fit_parser() -> Parser:
 
 
 def _count(text: str) -> int:
-    from argparse import ArgumentTypeError
-
     if not text.isascii() or not text.isdigit() or len(text) > 9 or not 0 < int(text) <= _MOST:
-        raise ArgumentTypeError(f"{text[:20]!r}: must be an integer >= 1, and <= {_MOST}")
+        raise argparse.ArgumentTypeError(f"{text[:20]!r}: must be an integer >= 1, and <= {_MOST}")
     return int(text)
 
 

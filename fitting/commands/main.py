@@ -12,7 +12,6 @@ the process within a second. A bootstrap that was interrupted or killed continue
 
 from __future__ import annotations
 
-from fitting.commands.arguments import COMMANDS, PROGRAM
 from rubberfric.commands import leave_at_once
 
 TYPE_CHECKING = False  # for type checkers it is true
@@ -29,9 +28,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     (`rubberfric.commands.interrupts`).
     """
     if argv is None:
-        leave_at_once(PROGRAM)
+        leave_at_once("rubberfric-fit")
     import sys
 
+    from fitting.commands.arguments import COMMANDS, PROGRAM
     from rubberfric.commands import ended
 
     given = sys.argv[1:] if argv is None else list(argv)
@@ -42,6 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(given: Sequence[str], interrupts: Interrupts, process: bool) -> int:
     from importlib import import_module
 
+    from fitting.commands.arguments import COMMANDS
     from rubberfric.commands import begin_jax, command_progress
 
     kind, rest = (given[0], given[1:]) if given and given[0] in COMMANDS else ("fit", given)
