@@ -48,15 +48,12 @@ def _run(argv: Sequence[str] | None) -> int:
 
 
 def _work(command: str) -> Callable[[argparse.Namespace, Phases], tuple[str, OSError | None]]:
-    match command:
-        case "run":
-            from rubberfric.commands.run import run_scene as run
-        case "accuracy":
-            from rubberfric.commands.accuracy import run_accuracy as run
-        case "map":
-            from rubberfric.commands.map import run_map as run
-        case "explore":
-            from rubberfric.commands.explorer.command import run_explorer as run
-        case _:
-            from rubberfric.commands.doctor import run_doctor as run
-    return run
+    if command == "explore":
+        from rubberfric.commands.explorer.command import run_explorer as work
+    elif command == "doctor":
+        from rubberfric.commands.doctor import run_doctor as work
+    else:
+        from rubberfric.commands import run
+
+        work = {"run": run.run_scene, "map": run.run_map, "accuracy": run.run_accuracy}[command]
+    return work

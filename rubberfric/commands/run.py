@@ -1,9 +1,13 @@
-"""The command `rubberfric run`, which computes all quantities of a scene file at its conditions."""
+"""The commands `rubberfric run`, `map` and `accuracy`, which compute a scene file at its conditions.
+
+`map` and `accuracy` import what they alone need late, so that `run` starts sooner.
+"""
 
 import argparse
 import math
 from collections.abc import Iterator
 
+import jax
 import numpy as np
 
 from rubberfric.analysis.validity import (
@@ -13,16 +17,21 @@ from rubberfric.analysis.validity import (
     theory_error,
 )
 from rubberfric.base.compilation import quick_options
-from rubberfric.base.progress import Progress
+from rubberfric.base.progress import Phases, Progress
 from rubberfric.base.quadrature import Quadrature
+from rubberfric.base.release import cores
 from rubberfric.base.units import to_celsius
 from rubberfric.commands.arguments import write_outputs
 from rubberfric.io.files import MOST_POINTS, read_computable, save_result
-from rubberfric.io.results import QUANTITY_FORMATS, Conditions, Result, result_shape
+from rubberfric.io.results import CONDITION_UNITS, QUANTITY_FORMATS, Conditions, Result, result_shape
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import solve
-from rubberfric.theory.structure import Solution, iterated, quantities_of
+from rubberfric.theory.structure import Solution, has_transverse_force, iterated, iterates, quantities_of
+
+_SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "temperatures"}
+# More points make the sweep slower without changing the errors.
+_POINTS = 60
 
 
 def run_scene(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
@@ -150,3 +159,131 @@ def convergence_line(result: Result) -> str:
         f"first at v = {result.conditions.velocity[k]:g} m/s, p = {result.conditions.pressure[j]:g} Pa: "
         "their values are the last iterate"
     )
+
+
+# --- map
+
+
+def run_map(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
+    """Run `rubberfric map`, and return the text to print and the error of a file or None."""
+    from rubberfric.analysis.maps import DEFAULT_QUANTITIES, friction_map
+    from rubberfric.plot.choice import save_map_plot
+    from rubberfric.plot.maps import check_map
+
+    make_devices(arguments.devices)  # before reading the scene, which starts JAX
+    show(f"reading {arguments.scene}")
+    scene, conditions, title = read_computable(arguments.scene, "map")
+    if arguments.plot is not None:
+        try:
+            check_map(conditions)
+        except ValueError as error:
+            raise ValueError(f"{arguments.scene}: {error}") from None
+    quantities: list[str] = list(arguments.quantity or DEFAULT_QUANTITIES)
+    for name, absent in (
+        ("shear_friction", scene.shear is None),
+        ("transverse_friction", not has_transverse_force(scene)),
+    ):
+        if name in quantities and absent:
+            raise ValueError(f"{arguments.scene}: {name} is 0 in this scene: leave it out of --quantity")
+    if iterates(scene) and "converged" not in quantities:
+        quantities.append("converged")
+    points = math.prod(result_shape(conditions))
+    show(f"compiling {', '.join(quantities)} for a map of {points} points")
+
+    def computed(done: int, of: int) -> None:
+        if done:  # before, it still compiles
+            show(done, of)
+
+    result = friction_map(
+        scene, *conditions, quantities=quantities, progress=computed, path=arguments.out, title=title
+    )
+    failure = write_outputs(show, ("drawing", arguments.plot, lambda path: save_map_plot(path, result)))
+    lines = [*summary(result)]
+    if line := convergence_line(result):
+        lines += ["", line]
+    return "\n".join(lines), failure
+
+
+def make_devices(count: int | None) -> None:
+    """Make JAX use `count` CPU devices (None: one for each core); ValueError if JAX has already started."""
+    try:
+        jax.config.update("jax_num_cpu_devices", count or cores())
+    except RuntimeError:  # JAX was started by a caller from Python
+        found = jax.local_device_count("cpu")
+        if count not in (None, found):
+            raise ValueError(
+                f"--devices {count}: JAX has already started with {found} devices; use this number"
+            ) from None
+
+
+def summary(result: Result) -> Iterator[str]:
+    """Yield lines about the extent of a map and the range of each quantity."""
+    if result.title:
+        yield result.title
+    for name, units in CONDITION_UNITS.items():
+        values = getattr(result.conditions, name)
+        if values is None:
+            continue
+        several = f"{values.size} {_SEVERAL[name]}" if values.size > 1 else name
+        ends = dict.fromkeys((f"{values.min():.6g}", f"{values.max():.6g}"))
+        yield f"{several}: {' ... '.join(ends)} {units}"
+    how = f", {result.interpolation}" if result.interpolation else ""
+    yield f"{np.prod(result_shape(result.conditions))} points{how}"
+    yield ""
+    v, p, T = result.conditions
+    headings = ["smallest", "largest", "at v [m/s]", "p [MPa]"] + ([] if T is None else ["T [K]"])
+    yield " ".join((f"{'':>25}", *(f"{heading:>11}" for heading in headings)))
+    for name, values in result.solution._asdict().items():
+        if values is None or name == "converged":
+            continue
+        # One temperature at a time, because an array may be in a file.
+        low = min(float(plane.min()) for plane in values)
+        i = int(np.argmax([float(plane.max()) for plane in values]))
+        j, k = np.unravel_index(int(values[i].argmax()), values.shape[1:])
+        at = [f"{v[k]:.4g}", f"{p[j] / 1e6:.6g}"] + ([] if T is None else [f"{T[i]:.6g}"])
+        columns = (f"{low:.5g}", f"{float(values[i, j, k]):.5g}", *at)
+        yield " ".join(
+            (f"{f'{name} [{QUANTITY_FORMATS[name].unit}]':25}", *(f"{column:>11}" for column in columns))
+        )
+
+
+# --- accuracy
+
+
+def run_accuracy(arguments: argparse.Namespace, show: Phases) -> tuple[str, OSError | None]:
+    """Run `rubberfric accuracy`, and return the text to print and the error of a file or None."""
+    from rubberfric.analysis.reference import check_error
+    from rubberfric.analysis.sweep import accuracy
+    from rubberfric.plot.choice import save_accuracy_plot
+
+    check_error(arguments.error)
+    show(f"reading {arguments.scene}")
+    scene, conditions, title = read_computable(arguments.scene, most=MOST_POINTS)
+    velocity = thinned(conditions)
+    at = conditions._replace(velocity=velocity).grid()
+    found = accuracy(
+        scene,
+        *at,
+        error=arguments.error,
+        progress=show,
+        told=lambda row, k, of: show.line(f"{k} of {of}: {row.told()}"),
+    )
+    failure = write_outputs(
+        show,
+        ("writing", arguments.out, found.write),
+        ("drawing", arguments.plot, lambda path: save_accuracy_plot(path, found, title)),
+    )
+    lines = [title] * bool(title)
+    if velocity.size < conditions.velocity.size:
+        lines.append(f"{velocity.size} of {conditions.velocity.size} velocities, equally spread")
+    return "\n".join([*lines, found.report()]), failure
+
+
+def thinned(conditions: Conditions) -> np.ndarray:
+    """Return at least 5 of the velocities, evenly spread, so that a sweep has few points."""
+    temperatures = 1 if conditions.temperature is None else conditions.temperature.size
+    count = max(5, _POINTS // (temperatures * conditions.pressure.size))
+    velocity = conditions.velocity
+    if velocity.size <= count:
+        return velocity
+    return velocity[np.linspace(0, velocity.size - 1, count).round().astype(int)]
