@@ -4,6 +4,7 @@ Scenes within the limits of single precision, tested on extreme scenes, have err
 Values that are known only at run time (under jit) are not checked.
 """
 
+import operator
 from collections.abc import Iterable, Sequence
 
 import jax
@@ -185,7 +186,7 @@ def check_single(scene: Scene, temperature: ArrayLike | None) -> None:
         )
     if temperature is not None:
         for name in ("lower.material", "upper.material", "lower.layer", "upper.layer", "shear"):
-            shift = getattr(_part(scene, name), "shift", None)
+            shift = getattr(operator.attrgetter(name)(scene), "shift", None)
             if shift is not None:
                 _check_shift(name, shift, temperature)
 
@@ -207,11 +208,6 @@ def _check_body(name, body, scene):
     # A relaxing shear modulus is always in series with the bulk modulus.
     if in_series or body.material.always_in_series:
         _check_times(f"{name}.material.tau", body.material.relaxation_times())
-
-
-def _part(scene, name):
-    first, _, second = name.partition(".")
-    return getattr(getattr(scene, first), second) if second else getattr(scene, first)
 
 
 def _two_deform(scene):

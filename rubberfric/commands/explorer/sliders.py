@@ -6,10 +6,10 @@ times.
 """
 
 import math
+import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
 from rubberfric.base.checks import PLAUSIBLE_TEMPERATURE, closest, shown
@@ -113,7 +113,7 @@ def changes(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, Any], 
             if power is None:
                 found[path] = value
                 continue
-            old = found[path] if path in found else array.asarray(_at(scene, path))
+            old = found[path] if path in found else array.asarray(operator.attrgetter(path)(scene))
             factor = value if power == 1 else value**power
             if elements is not None:
                 chosen = np.isin(np.arange(old.shape[0]), elements)
@@ -215,13 +215,6 @@ def _by_decade(path: str, group: str, name: str, times: np.ndarray) -> Iterator[
         label = f"{name}, tau 1e{decade} s"
         free = [f"{path}[{i}]" for i in elements]
         yield _factor(f"{path}[{index}]", group, label, [Target(path, elements, 1.0)], free)
-
-
-def _at(scene: Scene, path: str) -> jax.Array:
-    found: Any = scene
-    for name in path.split("."):
-        found = getattr(found, name)
-    return found
 
 
 def _accepts(scene: Scene, slider: Slider) -> Callable[[float], bool]:
