@@ -139,11 +139,7 @@ def nonnegative(A: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def nonnegative_logarithmic(
-    A: np.ndarray,
-    b: np.ndarray,
-    known: np.ndarray,
-    error: np.ndarray,
-    ignored: np.ndarray | None = None,
+    A: np.ndarray, b: np.ndarray, known: np.ndarray, error: np.ndarray, ignored: np.ndarray | None = None
 ) -> np.ndarray:
     r"""Return the x >= 0 that minimises the squared logarithmic differences of A x + known from b.
 

@@ -285,12 +285,7 @@ def _start(t, y, weight, slopes, fixed_qr, q0, q1, known):
 
 
 def broken_line(
-    t: np.ndarray,
-    y: np.ndarray,
-    weight: np.ndarray,
-    slopes: tuple[float, float],
-    low: float,
-    high: float,
+    t: np.ndarray, y: np.ndarray, weight: np.ndarray, slopes: tuple[float, float], low: float, high: float
 ) -> Line:
     """Fit a line that is constant up to a kink and then falls, by weighted least squares.
 

@@ -122,9 +122,7 @@ def add_outputs(command: argparse.ArgumentParser, name: str, written: str, drawn
 def add_common(command: argparse.ArgumentParser) -> None:
     """Add the options that every command has."""
     command.add_argument(
-        "--no-cache",
-        action="store_true",
-        help="neither read nor write the cache of compiled functions",
+        "--no-cache", action="store_true", help="neither read nor write the cache of compiled functions"
     )
     command.add_argument(
         "--verbose", action="store_true", help="print progress to stderr, also if it is not a terminal"

@@ -18,9 +18,7 @@ from rubberfric.base.release import VERSION, cores
 _PACKAGES = ("jax", "jaxlib", "numpy", "scipy", "h5py", "optax", "matplotlib")
 
 # Versions of JAX with known faults, and what to do.
-_FAULTS = {
-    "0.10.2": "it computes wrong numbers on processors (jax-ml/jax#39103): pip install 'jax!=0.10.2'",
-}
+_FAULTS = {"0.10.2": "it computes wrong numbers on processors (jax-ml/jax#39103): pip install 'jax!=0.10.2'"}
 _EVENT = "/jax/compilation_cache/cache_hits"
 
 

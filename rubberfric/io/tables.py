@@ -24,14 +24,7 @@ from rubberfric.base.atomic import StrPath, read_text, write_text
 from rubberfric.base.checks import as_leaf, between, check_values, closest, shown, warn_caller
 from rubberfric.base.units import young_from_shear
 from rubberfric.io.columns import COLUMNS, MODULUS_COLUMNS, SET_VALUES
-from rubberfric.io.exports import (
-    TextRows,
-    TextTable,
-    find_table,
-    headless,
-    pick,
-    suggested_columns,
-)
+from rubberfric.io.exports import TextRows, TextTable, find_table, headless, pick, suggested_columns
 from rubberfric.io.height_maps import read_traces
 
 BAD_ROWS = ("error", "drop")

@@ -29,10 +29,7 @@ from rubberfric.plot.style import (
 )
 
 # Parts of the friction: line style, marker of a single point, name.
-PARTS = {
-    "viscoelastic_friction": ("--", "s", "viscoelastic"),
-    "shear_friction": (":", "^", "contact shear"),
-}
+PARTS = {"viscoelastic_friction": ("--", "s", "viscoelastic"), "shear_friction": (":", "^", "contact shear")}
 # Curves of at least this number of points are drawn smooth, with this number of points.
 _SMOOTH, _DRAWN = 8, 400
 
@@ -275,11 +272,7 @@ _PROFILE_PANELS = (
 )
 
 
-def plot_profile(
-    profile: Profile,
-    ax: Panels | None = None,
-    labels: Sequence[str] | None = None,
-) -> Panels:
+def plot_profile(profile: Profile, ax: Panels | None = None, labels: Sequence[str] | None = None) -> Panels:
     r"""Draw P(q), d mu / d ln q and the rms slope over log10 q, one line per condition.
 
     In the panel of d mu / d ln q, equal areas are equal parts of the friction. A second scale above the top

@@ -22,11 +22,7 @@ _LARGE = 60  # more points have smaller markers
 # Decades drawn beyond the relaxation times, and beyond a table.
 _BEYOND, _BEYOND_TABLE = 2.0, 1.0
 # Line style, marker of points, and name of E', E'' and tan delta.
-_LOOKS = (
-    ("-", "o", "storage $E'$"),
-    ("--", "s", "loss $E''$"),
-    (":", "^", "$\\tan\\delta$ (right)"),
-)
+_LOOKS = (("-", "o", "storage $E'$"), ("--", "s", "loss $E''$"), (":", "^", "$\\tan\\delta$ (right)"))
 
 Points = tuple[np.ndarray, np.ndarray, np.ndarray]  # omega, E', E''
 

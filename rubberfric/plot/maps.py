@@ -214,12 +214,7 @@ _LABEL = "$\\partial \\ln \\mu \\;/\\; \\partial \\ln E_i$ [-]"
 
 
 def plot_sensitivity(
-    velocity: ArrayLike,
-    tau: ArrayLike,
-    values: ArrayLike,
-    ax: Axes | None = None,
-    *,
-    label: str = _LABEL,
+    velocity: ArrayLike, tau: ArrayLike, values: ArrayLike, ax: Axes | None = None, *, label: str = _LABEL
 ) -> Axes:
     r"""Draw d ln mu / d ln E_i as a heat map over log10 v and log10 tau_i.
 

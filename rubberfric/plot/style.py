@@ -174,10 +174,7 @@ def check_instance(name: str, value: object, kind: type) -> None:
 
 
 def legend(
-    axes: Axes,
-    handles: Iterable[Handle] | None = None,
-    scale_right: bool = False,
-    inside: str = "best",
+    axes: Axes, handles: Iterable[Handle] | None = None, scale_right: bool = False, inside: str = "best"
 ) -> None:
     """Add a legend outside the axes if the layout makes room for it, otherwise inside.
 

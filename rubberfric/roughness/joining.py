@@ -14,13 +14,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.checks import is_concrete, shown
 from rubberfric.roughness.moments import moment
-from rubberfric.roughness.spectra import (
-    Spectrum,
-    log_power_spectrum,
-    log_ratio,
-    mean_growth,
-    power_law_of,
-)
+from rubberfric.roughness.spectra import Spectrum, log_power_spectrum, log_ratio, mean_growth, power_law_of
 from rubberfric.roughness.tabulated import TabulatedSpectrum
 
 METHODS = ("crossover", "mean")

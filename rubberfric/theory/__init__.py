@@ -3,11 +3,4 @@
 from rubberfric.theory.model import contact_area, friction, separation, solve
 from rubberfric.theory.structure import Solution, quantities_of
 
-__all__ = [
-    "Solution",
-    "contact_area",
-    "friction",
-    "quantities_of",
-    "separation",
-    "solve",
-]
+__all__ = ["Solution", "contact_area", "friction", "quantities_of", "separation", "solve"]

@@ -219,11 +219,7 @@ def heat_of(
 
 
 def temperature_at(
-    roughness: Roughness,
-    contact: Contact,
-    temperatures: Temperatures,
-    points: HeatedPoints,
-    q: jax.Array,
+    roughness: Roughness, contact: Contact, temperatures: Temperatures, points: HeatedPoints, q: jax.Array
 ) -> jax.Array:
     """Return the temperatures of the deformable solids at wavevectors q [K].
 

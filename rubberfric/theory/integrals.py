@@ -28,12 +28,7 @@ from rubberfric.theory.area.boundary_elements_law import Law, prepare_law, solve
 from rubberfric.theory.area.partial_contact import separation_weight
 from rubberfric.theory.contact import Contact, Roughness
 from rubberfric.theory.contributions import contribution, total
-from rubberfric.theory.heat_balance import (
-    Temperatures,
-    Thermal,
-    macroasperity,
-    prepare_thermal,
-)
+from rubberfric.theory.heat_balance import Temperatures, Thermal, macroasperity, prepare_thermal
 from rubberfric.theory.stiffness.means_table import MeansTable
 from rubberfric.theory.stiffness.series import modulus_scale
 from rubberfric.theory.stiffness.stiffness_means import Tables

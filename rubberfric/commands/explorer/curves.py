@@ -314,9 +314,7 @@ def read_points(path: StrPath, scene: Scene, conditions: Conditions) -> Measured
     elif T is not None and conditions.temperature is None:
         raise ValueError(f"{path}: has temperatures, but [run] of the scene has none; add one")
     at = Conditions(
-        table["v"],
-        conditions.pressure if p is None else p,
-        conditions.temperature if T is None else T,
+        table["v"], conditions.pressure if p is None else p, conditions.temperature if T is None else T
     )
     check_conditions(f"{path}: ", at, scene)
     check_plausible_conditions(f"{path}: ", at)

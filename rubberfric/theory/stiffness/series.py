@@ -58,10 +58,7 @@ def modulus_scale(scene: Scene) -> jax.Array:
 
 
 def relaxing_stiffness(
-    surface: RoughSurface,
-    scale: jax.Array,
-    q: jax.Array,
-    temperatures: SurfaceTemperatures = AT_REFERENCE,
+    surface: RoughSurface, scale: jax.Array, q: jax.Array, temperatures: SurfaceTemperatures = AT_REFERENCE
 ) -> PronyStiffness | Tabulated | SoftenedInSeries:
     """Return F of K_j if the strained solid relaxes, without the factor of `layer_factor`.
 
