@@ -292,10 +292,7 @@ class Measured:
         write_table(path, columns, "\n".join(comment))
 
     def write_group(self, group: h5py.Group) -> None:
-        """Store the data in an open, empty HDF5 group.
-
-        `fitting.data.files.read_group` reads the group.
-        """
+        """Store the data in an open, empty HDF5 group. `fitting.data.files.read_group` reads the group."""
         group.attrs["kind"] = self.quantity
         group.attrs["name"] = self.name
         if (body := getattr(self, "body", None)) is not None:

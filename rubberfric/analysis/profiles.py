@@ -383,10 +383,7 @@ def _separations(scene, prepared, surfaces, densities, q, quadrature, points):
 
 
 def _beyond(law, q):
-    """Remove the roughness below q from a power law.
-
-    The pieces of the power law below q get zero width.
-    """
+    """Remove the roughness below q from a power law. The pieces of the power law below q get zero width."""
     # At a kink the derivative with respect to q is taken from the piece above.
     q = jnp.where(q < law.q[-1], q, law.q[-1])
     above = law.q > q

@@ -51,10 +51,7 @@ def progress(label: str = "") -> "Progress":
 
 
 class Progress:
-    """Function that shows progress, see `progress`.
-
-    The function shows nothing if `place` is None.
-    """
+    """Function that shows progress, see `progress`. The function shows nothing if `place` is None."""
 
     def __init__(
         self, label: str, place: "Place | None", clock: Callable[[], float] = time.monotonic

@@ -43,10 +43,7 @@ class Column(NamedTuple):
         return value
 
     def check(self, where: str, value: float) -> None:
-        """Raise ValueError if a value in SI is invalid.
-
-        The message begins with `where`.
-        """
+        """Raise ValueError if a value in SI is invalid. The message begins with `where`."""
         if not math.isfinite(value):
             raise ValueError(f"{where}: must be finite in SI units")
         if self.positive and not value > 0:

@@ -202,10 +202,7 @@ def write_object(parent: h5py.Group, name: str, value: PhysicalObject) -> None:
 
 
 def read_object(group: Any) -> PhysicalObject:
-    """Read the physical object in a group.
-
-    The message of a ValueError names the group and the fault.
-    """
+    """Read the physical object in a group. The message of a ValueError names the group and the fault."""
     where, known = group.name, kinds(PhysicalObject)
     if not isinstance(group, h5py.Group):
         raise ValueError(f"{where}: must be a group, not a dataset")

@@ -110,10 +110,7 @@ def plot_area(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> Axes:
-    """Draw A/A0 over log10 v.
-
-    The arguments are the same as for `plot_friction`.
-    """
+    """Draw A/A0 over log10 v. The arguments are the same as for `plot_friction`."""
     return _quantity(curves_of(result, velocity, pressure, temperature, "area"), "area", ax)
 
 
@@ -125,10 +122,7 @@ def plot_separation(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> Axes:
-    """Draw the mean separation in µm over log10 v.
-
-    The arguments are the same as for `plot_friction`.
-    """
+    """Draw the mean separation in µm over log10 v. The arguments are the same as for `plot_friction`."""
     return _quantity(curves_of(result, velocity, pressure, temperature, "separation"), "separation", ax)
 
 

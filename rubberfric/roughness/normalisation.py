@@ -258,10 +258,7 @@ def _abel(x, start, end, log_value, exponent, weight):
 
 
 def _arcosh(q, x):
-    """Return arcosh(q / x) for x <= q <= 2 x.
-
-    The derivative at q = x, which is infinite, is set to 0.
-    """
+    """Return arcosh(q / x) for x <= q <= 2 x. The derivative at q = x, which is infinite, is set to 0."""
     excess = (q - x) / x
     beyond = excess > 0
     excess = jnp.where(beyond, excess, 1.0)

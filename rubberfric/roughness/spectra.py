@@ -192,10 +192,7 @@ def log_ratio(q: jax.Array | np.ndarray, start: jax.Array | np.ndarray) -> jax.A
 
 
 def power_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
-    """Return C [m^4] at wavevectors q [1/m] of any shape.
-
-    C is zero outside the spectrum's range.
-    """
+    """Return C [m^4] at wavevectors q [1/m] of any shape. C is zero outside the spectrum's range."""
     check_kind("spectrum", spectrum, Spectrum)
     return _power_spectrum(spectrum, no_list(q))
 
@@ -234,10 +231,7 @@ def log_plateau(spectrum: SelfAffine) -> jax.Array:
 
 
 def mean_growth(y: jax.Array) -> jax.Array:
-    """Return (e^y - 1) / y, which is the mean of e^(x y) over x = 0 ... 1.
-
-    The value at y = 0 is 1.
-    """
+    """Return (e^y - 1) / y, which is the mean of e^(x y) over x = 0 ... 1. The value at y = 0 is 1."""
     near = jnp.abs(y) < 1e-2
     safe = jnp.where(near, 1.0, y)
     series = 1 + y / 2 * (1 + y / 3 * (1 + y / 4 * (1 + y / 5 * (1 + y / 6))))

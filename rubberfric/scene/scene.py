@@ -302,10 +302,7 @@ def relaxes(body: Body) -> bool:
 
 
 def dissipates(scene: Scene) -> bool:
-    """Return True if roughness excites a viscoelastic solid.
-
-    Otherwise the viscoelastic friction is 0.
-    """
+    """Return True if roughness excites a viscoelastic solid. Otherwise the viscoelastic friction is 0."""
     return any(relaxes(other) for _, other in rough_surfaces(scene))
 
 

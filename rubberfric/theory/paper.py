@@ -163,18 +163,12 @@ def _integrals(gamma, S_in_G, rough, nodes, v, sigma_0, T):
 
 
 def M_j(body: Body, q: jax.Array, omega: jax.Array | None, T: jax.Array | None) -> jax.Array | float:
-    """Return the compliance M_j(q, omega) of one solid [m/Pa].
-
-    `omega` None stands for omega = 0.
-    """
+    """Return the compliance M_j(q, omega) of one solid [m/Pa]. `omega` None stands for omega = 0."""
     return 2 / (q * E_r(body.material, omega, T) * S_bar(body, q)) if body.material.deforms else 0.0  # (A10)
 
 
 def E_r(material: Material, omega: jax.Array | None, T: jax.Array | None) -> jax.Array:
-    """Return E / (1 - nu^2) [Pa].
-
-    `omega` may have any sign [rad/s]. `omega` None stands for omega = 0.
-    """
+    """Return E / (1 - nu^2) [Pa]. `omega` may have any sign [rad/s]. `omega` None stands for omega = 0."""
     if omega is None:
         E = apply_vertical_shift(material.static_modulus(), material.shift, T)
     else:

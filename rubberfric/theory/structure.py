@@ -76,10 +76,7 @@ def has_transverse_force(scene: Scene) -> bool:
 
 @dataclasses.dataclass(frozen=True)
 class RequiredMeans:
-    """Means that are integrated over the roughness.
-
-    A field is False if the mean is not needed or is zero.
-    """
+    """Means that are integrated over the roughness. A field is False if the mean is not needed or is zero."""
 
     mean_abs2: bool = False  # <|K|^2>, and so G(q)
     area: bool = False  # P with S in G, if the scene has it
@@ -215,10 +212,7 @@ class Structure:
 
 
 def rough_surfaces_of(scene: Scene) -> tuple[RoughSurface, ...]:
-    """Return the rough surfaces of a scene.
-
-    The roughness of the lower solid comes first.
-    """
+    """Return the rough surfaces of a scene. The roughness of the lower solid comes first."""
     found: list[tuple[Body, Body, str, Spectrum, BrokenPowerLaw]] = []
     for side, rough, strained in (("upper", scene.lower, scene.upper), ("lower", scene.upper, scene.lower)):
         if rough.spectrum is not None:

@@ -60,10 +60,7 @@ class Rises(NamedTuple):
 def solve_temperatures(
     thermal: Thermal, roughness: Roughness, velocity: jax.Array, pressure: jax.Array, background: jax.Array
 ) -> Temperatures:
-    """Return the `Temperatures` of a heated scene at points.
-
-    The conditions have the shape (points,).
-    """
+    """Return the `Temperatures` of a heated scene at points. The conditions have the shape (points,)."""
     points = velocity, pressure, background
     heat = heat_balance(thermal, roughness, thermal.diffusion, points)
     if thermal.coarse is None:

@@ -205,10 +205,7 @@ def _pairs_jvp(primals, tangents):
 
 @jax.custom_jvp
 def _sums(weights, tau, qv):
-    """Sum over the terms at every q v in one pass.
-
-    No array of size terms x points is stored.
-    """
+    """Sum over the terms at every q v in one pass. No array of size terms x points is stored."""
     front = (slice(None), *(None,) * qv.ndim)
     stored = {name: _stored(weight)[front] for name, weight in weights.items()}
     return _sums_of_rows(stored, _stored(tau)[front] * qv)

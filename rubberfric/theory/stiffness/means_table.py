@@ -131,10 +131,7 @@ def _mixed_weights(weights, mix):
 
 
 def _root(power):
-    """Return the square root of <|F|^2>, with a positive floor.
-
-    F and G are 0 if two liquids are at rest.
-    """
+    """Return the square root of <|F|^2>, with a positive floor. F and G are 0 if two liquids are at rest."""
     return jnp.sqrt(jnp.maximum(power, float(jnp.finfo(power.dtype).tiny) ** 0.8))
 
 

@@ -113,10 +113,7 @@ def tabulated_stiffness(surface: RoughSurface, scale: jax.Array) -> Tabulated | 
 def static_stiffness(
     surface: RoughSurface, scale: jax.Array, q: jax.Array, temperatures: SurfaceTemperatures = AT_REFERENCE
 ) -> jax.Array:
-    """Return K_j / (q/2 scale) if the strained solid does not relax.
-
-    The solids are springs in series.
-    """
+    """Return K_j / (q/2 scale) if the strained solid does not relax. The solids are springs in series."""
     solids = (
         (surface.rough, surface.softened_rough, temperatures.rough),
         (surface.strained, surface.softened, temperatures.strained),

@@ -129,10 +129,7 @@ def _along(x, values):
 
 
 def _modulus(material, moduli, s, qv):
-    """Return E' and E'' at the frequencies q v e^-s, of shape (..., directions).
-
-    E'' is odd in q v.
-    """
+    """Return E' and E'' at the frequencies q v e^-s, of shape (..., directions). E'' is odd in q v."""
     log_qv, sign = log_frequency(material, qv)
     storage, loss = moduli_at(material, moduli, log_qv[..., None] - jnp.asarray(s, log_qv.dtype))
     return storage, loss * sign[..., None]

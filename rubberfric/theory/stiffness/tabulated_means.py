@@ -149,10 +149,7 @@ class Parts(NamedTuple):
 
 
 def stiffness_parts(F: Tabulated, storage: jax.Array, loss: jax.Array) -> Parts:
-    """Return the `Parts` of F for E' and E''.
-
-    The spring is a constant, or has the shape of E' and E''.
-    """
+    """Return the `Parts` of F for E' and E''. The spring is a constant, or has the shape of E' and E''."""
     storage, loss = F.scale * storage, F.scale * loss
     power = storage**2 + loss**2
     if F.spring is None:
