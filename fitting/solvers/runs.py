@@ -158,6 +158,9 @@ def run_fits(
             else:
                 new = start(solver, structure, numbers, here, iterate.x)
             progress.keep(which, jax.tree.map(lambda a, n=which.size: np.asarray(a)[:n], new), stepping)
+            own = progress.iterate.own
+            if isinstance(own, np.ndarray) and own.dtype == object:
+                own[progress.iterate.status != RUNNING] = None  # the large models of fits that have ended
             total += stepping
             if stepping and callback is not None:
                 cost = progress.iterate.cost
