@@ -230,29 +230,14 @@ def calibration(
         raise ValueError(f"draws = {draws}: must be an integer >= {_LEAST}")
     if on not in POSTERIORS:
         raise ValueError(f"on = {shown(on)}: must be one of {', '.join(POSTERIORS)}")
-    data = as_data_sets(data_plan)
-    for one in data:
-        if one.error is None:
-            raise ValueError(
-                f"data {one.label!r} have no errors; give errors, because simulated data are drawn with them"
-            )
-    problem = make_problem(scene, data, free, prior, quadrature=quadrature)
-    if discrepancy is not None:
-        check_discrepancy(discrepancy, data, "linear", "auto")
-        for name in ("amplitude", "width"):
-            if getattr(discrepancy, name) is None:
-                raise ValueError(f"discrepancy: {name} = None: must be given, because data are drawn with it")
-        problem = with_discrepancy(problem, [scene] * len(data), data, discrepancy)
+    problem = _planned(scene, as_data_sets(data_plan), free, prior, discrepancy, quadrature)
     key = jax.random.key(0) if key is None else key
     x, targets = _twins(problem, members, key)
     fits = Members("calibration", problem, x, targets, NEAR_MINIMUM, NEAR_MINIMUM.max_steps)
     found = run_ensemble(fits, callback=callback)
     good = succeeded(found.status)
     x, targets = x[good], targets._replace(measured=targets.measured[good])
-    of = padded(problem)
-    _, slopes = evaluate_rows(of.structure, of.numbers, found.x[good], slopes=True)
-    jacobian = np.stack([errors_of_slopes(of, one) for one in slopes])
-    covariance = np.linalg.inv(np.swapaxes(jacobian, 1, 2) @ jacobian)
+    covariance = _covariances(problem, found.x[good])
     deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     normal = scipy.special.ndtr((x - found.x[good]) / deviation)
     result = Calibration(
@@ -276,6 +261,31 @@ def calibration(
     if doubts := result.doubts():
         warnings.warn(f"calibration: {doubts}", RuntimeWarning, stacklevel=2)
     return result
+
+
+def _planned(scene, data, free, prior, discrepancy, quadrature):
+    """Return the problem of a planned fit, or raise ValueError if data cannot be drawn for it."""
+    for one in data:
+        if one.error is None:
+            raise ValueError(
+                f"data {one.label!r} have no errors; give errors, because simulated data are drawn with them"
+            )
+    problem = make_problem(scene, data, free, prior, quadrature=quadrature)
+    if discrepancy is not None:
+        check_discrepancy(discrepancy, data, "linear", "auto")
+        for name in ("amplitude", "width"):
+            if getattr(discrepancy, name) is None:
+                raise ValueError(f"discrepancy: {name} = None: must be given, because data are drawn with it")
+        problem = with_discrepancy(problem, [scene] * len(data), data, discrepancy)
+    return problem
+
+
+def _covariances(problem, x):
+    """Return the covariance at every row of x, the minima of several fits, shape (fits, size, size)."""
+    of = padded(problem)
+    _, slopes = evaluate_rows(of.structure, of.numbers, x, slopes=True)
+    jacobian = np.stack([errors_of_slopes(of, one) for one in slopes])
+    return np.linalg.inv(np.swapaxes(jacobian, 1, 2) @ jacobian)
 
 
 def _twins(problem: Problem, members: int, key: jax.Array) -> tuple[np.ndarray, Targets]:
