@@ -31,8 +31,8 @@ from rubberfric.analysis.reference import (
 )
 from rubberfric.analysis.reference import reference as reference_of
 from rubberfric.analysis.sweep import Accuracy, Row, with_automatic
-from rubberfric.commands import accuracy as accuracy_command
 from rubberfric.commands import main as command
+from rubberfric.commands import run as run_commands
 from rubberfric.io.results import Conditions
 from rubberfric.plot import plot_accuracy
 
@@ -407,7 +407,7 @@ def test_command(call, monkeypatch):
         told(found().rows[0], 1, 2)
         return found()
 
-    monkeypatch.setattr(accuracy_command, "accuracy", sweep_of)
+    monkeypatch.setattr(sweep, "accuracy", sweep_of)
     arguments = ("accuracy", "scene.toml", "--error", "1e-4", "--out", "t.csv", "--plot", "t.png")
     status, printed, complaint = call(*arguments)
     assert (status, complaint) == (0, "")
@@ -422,10 +422,10 @@ def test_command(call, monkeypatch):
 
 def test_velocities_are_thinned_to_a_number_of_points():
     conditions = Conditions(np.logspace(-8, 2, 41), np.array([1e5, 2e5]), np.array([283.15, 293.15, 303.15]))
-    velocity = accuracy_command.thinned(conditions)
+    velocity = run_commands.thinned(conditions)
     assert velocity.size == 10 and set(velocity) < set(conditions.velocity)
     few = conditions._replace(velocity=np.array([1.0, -2.0]))
-    np.testing.assert_array_equal(accuracy_command.thinned(few), [1.0, -2.0])
+    np.testing.assert_array_equal(run_commands.thinned(few), [1.0, -2.0])
 
 
 @pytest.mark.parametrize(
