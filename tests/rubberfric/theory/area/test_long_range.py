@@ -194,10 +194,14 @@ def test_light_loads_agree_with_brute_force():
 )
 def test_the_attraction_agrees_with_brute_force(pressure):
     brute = DmtAttraction(5.8e4, 1.8e5, 2.5e6, 0.62, 3.1e-6, 4e6 / (1 - 0.49**2), 1.0)
-    prepared = prepare(_plateau(0.3), ("area", "separation"), rf.Quadrature())
-    at = jnp.array([pressure])
-    given = prepared.adhesion, prepared.roughness, 0 * at, at, [SurfaceTemperatures(None, None)]
-    share = relative_attraction(*given)[1]
+
+    @jax.jit
+    def attraction(at):
+        prepared = prepare(_plateau(0.3), ("area", "separation"), rf.Quadrature())
+        given = prepared.adhesion, prepared.roughness, 0 * at, at, [SurfaceTemperatures(None, None)]
+        return relative_attraction(*given)[1]
+
+    share = attraction(jnp.array([pressure]))
     assert float(share[0]) == pytest.approx(brute.attraction(pressure, 1.5e-6), rel=1e-5)
 
 
@@ -324,9 +328,14 @@ def test_friction_is_that_of_the_load_over_the_pressure():
 def test_the_table_of_where_contact_is_lost():
     """Against derivatives of the formula."""
     log_x = np.random.default_rng(0).uniform(-12, 1.6, 300)
+
+    @jax.jit
+    def both(gamma, c):
+        slope = jax.vmap(jax.grad(lambda t: -loss_weight(jnp.exp(t), c, gamma)))(log_x)
+        return loss_table(gamma)(jnp.asarray(log_x), c), slope
+
     for gamma, c in ((0.5, 4 / math.pi), (0.0, 30.0), (1.0, 0.0)):
-        slope = jax.vmap(jax.grad(lambda t, c=c, gamma=gamma: -loss_weight(jnp.exp(t), c, gamma)))(log_x)
-        table = loss_table(jnp.asarray(gamma))(jnp.asarray(log_x), jnp.asarray(c))
+        table, slope = both(gamma, c)
         np.testing.assert_allclose(table, slope, atol=3e-8 * float(np.abs(slope).max()) + 1e-10)
 
 
