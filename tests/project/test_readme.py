@@ -135,7 +135,9 @@ def test_recipe_of_a_material(tmp_path):
         np.testing.assert_allclose(rf.complex_modulus(scene.upper.material, omega), exact, rtol=1e-13)
         rf.save_scene(tmp_path / "scene.h5", scene)
         again = rf.load_scene(tmp_path / "scene.h5")
-        slope = jax.grad(lambda s: rf.friction(s.replace("upper.material.tau", 1e-5), 0.01, 1e5))(again)
+        slope = jax.jit(jax.grad(lambda s: rf.friction(s.replace("upper.material.tau", 1e-5), 0.01, 1e5)))(
+            again
+        )
         assert np.isfinite(slope.upper.material.alpha) and slope.upper.material.alpha != 0
         assert "upper.material.alpha" in scene._repr_html_()
         with pytest.raises(ValueError, match=r"FractionalZener\.alpha = 2\.0: must be between 0\.3 and 1\.0"):

@@ -198,7 +198,7 @@ def test_every_class_in_every_transformation(name):
     equals(function(given, at))
     equals(jax.jit(lambda at: function(given, at))(at))  # closed over
     equals(
-        jax.vmap(lambda x: function(given, x[None])[..., 0], out_axes=-1)(at)
+        jax.jit(jax.vmap(lambda x: function(given, x[None])[..., 0], out_axes=-1))(at)
         if expected.ndim and (expected.shape[-1] == len(at))
         else expected
     )
@@ -207,8 +207,8 @@ def test_every_class_in_every_transformation(name):
         return
     # Many objects at once.
     steps = jnp.array([-1e-3, 0.0, 2e-3])
-    many = jax.vmap(lambda x: _scaled(given, x, direction))(steps)
-    for row, x in zip(jax.vmap(function, (0, None))(many, at), steps, strict=True):
+    many = jax.jit(jax.vmap(lambda x: _scaled(given, x, direction)))(steps)
+    for row, x in zip(jax.jit(jax.vmap(function, (0, None)))(many, at), steps, strict=True):
         equals(row, np.asarray(compiled(_scaled(given, x, direction), at)), 1e-11)
 
     def along(x, given=given):

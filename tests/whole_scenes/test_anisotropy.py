@@ -60,6 +60,7 @@ def by_quadrature(a, m):
     return [np.sum(measure * part) for part in parts]
 
 
+@jax.jit
 def mixed(shares, qv):
     """The four means of one term with shares of their harmonics, (4, nodes)."""
     F = PronyStiffness(*as_arrays((REST, np.ones(1), np.ones(1))))
@@ -68,16 +69,17 @@ def mixed(shares, qv):
     return jnp.concatenate([found[kind][0] for kind in needs.kinds])
 
 
-def harmonic_means(qv, count=6):
+@jax.jit
+def harmonic_means(qv):
     """The harmonics one by one, (4, count, nodes): derivatives of the sum, which is linear in the shares."""
-    by_cosine, by_sine = jax.jacfwd(mixed)((jnp.zeros(count), jnp.zeros(count)), qv)
+    by_cosine, by_sine = jax.jacfwd(mixed)((jnp.zeros(6), jnp.zeros(6)), qv)
     return jnp.moveaxis(jnp.concatenate([by_cosine[:3], by_sine[3:]]), -1, 1)
 
 
 def test_harmonics_of_the_means():
     """m = 1 ... 6 at a = q v tau = 1e-8 ... 1e8, all digits of the mean over all directions."""
     a = np.logspace(-8, 8, 33)
-    found = np.asarray(jax.jit(harmonic_means)(jnp.asarray(a)))
+    found = np.asarray(harmonic_means(jnp.asarray(a)))
     for j, x in enumerate(a):
         r = np.hypot(1, x)
         one, sine = x / r * (x / (1 + r)), x / r / (1 + r)
@@ -85,7 +87,7 @@ def test_harmonics_of_the_means():
         for m in range(1, 7):
             error = np.abs(found[:, m - 1, j] - by_quadrature(x, m)) / scale
             assert (error < 1e-12).all(), (x, m, error)
-    np.testing.assert_allclose(jax.jit(harmonic_means)(-jnp.asarray(a)), found * SIGN, rtol=1e-15)
+    np.testing.assert_allclose(harmonic_means(-jnp.asarray(a)), found * SIGN, rtol=1e-15)
     assert not np.asarray(harmonic_means(jnp.zeros(1))).any()
 
 
@@ -97,7 +99,7 @@ def test_mixed_harmonics_are_the_sum():
     rng, qv = np.random.default_rng(0), jnp.logspace(-3, 3, 7)
     one = as_arrays(tuple(rng.normal(size=(2, 6))))
     each = as_arrays(tuple(rng.normal(size=(2, 6, 7))))
-    none, means = jnp.zeros(6), np.asarray(jax.jit(harmonic_means)(qv))
+    none, means = jnp.zeros(6), np.asarray(harmonic_means(qv))
     plain = np.asarray(mixed((none, none), qv))
     for cosine, sine in (one, each):
         shares = np.broadcast_to(np.reshape([cosine] * 3 + [sine], (4, 6, -1)), (4, 6, 7))
@@ -460,7 +462,7 @@ def test_cutoff_of_a_stretched_surface():
     assert float(rf.rms_slope(cut)) == pytest.approx(0.7, rel=1e-12)
     np.testing.assert_allclose(rf.power_spectrum(cut, 500.0), rf.power_spectrum(ROAD, 500.0), rtol=1e-12)
     smooth = rf.Anisotropic(dataclasses.replace(ROAD, h_rms=0.0), 3.0)
-    slope = jax.grad(rf.rms_slope)(as_arrays(smooth))
+    slope = jax.jit(jax.grad(rf.rms_slope))(as_arrays(smooth))
     assert np.isfinite(slope.base.h_rms) and slope.base.h_rms > 0
     with pytest.raises(ValueError, match="must be at most"):
         rf.roughness.cutoff(rf.TabulatedAnisotropic([1.0, 2.0], 1e-9 * np.ones((2, 5))))

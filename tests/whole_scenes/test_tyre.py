@@ -42,7 +42,7 @@ def test_friction_and_area_follow_the_program():
 
 @pytest.mark.slow
 def test_gradients_of_the_real_scene_are_finite():
-    gradient = jax.grad(lambda s: jnp.sum(rf.friction(s, np.logspace(-5, 1, 7), PRESSURE)))(scene())
+    gradient = jax.jit(jax.grad(lambda s: jnp.sum(rf.friction(s, np.logspace(-5, 1, 7), PRESSURE))))(scene())
     for leaf in jax.tree_util.tree_leaves(gradient):
         assert bool(jnp.all(jnp.isfinite(leaf)))
     by_storage, by_loss = gradient.lower.material.storage, gradient.lower.material.loss

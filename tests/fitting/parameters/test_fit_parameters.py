@@ -206,7 +206,7 @@ EVERY_RULE = {
 
 def test_slopes_are_the_diagonal_of_the_jacobian():
     layout, constants, x = free_parameters(SCENE, EVERY_RULE)
-    jacobian = jax.jacfwd(lambda x: to_values(layout, constants, x))(jnp.asarray(x))
+    jacobian = jax.jit(jax.jacfwd(lambda x: to_values(layout, constants, x)))(jnp.asarray(x))
     np.testing.assert_allclose(jacobian, np.diag(slopes(layout, constants, jnp.asarray(x))), rtol=1e-15)
 
 
@@ -227,7 +227,7 @@ def test_far_out_values_and_gradients_are_finite(rule, x, value):
     layout, constants, _ = free_parameters(SCENE, free)
     at = jnp.asarray([x])
     assert float(to_values(layout, constants, at)[0]) == pytest.approx(value, rel=1e-13)
-    gradient = jax.grad(lambda x: to_values(layout, constants, x)[0])(at)
+    gradient = jax.jit(jax.grad(lambda x: to_values(layout, constants, x)[0]))(at)
     assert np.isfinite(gradient).all() and np.isfinite(slopes(layout, constants, at)).all()
     np.testing.assert_allclose(gradient, slopes(layout, constants, at), rtol=1e-15)
 
@@ -235,7 +235,7 @@ def test_far_out_values_and_gradients_are_finite(rule, x, value):
 def test_a_bounded_value_never_leaves_its_bounds():
     x = jnp.concatenate([jnp.linspace(-800.0, 800.0, 4001), jnp.asarray([-jnp.inf, jnp.inf])])
     layout, constants, _ = free_parameters(SCENE, {"lower.spectrum.hurst": Bounded(0.3, 1.0)})
-    value = jax.vmap(lambda x: to_values(layout, constants, x[None])[0])(x)
+    value = jax.jit(jax.vmap(lambda x: to_values(layout, constants, x[None])[0]))(x)
     assert float(value.min()) >= 0.3 and float(value.max()) <= 1.0
     assert np.all(np.diff(value[:-2]) >= 0)
 
@@ -350,7 +350,7 @@ def test_tied_elements_keep_their_ratio_to_their_source():
     def relaxed(x):
         return to_scene(layout, constants, x).upper.material.E_inf
 
-    assert float(jax.grad(relaxed)(jnp.asarray(x))[0]) == pytest.approx(3e6, rel=1e-13)
+    assert float(jax.jit(jax.grad(relaxed))(jnp.asarray(x))[0]) == pytest.approx(3e6, rel=1e-13)
 
 
 @pytest.mark.parametrize(
@@ -408,7 +408,7 @@ def test_float32_scenes_keep_their_dtype():
     layout, constants, x = free_parameters(scene, free)
     constants, x = cast((constants, x), np.float32)
     assert {a.dtype for a in jax.tree.leaves(to_scene(layout, constants, x))} == {np.dtype(np.float32)}
-    gradient = jax.grad(lambda x: to_scene(layout, constants, x).gamma)(x)
+    gradient = jax.jit(jax.grad(lambda x: to_scene(layout, constants, x).gamma))(x)
     assert gradient.dtype == np.float32 and np.isfinite(gradient).all()
 
 
@@ -458,7 +458,7 @@ def test_random_starts_lie_where_the_docstring_says():
     layout, constants, x = free_parameters(SCENE, EVERY_RULE)
     starts = random_starts(layout, x, jax.random.key(3), 2000, decades=2.0)
     np.testing.assert_array_equal(starts[0], x)
-    values = np.asarray(jax.vmap(lambda x: to_values(layout, constants, x))(starts))[1:]
+    values = np.asarray(jax.jit(jax.vmap(lambda x: to_values(layout, constants, x)))(starts))[1:]
     decades = np.log10(values[:, :4] / np.array(RUBBER.E))
     assert np.all(np.abs(decades) <= 2 + 1e-12) and np.all(np.ptp(decades, axis=0) > 3.9)
     place = (values[:, 4] - 0.3) / 0.7
@@ -507,5 +507,5 @@ def test_an_optimiser_on_unconstrained_numbers():
         change, state = optimiser.update(slope(x), state)
         x = optax.apply_updates(x, change)
     np.testing.assert_allclose(to_scene(x).lower.spectrum.h_rms, target, rtol=1e-3)
-    far = jax.vmap(to_scene)(jnp.array([[0.0, -50.0], [0.0, 50.0]]))
+    far = jax.jit(jax.vmap(to_scene))(jnp.array([[0.0, -50.0], [0.0, 50.0]]))
     assert np.all((far.lower.spectrum.hurst >= 0.3) & (far.lower.spectrum.hurst <= 1.0))

@@ -15,7 +15,8 @@ import rubberfric as rf
 from fitting import Bounded, Free, Gaussian, ModulusData, Positive, Smooth, Sum, Tied, fit
 from fitting.parameters.priors import prior_residuals, prior_size, read_priors
 from fitting.parameters.variables import free_parameters, to_scene, to_values
-from fitting.solvers.objective import LOSS_WIDTHS, factors, rho
+from fitting.solvers import objective as losses
+from fitting.solvers.objective import LOSS_WIDTHS
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import objective, residuals
 from rubberfric.scene.scene import cast
@@ -223,6 +224,7 @@ def test_robust_losses_leave_priors_quadratic():
 # --- losses
 
 RESIDUALS = np.concatenate([[0.0], np.logspace(-8, 4, 37), -np.logspace(-3, 3, 7)])
+rho, factors = (jax.jit(function, static_argnums=0) for function in (losses.rho, losses.factors))
 
 
 @pytest.mark.parametrize("loss", LOSSES)
@@ -277,11 +279,13 @@ def test_values_and_derivatives_of_the_losses(loss, width):
 def test_factors_give_the_gradient_and_a_positive_curvature(loss):
     width = LOSS_WIDTHS[loss]
     first, second = factors(loss, width, jnp.asarray(RESIDUALS))
-    slope = jax.vmap(jax.grad(lambda r: 0.5 * rho(loss, width, r)[0]))(jnp.asarray(RESIDUALS))
+    slope = jax.jit(jax.vmap(jax.grad(lambda r: 0.5 * rho(loss, width, r)[0])))(jnp.asarray(RESIDUALS))
     # d(rho / 2) / dr = r rho': rows times both factors.
     np.testing.assert_allclose(RESIDUALS * first * second, slope, rtol=1e-13, atol=1e-300)
     assert np.all(np.asarray(second) > 0)
-    curvature = jax.vmap(jax.grad(jax.grad(lambda r: 0.5 * rho(loss, width, r)[0])))(jnp.asarray(RESIDUALS))
+    curvature = jax.jit(jax.vmap(jax.grad(jax.grad(lambda r: 0.5 * rho(loss, width, r)[0]))))(
+        jnp.asarray(RESIDUALS)
+    )
     convex = np.asarray(curvature) > 0.2 * np.asarray(first * second)
     np.testing.assert_allclose(np.asarray(second)[convex] ** 2, curvature[convex], rtol=1e-10)
 
@@ -294,7 +298,7 @@ def test_no_residual_breaks_a_loss(loss, width):
         assert np.isfinite(part).all()
     value, first, _ = rho(loss, width, residual)
     assert value[0] == 0 and first[0] == 1
-    gradient = jax.vmap(jax.grad(lambda r: rho(loss, width, r)[0]))(residual)
+    gradient = jax.jit(jax.vmap(jax.grad(lambda r: rho(loss, width, r)[0])))(residual)
     assert np.isfinite(gradient).all() and gradient[0] == 0
 
 

@@ -66,7 +66,7 @@ def test_slopes_are_those_of_finite_differences(name):
     ends = [[x_of(variables, constants, z + sign * s, moving) for s in shift] for sign in (1, -1)]
     expected = (np.array(ends[0]) - np.array(ends[1])).T / 2e-6
     np.testing.assert_allclose(slopes_of_x(variables, constants, z, moving), expected, atol=1e-7)
-    traced = jax.jacfwd(lambda z: x_of(variables, constants, z, jnp.asarray(moving)))(jnp.asarray(z))
+    traced = jax.jit(jax.jacfwd(lambda z: x_of(variables, constants, z, jnp.asarray(moving))))(jnp.asarray(z))
     np.testing.assert_allclose(traced, expected, atol=1e-7)
 
 

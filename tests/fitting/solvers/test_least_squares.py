@@ -75,6 +75,11 @@ def started(residuals, x, loss=SQUARES):
     return first_iterate(loss.cost(residuals(x)), x, jnp.asarray(1e-3))
 
 
+def one_step(residuals, with_jacobian=None):
+    """Return the compiled step of Levenberg-Marquardt."""
+    return jax.jit(functools.partial(step, residuals, with_jacobian or both(residuals)))
+
+
 def minimum(residuals, x, loss=SQUARES, max_steps=200, exact=None, **options):
     """The iterate at which Levenberg-Marquardt steps from x end, with the Jacobian of `exact`."""
 
@@ -187,15 +192,16 @@ def test_linear_problems():
     A = np.random.default_rng(1).standard_normal((6, 3))
     b = np.arange(6.0)
     iterate = started(lambda x: A @ x - b, np.zeros(3))._replace(own=jnp.asarray(1e-29))
-    after = step(lambda x: A @ x - b, both(lambda x: A @ x - b), iterate, longest=1e3)
+    after = one_step(lambda x: A @ x - b)(iterate, longest=1e3)
     np.testing.assert_allclose(after.x, np.linalg.lstsq(A, b, rcond=None)[0], rtol=1e-10)
 
     def residuals(x):
         return x - 1e3
 
     iterate = started(residuals, [0.0, 0.0])
+    step_from = one_step(residuals)
     for longest in (0.5, 3.0):
-        after = step(residuals, both(residuals), iterate, longest=longest)
+        after = step_from(iterate, longest=longest)
         assert np.max(np.abs(after.x)) == pytest.approx(longest)
 
 
@@ -207,13 +213,15 @@ def test_ends():
         return root(x), jnp.array([[-1.0]])
 
     iterate = started(root, [0.0])
+    step_from = one_step(root, wrong)
     for _ in range(20):
-        iterate = step(root, wrong, iterate)
+        iterate = step_from(iterate)
     assert iterate.status == STALLED and iterate.x[0] == 0 and iterate.own == STIFFEST
-    after = step(root, wrong, iterate)
+    after = step_from(iterate)
     assert all(np.all(a == b) for a, b in zip(after, iterate, strict=True))  # it is unchanged
     assert started(lambda x: jnp.log(x), [-1.0]).status == NOT_FINITE
-    infinite = step(lambda x: x, lambda x: (x, jnp.array([[jnp.nan]])), started(lambda x: x, [1.0]))
+    unknown = one_step(lambda x: x, lambda x: (x, jnp.array([[jnp.nan]])))
+    infinite = unknown(started(lambda x: x, [1.0]))
     assert infinite.status == NOT_FINITE and infinite.x[0] == 1.0
 
 

@@ -64,7 +64,7 @@ def test_it_is_minus_the_cost_and_level_at_the_fit(modulus):
     density = log_density(modulus)
     np.testing.assert_allclose(density(modulus.x), -modulus.cost, rtol=1e-12)
     assert float(modulus.log_density(modulus.x)) == float(density(modulus.x))
-    slope = jax.grad(density)(modulus.x)
+    slope = jax.jit(jax.grad(density))(modulus.x)
     # One standard error away it would be about one; a fit ends where less than its tolerance of
     # the cost is to be won, which is half the square of this.
     won = LevenbergMarquardt().tolerance * modulus.cost
@@ -72,8 +72,8 @@ def test_it_is_minus_the_cost_and_level_at_the_fit(modulus):
     steps = 1e-5 * np.eye(4)
     x = modulus.x + drawn(4, 0.3)
     found = [(density(x + h) - density(x - h)) / 2e-5 for h in steps]
-    np.testing.assert_allclose(jax.grad(density)(x), found, rtol=1e-7)
-    np.testing.assert_allclose(jax.jacfwd(density)(x), jax.grad(density)(x), rtol=1e-12)
+    np.testing.assert_allclose(jax.jit(jax.grad(density))(x), found, rtol=1e-7)
+    np.testing.assert_allclose(jax.jit(jax.jacfwd(density))(x), jax.jit(jax.grad(density))(x), rtol=1e-12)
 
 
 def test_its_curvature_is_the_inverse_covariance_but_for_the_bent_residuals(modulus):
@@ -132,7 +132,7 @@ def test_flat_in_values_counts_their_slopes(mixed):
     far[3] = 800.0
     expected = np.log(np.prod(values[:3]) * 0.7 * 0.2) - 800.0
     np.testing.assert_allclose(in_values(far) - in_x(far), expected, rtol=1e-12)
-    assert np.isfinite(jax.grad(in_values)(far)).all()
+    assert np.isfinite(jax.jit(jax.grad(in_values))(far)).all()
 
 
 def test_transformations_go_through(mixed):

@@ -47,7 +47,7 @@ def sums(quantity):
         at = rf.solve(SCENE, V * jnp.exp(x[0]), P * jnp.exp(x[1]), T, quantities=(quantity,))
         return jnp.log(getattr(at, quantity))
 
-    found = dict(zip(("v", "p"), np.array(jax.jacfwd(log_of)(jnp.zeros(2))).T, strict=True))
+    found = dict(zip(("v", "p"), np.array(jax.jit(jax.jacfwd(log_of))(jnp.zeros(2))).T, strict=True))
     for kind, of_kind in PATHS.items():
         found[kind] = sum(row for name, row in zip(names, rows, strict=True) if name.split("[")[0] in of_kind)
     return found
@@ -101,7 +101,7 @@ def test_tabulated_modulus():
         there = dataclasses.replace(scene, gamma=scene.gamma * jnp.exp(x[1]))
         return jnp.log(rf.friction(there, V, P * jnp.exp(x[0]), quadrature=FAST))
 
-    by_pressure, by_gamma = np.array(jax.jacfwd(log_of)(jnp.zeros(2))).T
+    by_pressure, by_gamma = np.array(jax.jit(jax.jacfwd(log_of))(jnp.zeros(2))).T
     np.testing.assert_allclose(rows[:24].sum(0) + by_pressure, 0, atol=1e-10)
     np.testing.assert_allclose(rows[24], by_gamma, atol=1e-11)
 
@@ -220,7 +220,7 @@ def test_transformations():
     np.testing.assert_allclose(
         jax.vmap(lambda s: fast(s, V, P, ROWS))(scenes)[1], expected, rtol=1e-12, atol=1e-14
     )
-    slope = jax.grad(lambda s: jnp.sum(fast(s, np.array([0.0, 0.1]), P, ROWS) ** 2))(SMALL)
+    slope = jax.jit(jax.grad(lambda s: jnp.sum(fast(s, np.array([0.0, 0.1]), P, ROWS) ** 2)))(SMALL)
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(slope))
 
 

@@ -35,10 +35,10 @@ def test_stress_density_in_50_digits(G):
 
 
 def test_stress_density_of_no_roughness_and_of_tension():
-    found = _stress_density(np.array([-1.0, 0.0, 1.0, 3.0]), 2.0, np.zeros(4))
-    assert (found == 0).all()
-    assert not np.any(_stress_density(np.array([-1e9, -1e-9, 0.0]), 2.0, np.ones(3)))
-    assert np.isfinite(jax.grad(_stress_density, (0, 1, 2))(1.0, 2.0, 0.0)).all()
+    density = jax.jit(_stress_density)
+    assert not np.any(density(np.array([-1.0, 0.0, 1.0, 3.0]), 2.0, np.zeros(4)))
+    assert not np.any(density(np.array([-1e9, -1e-9, 0.0, 0.0]), 2.0, np.ones(4)))
+    assert np.isfinite(jax.jit(jax.grad(_stress_density, (0, 1, 2)))(1.0, 2.0, 0.0)).all()
 
 
 @pytest.mark.parametrize("pressure", [1e3, 2e5, 3e8])
@@ -81,7 +81,7 @@ def test_contact_stiffness(name):
     """The paper's plain G in the separation, with S in the G of the area or without."""
     scene, v, p = conditions(CASES[name])
     found = float(rf.analysis.contact_stiffness(scene, v, p))
-    assert found == pytest.approx(-1 / float(jax.grad(rf.separation, 2)(scene, v, p)), rel=1e-8)
+    assert found == pytest.approx(-1 / float(jax.jit(jax.grad(rf.separation, 2))(scene, v, p)), rel=1e-8)
 
 
 @pytest.mark.slow
@@ -98,7 +98,7 @@ def test_stiffness_of_full_contact_and_of_light_load():
     assert (rf.analysis.contact_stiffness(smooth, np.ones(2), 1e5) == np.inf).all()
     full = rf.analysis.contact_stiffness(scene, v, np.array([1e12, 1e30]))
     assert (full > 1e100).all()
-    assert np.isfinite(jax.grad(rf.analysis.contact_stiffness, 2)(scene, v, 1e30))
+    assert np.isfinite(jax.jit(jax.grad(rf.analysis.contact_stiffness, 2))(scene, v, 1e30))
     light = rf.analysis.contact_stiffness(scene, v, np.array([1e-3, 2e-3]))
     assert light[1] / light[0] == pytest.approx(2.0, rel=1e-6)  # u_bar ~ -ln(pressure)
 

@@ -34,6 +34,9 @@ def laws(spectra):
     return [spectrum.power_law() for spectrum in spectra]
 
 
+known_laws = functools.cache(jax.jit(laws))
+
+
 @functools.partial(jax.jit, static_argnames=("graded", "logarithmic"))
 def built(spectra, borders=None, **options):
     return build_mesh(laws(spectra), rf.Quadrature(), borders=borders, **options)
@@ -52,7 +55,7 @@ def moment(law, order, q=None):
 
 @each
 def test_panels_cover_the_roughness_in_order(spectra):
-    mesh, ends = mesh_of(spectra), np.array([[law.q[0], law.q[-1]] for law in laws(spectra)])
+    mesh, ends = mesh_of(spectra), np.array([[law.q[0], law.q[-1]] for law in known_laws(spectra)])
     first, last = ends[:, 0].min(), ends[:, 1].max()
     q = np.asarray(mesh.q).ravel()
     assert (np.diff(q) >= -1e-13 * q[:-1]).all()
@@ -68,68 +71,91 @@ def test_panels_cover_the_roughness_in_order(spectra):
     np.testing.assert_allclose([left[0], (left + width)[-1]], np.log([first, last]), rtol=1e-12, atol=1e-13)
 
 
+@jax.jit
+def integrals(spectra, mesh):
+    """By the weights and exact, of every surface and order."""
+    return [
+        ([jnp.sum(weights * mesh.q**order) for order in ORDERS], [moment(law, order) for order in ORDERS])
+        for law, weights in zip(laws(spectra), mesh.roughness, strict=True)
+    ]
+
+
+ORDERS = -4.0, -2.0, 0.0, 1.5
+
+
 @each
-@pytest.mark.parametrize("order", [-4.0, -2.0, 0.0, 1.5])
-def test_weights_integrate_power_laws(spectra, order):
+def test_weights_integrate_power_laws(spectra):
     """The weights contain q^4 C, exact in every piece, so the integrand is a power of q."""
-    mesh = mesh_of(spectra)
-    for law, weights in zip(laws(spectra), mesh.roughness, strict=True):
-        found = jnp.sum(weights * mesh.q**order)
-        assert float(found) == pytest.approx(float(moment(law, order)), rel=1e-9)
+    for found, exact in integrals(as_arrays(spectra), mesh_of(spectra)):
+        np.testing.assert_allclose(found, exact, rtol=1e-9)
 
 
 @each
 def test_no_panel_has_a_kink_inside(spectra):
-    mesh = mesh_of(spectra)
-    for law in laws(spectra):
+    q = np.asarray(mesh_of(spectra).q)
+    for law in known_laws(spectra):
         for kink in np.asarray(law.q):
-            inside = (mesh.q < kink * (1 - 1e-12)).any(1) & (mesh.q > kink * (1 + 1e-12)).any(1)
+            inside = (q < kink * (1 - 1e-12)).any(1) & (q > kink * (1 + 1e-12)).any(1)
             assert not inside.any()
 
 
 def test_roughness_is_zero_outside_its_own_ends():
-    mesh = mesh_of((ROAD, WORN))
-    for law, weights in zip(laws((ROAD, WORN)), mesh.roughness, strict=True):
-        outside = (mesh.q < law.q[0] * (1 - 1e-12)) | (mesh.q > law.q[-1] * (1 + 1e-12))
+    mesh = jax.tree.map(np.asarray, mesh_of((ROAD, WORN)))
+    for law, weights in zip(known_laws((ROAD, WORN)), mesh.roughness, strict=True):
+        low, high = np.asarray(law.q)[[0, -1]]
+        outside = (mesh.q < low * (1 - 1e-12)) | (mesh.q > high * (1 + 1e-12))
         assert outside.any() and not weights[outside].any()
 
 
 def test_integrals_up_to_borders_are_sums_of_panels():
     """Borders just behind the beginning, at, between and beyond kinks; one outside is the nearer end."""
     borders = jnp.array([100 * (1 + 1e-11), 100 * (1 + 1e-6), 250.0, 1e3, 1.7e4, 10.0, 1e6])
-    law = ROAD.power_law()
     mesh = built(as_arrays((ROAD,)), borders)
-    before = np.concatenate([[0.0], np.cumsum(jnp.sum(mesh.roughness[0], 1))])
+    before = np.concatenate([[0.0], np.cumsum(np.sum(mesh.roughness[0], 1))])
     found = before[np.asarray(mesh.panels_below)]
-    exact = [float(moment(law, 0.0, jnp.clip(q, law.q[0], law.q[-1]))) for q in borders]
+
+    @jax.jit
+    def exact_integrals(road, q):
+        law = road.power_law()
+        return moment(law, 0.0, jnp.clip(q, law.q[0], law.q[-1]))
+
+    exact = exact_integrals(ROAD, borders)
     np.testing.assert_allclose(found, exact, rtol=1e-10)
 
 
-@pytest.mark.parametrize("spectra", slow_if(lambda name: name in ("two", "table"), SPECTRA))
-def test_interpolation_is_exact_for_polynomials(spectra):
-    """A polynomial in ln q of the degree of an angular panel, over the same and over other panels."""
-    mesh = mesh_of(spectra, logarithmic=True)
+@jax.jit
+def interpolated(mesh):
+    """Return wavevectors, a polynomial in ln q interpolated there, and its values: twice."""
     low, high = jnp.log(mesh.angular_q.min()), jnp.log(mesh.angular_q.max())
     degree = mesh.angular_q.shape[1] - 1
 
     def values(q):
         return jnp.cos(degree * jnp.arccos(jnp.clip(2 * (jnp.log(q) - low) / (high - low) - 1, -1, 1)))
 
-    within = (mesh.q >= mesh.angular_q.min()) & (mesh.q <= mesh.angular_q.max())
-    found = mesh.to_contact(values(mesh.angular_q)[:, None])[:, 0]
-    np.testing.assert_allclose(found[within], values(mesh.q)[within], atol=3e-10)
+    same = mesh.to_contact(values(mesh.angular_q)[:, None])[:, 0]
     q, basis = mesh.between.q, mesh.between.interpolate
-    within = (q >= mesh.angular_q.min()) & (q <= mesh.angular_q.max())
-    found = jnp.einsum("ki,kci->kc", mesh.serving(values(mesh.angular_q)), basis)
-    np.testing.assert_allclose(found[within], values(q)[within], atol=3e-10)
+    other = jnp.einsum("ki,kci->kc", mesh.serving(values(mesh.angular_q)), basis)
+    return [(mesh.q, same, values(mesh.q)), (q, other, values(q))]
+
+
+@pytest.mark.parametrize("spectra", slow_if(lambda name: name in ("two", "table"), SPECTRA))
+def test_interpolation_is_exact_for_polynomials(spectra):
+    """A polynomial in ln q of the degree of an angular panel, over the same and over other panels."""
+    mesh = mesh_of(spectra, logarithmic=True)
+    low, high = np.min(mesh.angular_q), np.max(mesh.angular_q)
+    for q, found, exact in jax.tree.map(np.asarray, interpolated(mesh)):
+        within = (q >= low) & (q <= high)
+        assert within.any()
+        np.testing.assert_allclose(found[within], exact[within], atol=3e-10)
 
 
 @pytest.mark.parametrize("name", ["self-affine", "plateau alone", "two"])
 def test_panels_shrink_towards_every_beginning(name):
     """P falls within ln(q/q0) ~ 1e-18 of it at light loads: the first panel ends at 4.5^-16 of the first."""
     mesh = mesh_of(SPECTRA[name])
-    for law in laws(SPECTRA[name]):
-        distance = np.asarray(jnp.log1p((mesh.q - law.q[0]) / law.q[0]))
+    for law in known_laws(SPECTRA[name]):
+        start = float(law.q[0])
+        distance = np.log1p((np.asarray(mesh.q) - start) / start)
         first = distance[distance > 1e-15].min()
         assert first < 1e-10
     plain = mesh_of(SPECTRA[name], graded=False)
@@ -145,8 +171,12 @@ def test_derivatives_move_with_the_borders(name):
         mesh = build_mesh([spectrum.power_law()], rf.Quadrature())
         return jnp.sum(mesh.roughness[0] * mesh.q**-1.5)
 
-    found, exact = (jax.jit(jax.grad(f))(spectrum) for f in (integral, lambda s: moment(s.power_law(), -1.5)))
-    for a, b, x in zip(*map(jax.tree.leaves, (found, exact, spectrum)), strict=True):
-        np.testing.assert_allclose(
-            a * x, b * x, rtol=1e-8, atol=1e-9 * float(moment(spectrum.power_law(), -1.5))
-        )
+    def known(spectrum):
+        return moment(spectrum.power_law(), -1.5)
+
+    found = jax.jit(jax.grad(integral))(spectrum)
+    value, exact = jax.jit(jax.value_and_grad(known))(spectrum)
+    for a, b, x in zip(
+        *map(jax.tree.leaves, jax.tree.map(np.asarray, (found, exact, spectrum))), strict=True
+    ):
+        np.testing.assert_allclose(a * x, b * x, rtol=1e-8, atol=1e-9 * float(value))

@@ -82,7 +82,7 @@ def test_from_C0(spectrum):
 def test_moment_derivatives(spectrum, order):
     """d ln moment / d ln theta, and d/dH, in 40 digits; order 0 is h_rms^2 whatever the rest."""
     leaves = (*spectrum, H_RMS)
-    slopes = jax.grad(lambda s: jnp.log(rf.roughness.moment(s, order)))(rf.SelfAffine(*leaves))
+    slopes = jax.jit(jax.grad(lambda s: jnp.log(rf.roughness.moment(s, order))))(rf.SelfAffine(*leaves))
     slopes = jax.tree.leaves(slopes)
     for i in range(4):
         with mp.workdps(40):
@@ -178,7 +178,8 @@ def test_what_spectra_answer():
     assert affine.entries() is None
     assert directions.entries() is directions.C
     for one in (affine, table, stretched, directions):
-        assert float(one.height_scale()) ** 2 == pytest.approx(float(one.power_law().height2))
+        scale, height2 = jax.jit(lambda one: (one.height_scale(), one.power_law().height2))(one)
+        assert float(scale) ** 2 == pytest.approx(float(height2))
     assert [float(rf.roughness.harmonics_left_out(one)) for one in (affine, table)] == [0, 0]
     assert rf.rms_slope(rf.with_cutoff(directions, 0.01)) == pytest.approx(0.01, rel=1e-12)
     kinds = "SelfAffine, TabulatedSpectrum, Anisotropic or TabulatedAnisotropic"

@@ -180,9 +180,9 @@ def test_many_points_are_taken_in_blocks_with_equal_results():
     for name in QUANTITIES:
         expected = np.concatenate([getattr(part, name) for part in parts])
         np.testing.assert_allclose(getattr(whole, name), expected, rtol=1e-13)
-    gradient = jax.grad(lambda s: jnp.sum(rf.friction(s, v, p)))(s)
+    gradient = jax.jit(jax.grad(lambda s: jnp.sum(rf.friction(s, v, p))))(s)
     expected = [
-        jax.grad(lambda s, i=i: jnp.sum(rf.friction(s, v[i : i + 300], p[i : i + 300])))(s)
+        jax.jit(jax.grad(lambda s, i=i: jnp.sum(rf.friction(s, v[i : i + 300], p[i : i + 300]))))(s)
         for i in range(0, v.size, 300)
     ]
     total = jax.tree_util.tree_map(lambda *x: sum(x), *expected)

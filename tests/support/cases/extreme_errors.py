@@ -9,7 +9,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from support.cases.extremes import CASES, changed
-from support.cases.stored import FOLDER, QUANTITIES, arguments, as_arrays, h_rms, paths, reverse, three
+from support.cases.stored import (
+    FOLDER,
+    QUANTITIES,
+    arguments,
+    as_arrays,
+    h_rms,
+    paths,
+    reverse,
+    three,
+    with_jacobian,
+)
 
 import rubberfric as rf
 
@@ -73,7 +83,7 @@ def _reverse_of(quadrature):
     def quantities(at):
         return jnp.stack(three(rf.solve(*at, quadrature=quadrature)))
 
-    return jax.jit(lambda at: (quantities(at), jax.jacrev(quantities)(at)))
+    return with_jacobian(quantities)
 
 
 def value_floor(case, dtype=float):

@@ -82,10 +82,17 @@ def quantities(arguments):
 value = jax.jit(quantities)
 
 
-@jax.jit
-def reverse(arguments):
-    """Values, and their Jacobian by reverse mode."""
-    return quantities(arguments), jax.jacrev(quantities)(arguments)
+def with_jacobian(function):
+    """Return a compiled function to the values of a function and their Jacobian by reverse mode."""
+
+    def twice(arguments):
+        found = function(arguments)
+        return found, found
+
+    return jax.jit(lambda arguments: jax.jacrev(twice, has_aux=True)(arguments)[::-1])
+
+
+reverse = with_jacobian(quantities)
 
 
 def h_rms(case):

@@ -158,7 +158,7 @@ def test_the_work_of_separation_is_the_largest_of_all_loads(share):
     found = float(rf.analysis.pull_off_force(scene, 1.0, 1e5)) / (1.5 * math.pi)
     assert left > 0 and found == pytest.approx(left, rel=1e-4)
     # Nothing is lost or gained between no load and the load that pulls them off: W is where it comes to rest.
-    slope = jax.grad(lambda s: rf.analysis.pull_off_force(s, 1.0, 1e5))(scene).adhesion.work
+    slope = jax.jit(jax.grad(lambda s: rf.analysis.pull_off_force(s, 1.0, 1e5)))(scene).adhesion.work
     near = [float(rf.analysis.pull_off_force(_scene(work * (1 + d)), 1.0, 1e5)) for d in (-1e-4, 1e-4)]
     assert float(slope) == pytest.approx((near[1] - near[0]) / (2e-4 * work), rel=1e-5)
 

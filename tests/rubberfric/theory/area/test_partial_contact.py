@@ -25,9 +25,15 @@ def slope(t, gamma):
     return 2 / mp.sqrt(mp.pi) * mp.exp(-t * t) * (gamma + 3 * (1 - gamma) * mp.erf(t) ** 2)
 
 
-@functools.cache
 def psi(x, gamma):
-    """Psi(x) = int_x^inf s'(t) / t dt: over ln t up to 1, over t^2 beyond."""
+    """Psi(x) = int_x^inf s'(t) / t dt, which is linear in gamma as s' is."""
+    with mp.workdps(40):
+        return gamma * psi_at_end(x, 1) + (1 - mp.mpf(gamma)) * psi_at_end(x, 0)
+
+
+@functools.cache
+def psi_at_end(x, gamma):
+    """Psi at gamma 0 or 1: over ln t up to 1, over t^2 beyond."""
     with mp.workdps(40):
         x, gamma = mp.mpf(x), mp.mpf(gamma)
         middle = max(x, mp.mpf(1))
@@ -47,7 +53,7 @@ def psi(x, gamma):
     [pytest.param(gamma, marks=[pytest.mark.slow] * (gamma != 0.5)) for gamma in (0.0, 0.3, 0.5, 1.0)],
 )
 def test_separation_weight(gamma):
-    found = separation_weight(jnp.array(X), gamma)
+    found = jax.jit(separation_weight)(jnp.array(X), gamma)
     exact = np.array([float(x * psi(x, gamma)) for x in X])
     error = np.abs(found - exact) / exact
     # Beyond 8 it is below 1e-28.
@@ -58,7 +64,7 @@ def test_separation_weight(gamma):
 def test_derivatives_of_the_separation_weight(gamma):
     """d(x Psi)/dx = Psi - s', forwards and backwards; it is linear in gamma."""
     for mode in (jax.jacfwd, jax.jacrev):
-        by_x, by_gamma = jax.vmap(mode(separation_weight, (0, 1)), (0, None))(jnp.array(X), gamma)
+        by_x, by_gamma = jax.jit(jax.vmap(mode(separation_weight, (0, 1)), (0, None)))(jnp.array(X), gamma)
         whole = [psi(x, gamma) for x in X]
         np.testing.assert_allclose(
             by_x,
@@ -72,12 +78,12 @@ def test_derivatives_of_the_separation_weight(gamma):
 def test_argument_of_the_contact_fraction():
     """x = 1 / (2 sqrt G) to the smallest and largest G, and 27 with derivative 0 at G = 0."""
     g = np.logspace(-300, 300, 13)
-    found, by_g = jax.vmap(jax.value_and_grad(contact_argument))(jnp.array(g))
+    found, by_g = jax.jit(jax.vmap(jax.value_and_grad(contact_argument)))(jnp.array(g))
     free = g > 1 / 54**2
     np.testing.assert_allclose(found, np.where(free, 0.5 / np.sqrt(g), 27.0), rtol=1e-15)
     np.testing.assert_allclose(by_g[free], -0.25 * g[free] ** -1.5, rtol=1e-14)
     assert contact_fraction(contact_argument(jnp.zeros(()))) == 1
-    slopes = jax.grad(lambda g, k: contact_fraction(contact_argument(k**2 * g)), (0, 1))(0.0, 1e3)
+    slopes = jax.jit(jax.grad(lambda g, k: contact_fraction(contact_argument(k**2 * g)), (0, 1)))(0.0, 1e3)
     assert all(np.isfinite(slopes))
 
 

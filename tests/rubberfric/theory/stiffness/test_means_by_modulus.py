@@ -63,10 +63,14 @@ def test_means_of_a_table(spring, outside):
     """Every mean by its own integral, and by the table over ln(q v), at the middle and both ends."""
     spring = None if spring is None else jnp.asarray(spring)
     F = Tabulated(rf.TabulatedModulus(**TABLE, outside=outside), jnp.asarray(SCALE), spring)
-    harmonics = tuple(map(jnp.asarray, HARMONICS))
-    table = means_table(F, ALL, False, harmonics)
-    found = F.means(jnp.asarray(QV)[None], ALL, harmonics=harmonics)
-    tabled = table.means(jnp.asarray(QV)[None], jnp.ones(1), None, ALL, harmonics=harmonics)
+
+    @jax.jit
+    def both(F, qv, harmonics):
+        table = means_table(F, ALL, False, harmonics)
+        tabled = table.means(qv[None], jnp.ones(1), None, ALL, harmonics=harmonics)
+        return F.means(qv[None], ALL, harmonics=harmonics), tabled
+
+    found, tabled = both(F, QV, HARMONICS)
     exact = np.array([exact_means(qv, None if spring is None else float(spring), outside) for qv in QV])
     # The transverse mean may cancel, so errors are relative to the dissipation; a loss that steps to
     # zero is far less than the largest of all.
@@ -115,14 +119,22 @@ def assert_alike(found, known, rtol):
 
 @pytest.mark.parametrize("options", [{}, {"split": True}, {"harmonics": HARMONICS}], ids=str)
 def test_a_smooth_modulus_has_the_means_of_its_series(options):
-    series, modulus = alike()
     needs = ALL if "harmonics" in options else dataclasses.replace(ALL, mean_sin_loss=False)
-    options = jax.tree.map(jnp.asarray, options) if "harmonics" in options else options
-    qv = jnp.logspace(-6, 8, 29)[None] * jnp.array([[1.0], [-3.0]])
-    known = series.means(qv, needs, **options)
-    assert_alike(modulus.means(qv, needs, **options), known, 1e-10)
-    table = means_table(modulus, needs, options.get("split", False), options.get("harmonics"))
-    assert_alike(table.means(jnp.ones(1), qv, None, needs, **options), known, 1e-9)
+    qv = np.logspace(-6, 8, 29)[None] * np.array([[1.0], [-3.0]])
+    split, harmonics = options.get("split", False), options.get("harmonics")
+    series, modulus = alike()
+
+    @jax.jit
+    def three(scale, qv, harmonics):
+        options = {"split": split, "harmonics": harmonics}
+        scaled = modulus._replace(scale=scale)
+        table = means_table(scaled, needs, split, harmonics)
+        by_table = table.means(jnp.ones(1), qv, None, needs, **options)
+        return series.means(qv, needs, **options), scaled.means(qv, needs, **options), by_table
+
+    known, by_modulus, by_table = three(1.0, qv, harmonics)
+    assert_alike(by_modulus, known, 1e-10)
+    assert_alike(by_table, known, 1e-9)
 
 
 @pytest.mark.slow
@@ -144,7 +156,13 @@ def test_softened_solids_in_series():
     needs = RequiredMeans(mean_abs2=True, mean_cos_loss=True, mean_storage=True)
     factors = jnp.array([[1.0, 0.4]]), jnp.array([[1.0, 0.7]]), jnp.array([[50.0, 200.0]])
     qv = jnp.array([[[0.3, 7.0], [200.0, -4e3]]])  # panels, points, order
-    found = [SoftenedInSeries(modulus, *factors).means(qv, needs) for modulus in (Maxwell(), alike()[0])]
+    solids = Maxwell(), alike()[0]
+
+    @jax.jit
+    def both(factors, qv):
+        return [SoftenedInSeries(solid, *factors).means(qv, needs) for solid in solids]
+
+    found = both(factors, qv)
     assert_alike(found[1], found[0], 1e-8)
     f, g, k = (np.asarray(x)[0] for x in factors)
 
