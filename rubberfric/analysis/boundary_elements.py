@@ -289,15 +289,20 @@ def _result(lower, heights, length, modes, pressure, scale, tolerance, found):
 
 def _modulus_along(material, omega, temperature):
     """Return E_r at angular frequencies of either sign, as complex numbers [Pa]."""
-    at = np.abs(omega)
-    if temperature is not None and material.shift is not None:
-        at = at * float(jnp.exp(material.shift.log_factor(temperature)))
-    if material.has_series:
-        modulus = series_modulus(series_of(material, 1.0), jnp.asarray(at))
-    else:
-        modulus = material.modulus(jnp.asarray(at)) * plane_strain_factor(material)
-    modulus = np.asarray(apply_vertical_shift(modulus, material.shift, temperature), complex)
+    modulus = np.asarray(_modulus_at(material, np.abs(omega), temperature), complex)
     return np.where(omega < 0, np.conj(modulus), modulus)
+
+
+@jax.jit
+def _modulus_at(material, omega, temperature):
+    """Return E_r at angular frequencies >= 0 [Pa]."""
+    if temperature is not None and material.shift is not None:
+        omega = omega * jnp.exp(material.shift.log_factor(temperature))
+    if material.has_series:
+        modulus = series_modulus(series_of(material, 1.0), omega)
+    else:
+        modulus = material.modulus(omega) * plane_strain_factor(material)
+    return apply_vertical_shift(modulus, material.shift, temperature)
 
 
 def _rough_first(scene):

@@ -49,6 +49,12 @@ SCENES = {
     "elastic": (scene((STEEL, ROAD), (rf.Elastic(1e7, 0.5),)), 1.0, 3e5, None),
     "rigid on rough rubber": (scene((TREAD, ROAD), (RIGID,)), 1.0, 3e5, None),
     "tabulated spectrum": (scene((RIGID, PLATE), (TREAD,)), 1e-2, 1e5, None),
+    "S in G, contact shear": (
+        scene((RIGID, ROAD), (SHIFTED_TREAD,), gamma=0.6, area_correction=True, shear=SHEAR),
+        1e-2,
+        3e5,
+        283.15,
+    ),
     "S in G": (scene((RIGID, ROAD), (TREAD,), gamma=0.6, area_correction=True), 1e-2, 3e5, None),
     "contact shear": (scene((RIGID, ROAD), (SHIFTED_TREAD,), shear=SHEAR), 1e-2, 3e5, 283.15),
     "tabulated modulus": (scene((RIGID, ROAD), (TABLE,)), 1e-2, 3e5, 283.15),
@@ -56,7 +62,7 @@ SCENES = {
 
 
 # Scenes of parts that other scenes have as well.
-SLOW = ("rough rubber", "vertical shift", "tabulated spectrum", "no plateau")
+SLOW = ("rough rubber", "vertical shift", "tabulated spectrum", "no plateau", "S in G", "contact shear")
 
 
 @functools.partial(jax.jit, static_argnames="tabulated")
