@@ -64,15 +64,10 @@ COUNTING = (
 
 # Files that take longest follow, so that the workers of a parallel run end together.
 LONG = (
-    *("test_readme", "test_long_range", "test_notebooks", "test_paper", "test_extremes"),
-    *(
-        "test_fit_solvers",
-        "test_command",
-        "test_random_scenes",
-        "test_boundary_elements_law",
-        "test_accuracy",
-    ),
-    *("test_constant_area", "test_jacobian", "test_transformations", "test_settings"),
+    *("test_paper", "test_reference", "test_readme", "test_extremes", "test_boundary_elements_law"),
+    *("test_fit_solvers", "test_tabulated_means", "test_accuracy", "test_series", "test_notebooks"),
+    *("test_shear", "test_fit_uncertainty", "test_command", "test_constant_area", "test_least_squares"),
+    *("test_branches", "test_moments", "test_random_scenes", "test_vertical_shifts"),
 )
 
 

@@ -49,18 +49,21 @@ def test_flash_temperature_of_two_half_spaces(lower):
     v, power = 1.0, 3e6
     q = jnp.array([1e9])
     bodies = heating_of(HEATING, lower), heating_of(HEATING, None)
-    ready = diffusion(q, q, (q[0], q[0]), 161)
-    spread = [heat_kernel(x, ready, jnp.array([v]), True) for x in bodies]
-    alone = [float(rise_below_surface(x, jnp.array([power]))[0, 0]) for x in spread]
+    shares = shear_shares(*bodies, True)
+
+    @jax.jit
+    def rises(bodies, v, power):
+        """Return the rise of each solid, alone and with its share of the heat."""
+        ready = diffusion(q, q, (q[0], q[0]), 161)
+        spread = [heat_kernel(x, ready, v, True) for x in bodies]
+        pairs = zip(spread, shares, strict=True)
+        return [[rise_below_surface(x, part * power)[0, 0] for part in (1.0, share)] for x, share in pairs]
+
+    alone, found = np.transpose(rises(bodies, jnp.array([v]), jnp.array([power])))
     t0 = 2e-3 / v
     exact = [2 * power * v * np.sqrt(t0 / np.pi) / effusivity(x) for x in bodies]
     # The temperature at q is the mean over a depth of 1e-9 m.
     np.testing.assert_allclose(alone, exact, rtol=1e-4)
-    shares = shear_shares(*bodies, True)
-    found = [
-        float(rise_below_surface(x, share * jnp.array([power]))[0, 0])
-        for x, share in zip(spread, shares, strict=True)
-    ]
     harmonic = 1 / sum(1 / x for x in exact)
     np.testing.assert_allclose(found, harmonic, rtol=1e-4)
 

@@ -11,8 +11,7 @@ from support.folders import BOUNDARY_ELEMENTS, DATA
 
 import rubberfric as rf
 from rubberfric.analysis.jacobian import value_and_jacobian
-from rubberfric.theory.area.boundary_elements_law import CONSTANTS, prepare_law, solve_law
-from rubberfric.theory.structure import rough_surfaces_of
+from rubberfric.theory.area.boundary_elements_law import CONSTANTS
 
 STORED = BOUNDARY_ELEMENTS / "friction_law.json"
 ROAD = rf.SelfAffine(q0=100.0, qr=400.0, q1=1e4, hurst=0.8, h_rms=2e-4)
@@ -35,11 +34,6 @@ def _solve(scene, velocity, pressure):
 
 def _with(name):
     return _scene().replace({"contact_model": name})
-
-
-def _state(scene, velocity, pressure):
-    law = prepare_law(rough_surfaces_of(scene)[0], rf.Quadrature())
-    return solve_law(law, jnp.atleast_1d(velocity), jnp.atleast_1d(pressure), None)
 
 
 def _brute_force(
