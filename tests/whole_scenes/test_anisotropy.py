@@ -209,7 +209,7 @@ def test_bound_of_the_harmonics_left_out():
 
 @pytest.mark.slow
 def test_a_table_has_its_own_values():
-    """Harmonics of a table equal those of its rows; shares are linear in ln q between rows."""
+    """Harmonics of a table equal the harmonics of its rows; shares are linear in ln q between rows."""
     rng = np.random.default_rng(1)
     q, C = np.array([1e2, 3e3, 1e5]), rng.uniform(1, 2, (3, 9)) * 1e-12
     spectrum = rf.TabulatedAnisotropic(q, C, 0.3)

@@ -98,8 +98,8 @@ def value_floor(case, dtype=float):
 def slope_scale(case, names, expected, slopes):
     """Return the scale of errors of derivatives, shape (leaf element, quantity).
 
-    The derivative, or if it is small 1e-3 of its value if the parameter mattered as much as the one that
-    matters most, or as if the quantity were proportional to it.
+    It is the size of the derivative or, if larger, 1e-3 of the quantity or of the largest sensitivity,
+    divided by the parameter.
     """
     theta = np.array([entry_of(case, name) for name in names])
     unit = np.array([_unit(case, name) for name in names])

@@ -41,8 +41,8 @@ def _brute_force(
 ):
     """Area and friction by trapezoids, of a self-affine road on E / (1 - nu^2) = `E_of` omega.
 
-    stiffer : stiffness of a slab over that of a half-space, as a function of q
-    tail_of : T (1 + c_alpha ln alpha) as a function of A, if it is not that of the law
+    stiffer : stiffness of a slab divided by the stiffness of a half-space, as a function of q
+    tail_of : T (1 + c_alpha ln alpha) as a function of A; None: as in the law
     """
     q0, qr, q1, hurst = (float(x) for x in (road.q0, road.qr, road.q1, road.hurst))
     s = np.linspace(0, 1, count + 1)[1:]

@@ -112,7 +112,7 @@ def test_the_load_agrees_with_brute_force(pressure, share, reach):
 
 @pytest.mark.slow
 def test_area_and_separation_are_those_without_adhesion_under_the_load():
-    """The same value for both, also with S in G."""
+    """Also with S in G."""
     for options in ({}, {"area_correction": True}):
         found = _solve(_scene(1e-2, 1e-7, **options), 0.0, 1e5)
         plain = _scene(**options)
