@@ -71,8 +71,10 @@ def on_host(residuals):
 
 
 def started(residuals, x, loss=SQUARES):
-    x = jnp.asarray(x, float)
-    return first_iterate(loss.cost(residuals(x)), x, jnp.asarray(1e-3))
+    def begin(x):
+        return first_iterate(loss.cost(residuals(x)), x, jnp.asarray(1e-3))
+
+    return jax.jit(begin)(np.asarray(x, float))
 
 
 def one_step(residuals, with_jacobian=None):
