@@ -10,7 +10,6 @@ from support.scenes.common import CONTACT_MODELS
 import rubberfric as rf
 
 SETTING = rf.Quadrature(order=10, panels=8, angular_order=12)
-_SECOND = "\n## Blind cases\n"
 
 
 @jax.jit
@@ -54,11 +53,6 @@ def material_rows(known):
     return "".join(rows)
 
 
-def write_part(part, first):
-    """Replace one of the two parts of the page that the environment variable TABLE names, if it is set."""
-    if not os.environ.get("TABLE"):
-        return
-    path = Path(os.environ["TABLE"])
-    old = path.read_text(encoding="utf-8") if path.exists() else _SECOND
-    before, second, after = old.partition(_SECOND)
-    path.write_text(part + second + after if first else before + _SECOND + part, encoding="utf-8")
+def write_page(page):
+    """Write the page that the environment variable TABLE names."""
+    Path(os.environ["TABLE"]).write_text(page, encoding="utf-8")

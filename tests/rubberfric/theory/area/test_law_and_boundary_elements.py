@@ -1,13 +1,14 @@
-"""The paper's theory and the fitted law against stored boundary-element cases.
+"""The paper's theory and the fitted law against stored boundary-element cases; the fit of the constants.
 
-`python -m pytest -m slow -s tests/rubberfric/theory/area/test_law_and_boundary_elements.py` prints the table
-of notebooks/law_table.md, and repeats the fit of the constants. With TABLE=notebooks/law_table.md in the
-environment it writes the page. The cases are means over surfaces in units of 1/q1 and E(0). Their rms slope
-is 1; m0, mr and m1 are q0, q_r and q1 in modes of the period.
+`python -m pytest -m slow -s tests/rubberfric/theory/area/test_law_and_boundary_elements.py` prints the tables
+of notebooks/law_table.md, and repeats the fit. With TABLE=notebooks/law_table.md in the environment it writes
+the page. There are two sources of cases: notebooks/law_elements.csv, and an older table of an independent
+solver, whose cases are means over surfaces in units of 1/q1 and E(0).
 """
 
 import csv
 import functools
+import importlib.util
 import itertools
 import json
 import os
@@ -16,8 +17,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.folders import BOUNDARY_ELEMENTS, DATA
-from support.law_tables import SETTING, computed, lines_of, material_rows, share, write_part
+from support.folders import BOUNDARY_ELEMENTS, DATA, ROOT
+from support.law_tables import SETTING, computed, lines_of, material_rows, share, write_page
 from support.scenes.common import CONTACT_MODELS
 
 import rubberfric as rf
@@ -25,242 +26,393 @@ from rubberfric.analysis.validity import AREAS, GROWTH, RATIOS, WIDEST
 from rubberfric.theory.area.boundary_elements_law import CONSTANTS, prepare_law, solve_law
 from rubberfric.theory.structure import rough_surfaces_of
 
-CASES = BOUNDARY_ELEMENTS / "sliding_boundary_elements.csv"
-pytestmark = pytest.mark.skipif(not CASES.exists(), reason="needs the stored boundary elements")
+OLDER = BOUNDARY_ELEMENTS / "sliding_boundary_elements.csv"
+pytestmark = pytest.mark.skipif(not OLDER.exists(), reason="needs the stored boundary elements")
 
-NUMBERS = ("m0", "mr", "m1", "hurst", "velocity", "pressure", "area", "friction")
+
+@functools.cache
+def script():
+    """Return notebooks/law_elements.py as a module."""
+    spec = importlib.util.spec_from_file_location("law_elements", ROOT / "notebooks" / "law_elements.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 @functools.cache
 def cases():
-    """Return columns of all cases; "material" as text, "period" is True where the grid's period counts."""
-    with open(CASES, encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    table = {name: np.array([float(row[name]) for row in rows]) for name in NUMBERS}
-    table["material"] = np.array([row["material"] for row in rows])
-    omega = table["velocity"] / table["m1"]  # of the longest mode of the grid
-    stiff = np.zeros(omega.size)
-    for name in set(table["material"]):
-        at = table["material"] == name
-        stiff[at] = np.abs(np.asarray(rf.complex_modulus(material(name), omega[at])))
-    return table | {"period": (stiff > 2.5) & (table["area"] < 0.3)}
+    """Return the cases of notebooks/law_elements.csv, with relative errors, and `sure` if these are small.
+
+    A third of the change with the grid is subtracted from area and friction, because the error is of second
+    order in the grid.
+    """
+    found = script().read()
+    for case in found:
+        case["material"] = _class_of(case)
+        case["sure"] = case["converged"] == "True"
+        for name in ("area", "friction"):
+            size = abs(case[name]) if name == "area" or case["terms"] else np.inf
+            errors = [case[f"{name}_{end}"] / size for end in ("scatter", "resolution", "period")]
+            errors = errors[0] / np.sqrt(case["surfaces"]), errors[1] / 3, errors[2]
+            case["sure"] &= bool(np.all(np.abs(errors) < (0.03, 0.04, 0.06)))
+            case[f"{name}_error"] = np.hypot(errors[0], 1.5 * errors[1])
+            case[name] -= case[f"{name}_resolution"] / 3
+    return found
+
+
+def _class_of(case):
+    if not case["terms"]:
+        return "elastic"
+    if case["terms"] == 1:
+        return "one relaxation time"
+    return "one per decade" if case["terms"] == case["decades"] + 1 else "two or three"
 
 
 @functools.cache
-def material(name):
-    """Return a material of the cases, with E(0) = 1."""
+def older():
+    """Return the cases of the older table; "material" is a name, "period" is True where the period counts."""
+    with open(OLDER, encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    names = ("m0", "mr", "m1", "hurst", "velocity", "pressure", "area", "friction")
+    found = [{name: float(row[name]) for name in names} | {"material": row["material"]} for row in rows]
+    kinds = [tuple(case[name] for name in ("material", "m0", "mr", "m1", "hurst")) for case in found]
+    for case in found:
+        case |= {"ratio": case["m1"] / case["m0"], "rolloff": case["mr"] / case["m0"]}
+        series = older_material(case["material"])
+        stiff = abs(complex(rf.complex_modulus(series, case["velocity"] / case["m1"])))  # longest mode
+        case["period"] = stiff > 2.5 and case["area"] < 0.3
+        case |= {
+            "area_error": 0.02,
+            "friction_error": 0.03,
+            "terms": 0 if case["material"] == "elastic" else 1,
+        }
+    chosen = set(sorted({kind for kind, case in zip(kinds, found, strict=True) if not case["period"]})[::2])
+    for kind, case in zip(kinds, found, strict=True):
+        case["part"] = "fit" if kind in chosen and not case["period"] else "test"
+    return found
+
+
+@functools.cache
+def older_material(name):
+    """Return a material of the older cases, with E(0) = 1."""
     known = json.loads((BOUNDARY_ELEMENTS / "friction_law.json").read_text())["materials"]
     return rf.Elastic(1.0, 0.0) if name == "elastic" else rf.Prony(**known[name])
 
 
-def scene_of(name, m0, mr, m1, hurst, options):
-    road = rf.SelfAffine(m0 / m1, mr / m1, 1.0, hurst, h_rms=1.0)
+def material_of(case):
+    return older_material(case["material"]) if "m0" in case else script().material_of(case)
+
+
+def scene_of(case):
+    if "m0" not in case:
+        return script().scene_of(case)
+    road = rf.SelfAffine(case["m0"] / case["m1"], case["mr"] / case["m1"], 1.0, case["hurst"], h_rms=1.0)
     road = road.replace(h_rms=1 / float(rf.rms_slope(road)))
-    return rf.Scene(rf.Body(material(name)), rf.Body(rf.Rigid(), road), **options)
+    return rf.Scene(rf.Body(material_of(case)), rf.Body(rf.Rigid(), road))
 
 
-def ratios(rows, models=tuple(CONTACT_MODELS)):
-    """Return ln(model / boundary elements) of area and friction of these rows, for every model."""
-    table = cases()
-    given = [table[name] for name in ("material", "m0", "mr", "m1", "hurst")]
-    logs = {}
+def column(chosen, name):
+    return np.array([case.get(name, np.nan) for case in chosen])
+
+
+def ratios(chosen, models=tuple(CONTACT_MODELS)):
+    """Return ln(model / boundary elements) of area and friction of these cases, for every model.
+
+    It is NaN where the law does not cover the scene.
+    """
+    logs, scenes = {}, [scene_of(case) for case in chosen]
+    measured = np.array([[case["area"], case["friction"]] for case in chosen]).T
     for model in models:
-        found = np.zeros((2, rows.size))
-        for i, row in enumerate(rows):
-            scene = scene_of(*(column[row] for column in given), CONTACT_MODELS[model])
-            found[:, i] = computed(scene, table["velocity"][row], table["pressure"][row])
+        found = np.full((2, len(chosen)), np.nan)
+        for i, (scene, case) in enumerate(zip(scenes, chosen, strict=True)):
+            if model != "law" or case.get("kind") not in ("two rough", "anisotropic"):
+                options = CONTACT_MODELS[model]
+                found[:, i] = computed(scene.replace(options), case["velocity"], case["pressure"])
         with np.errstate(invalid="ignore", divide="ignore"):
-            logs[model] = np.log(found / [table["area"][rows], table["friction"][rows]])
+            logs[model] = np.log(found / measured)
     return logs
 
 
-@functools.cache
-def training():
-    """Return True for the cases that the constants are fitted to: every other surface and material."""
-    table = cases()
-    good = ~table["period"]
-    rows = list(zip(*(table[name].tolist() for name in ("material", "m0", "mr", "m1", "hurst")), strict=True))
-    kinds = sorted({row for row, one in zip(rows, good, strict=True) if one})
-    chosen = set(kinds[::2])
-    return good & np.array([row in chosen for row in rows])
+def fitted():
+    """Return the cases to which the constants are fitted: half-spaces with small errors, of both tables."""
+    new = [case for case in cases() if case["part"] == "fit" and case["kind"] in ("half-space", "large")]
+    return [case for case in new if case["sure"]] + [case for case in older() if case["part"] == "fit"]
 
 
 def test_one_relaxation_time():
-    """A sixth of the cases; they share a compiled function."""
-    rows = np.flatnonzero(np.isin(cases()["material"], ("weak", "narrow", "strong")) & ~cases()["period"])[
-        ::6
-    ]
-    found = ratios(rows, ("paper", "law"))
-    assert rows.size > 30
-    assert share(found["law"][0]) > 0.85 and share(found["law"][1]) > 0.75
+    """Some of the older cases; they share a compiled function."""
+    chosen = [case for case in older() if case["material"] in ("weak", "narrow", "strong")]
+    chosen = [case for case in chosen if not case["period"]][::6]
+    found = ratios(chosen, ("paper", "law"))
+    assert len(chosen) > 30
+    assert share(found["law"][0]) > 0.9 and share(found["law"][1]) > 0.85
     assert share(found["paper"][0]) < 0.5 and share(found["paper"][1]) < 0.4
 
 
 INTRODUCTION = """# The law and boundary elements
 
-This page compares the theory and the law of `contact_model="boundary_elements"` with 685 boundary-element
-cases. [How true is the theory?](how_true.md) explains the law. Each case is a mean over several random
-surfaces. This command generates the page:
+This page compares the theory and the law of `contact_model="boundary_elements"` with boundary elements. [How
+true is the theory?](how_true.md) explains the law. This command generates the page:
 
     TABLE=notebooks/law_table.md python -m pytest -m slow \\
         tests/rubberfric/theory/area/test_law_and_boundary_elements.py -k all_cases
 
-The solids are elastic, or have these Prony series:
+Each cell gives the share of the cases in which the model is within 10 % of boundary elements, and the root
+mean square of ln(model / boundary elements). n is the number of cases, including elastic cases, which have no
+friction. Only the cases of the lines that begin with "fitted" were used for the form and the constants of the
+law.
+
+## Random cases
+
+`notebooks/law_elements.py` draws spectra, materials, velocities and loads at random: q1/q0 = 4 to 64,
+q1/q_r = 2 to 64, H = 0.5 to 1, no to nine relaxation times over up to eight decades, moduli that rise by
+factors of 2 to 1200, A/A0 from 0.15 %. The lines contain only cases with small errors: the standard error
+over surfaces is below 3 %, the error of the grid below 4 %, and a period of twice the length changes area
+and friction by less than 6 %. "E" is the modulus at 0.3 q1 v over the modulus at rest.
+
+"""
+OLDER_PART = """
+## Older cases
+
+These 685 cases are from an independent solver. Their solids are elastic, or have these Prony series:
 
 | name | relaxation times | from [s] | to [s] | E(infinity) / E(0) |
 |---|---|---|---|---|
 """
-MEANING = """
-Each cell gives the share of the cases in which the model is within 10 % of boundary elements, and the root
-mean square of ln(model / boundary elements). n is the number of cases, including elastic cases, which have no
-friction. The constants of the law were fitted to the cases of the row "fitted". The third row contains the
-cases that were not fitted and whose results do not depend on the period of the grid. Each row below it
-contains a part of these cases. In q0 v tau, tau is 1 s, the longest relaxation time of most series.
+OLDER_MEANING = """
+The results of the excluded cases depend on the period of the grid. q0 v tau is for tau = 1 s, the longest
+relaxation time of most series.
 
 """
 
 
-@pytest.mark.slow
-def test_all_cases():
-    table = cases()
-    found = ratios(np.arange(table["area"].size))
-    sliding = table["material"] != "elastic"
-    good = ~table["period"] & ~training()
-    bandwidth, plateau = table["m1"] / table["m0"], table["m1"] / table["mr"]
-    # The reciprocal of the time in which the longest wave passes.
+def parts_of(chosen):
+    """Return True for the cases of each line of the table of random cases."""
+    kind, sure, fit = (column(chosen, name) for name in ("kind", "sure", "part"))
+    sure, fit = sure.astype(bool), fit == "fit"
+    area, hurst, ratio = (column(chosen, name) for name in ("area", "hurst", "ratio"))
+    narrowness, rise, material = (
+        ratio / column(chosen, "rolloff"),
+        column(chosen, "rise"),
+        column(chosen, "material"),
+    )
+    stiff = np.array([_stiffness(case) for case in chosen])
+    good, heavy = (kind == "half-space") & sure & ~fit, area > 0.01
+    slab = np.array([_stiffening(case) for case in chosen])
+    both = good & heavy
+
+    def ranges(name, values, ends, where):
+        for low, high in itertools.pairwise(ends):
+            yield f"{name} = {low:g} to {high:g}", where & (values > low) & (values <= high)
+
+    return {
+        "fitted: half-spaces": (kind == "half-space") & sure & fit,
+        "half-spaces": good,
+        "A/A0 > 1 %": both,
+        "A/A0 < 1 %": good & ~heavy,
+        **dict(ranges("A/A0 [%]", 100 * area, (0, 0.5, 1, 3, 10, 30, 100), good)),
+        **{f"A/A0 > 1 %, {name}": both & (material == name) for name in np.unique(material)},
+        **dict(ranges("A/A0 > 1 %, H", hurst, (0.45, 0.65, 0.85, 1.05), both)),
+        **dict(ranges("A/A0 > 1 %, q1/q_r", narrowness, (1.9, 3.5, 8, 20, 65), both)),
+        **dict(ranges("A/A0 > 1 %, q1/q0", ratio, (3, 6, 12, 24, 64), both)),
+        **dict(ranges("A/A0 > 1 %, rise", rise, (1, 10, 100, 1200), both)),
+        **dict(ranges("A/A0 > 1 %, E", stiff, (1, 1.2, 5, 50, 1200), both)),
+        "fitted: q1/q0 = 128 to 512": (kind == "large") & sure & fit,
+        "q1/q0 = 128 to 512": (kind == "large") & sure & ~fit,
+        "slabs, stiffening < 4": (kind == "slab") & sure & ~fit & heavy & (slab < 4),
+        "slabs, stiffening > 4": (kind == "slab") & sure & ~fit & heavy & (slab > 4),
+        "anisotropic": (kind == "anisotropic") & sure & heavy,
+        "two rough": (kind == "two rough") & sure & heavy,
+    }
+
+
+def _stiffness(case):
+    return abs(complex(rf.complex_modulus(material_of(case), 0.3 * case["velocity"]))) / abs(
+        complex(rf.complex_modulus(material_of(case), 0.0))
+    )
+
+
+def _stiffening(case):
+    """Return the stiffness of a slab over that of a half-space at q_r."""
+    if "thickness" not in case:
+        return 1.0
+    slab = rf.Slab(case["thickness"], case["base"])
+    return float(slab.stiffening(case["poisson"], case["rolloff"] / case["ratio"]))
+
+
+def older_parts(chosen):
+    table = {name: column(chosen, name) for name in chosen[0]}
+    sliding, fit = table["terms"] > 0, table["part"] == "fit"
+    good, plateau = ~table["period"] & ~fit, table["ratio"] / table["rolloff"]
     speed = table["velocity"] * table["m0"] / table["m1"]
-    parts = {
-        "all": np.ones(good.size, bool),
-        "fitted": training(),
+    return {
+        "all": np.ones(len(chosen), bool),
+        "fitted": fit,
         "not fitted, nor affected by the period": good,
         "A/A0 > 1 %": good & (table["area"] > 0.01),
         "A/A0 < 1 %": good & (table["area"] <= 0.01),
-        **{f"q1/q0 = {x:g}": good & (bandwidth == x) for x in np.unique(bandwidth)},
+        **{f"q1/q0 = {x:g}": good & (table["ratio"] == x) for x in np.unique(table["ratio"])},
         **{f"q1/q_r = {x:g}": good & (plateau == x) for x in np.unique(plateau)},
-        **{
-            f"H = {low:g} to {high:g}": good & (table["hurst"] >= low) & (table["hurst"] < high + 1e-9)
-            for low, high in ((0.5, 0.65), (0.66, 0.85), (0.86, 1.0))
-        },
         **{
             f"q0 v tau = {low:g} to {high:g}": good & sliding & (speed >= low) & (speed < high)
             for low, high in itertools.pairwise((1e-4, 1e-2, 1e-1, 1.0, 10.0, 1e9))
         },
         **{f"`{name}`": good & (table["material"] == name) for name in np.unique(table["material"])},
     }
-    lines = "\n".join(lines_of(found, parts, sliding))
-    print("\n" + lines)
-    known = {name: material(name) for name in np.unique(table["material"]) if name != "elastic"}
+
+
+@pytest.mark.slow
+def test_all_cases():
+    pages, known = [INTRODUCTION], {name: older_material(name) for name in column(older(), "material")}
+    known = {name: one for name, one in sorted(known.items()) if name != "elastic"}
+    tables = []
+    for chosen, parts in ((cases(), parts_of(cases())), (older(), older_parts(older()))):
+        found, sliding = ratios(chosen), column(chosen, "terms") > 0
+        lines = "\n".join(lines_of(found, parts, sliding))
+        print("\n" + lines)
+        pages.append(lines + "\n")
+        tables.append((found, parts, sliding))
     if os.environ.get("TABLE"):
-        page = INTRODUCTION + material_rows(known) + MEANING + lines + "\n" + extrapolation_lines()
-        write_part(page, first=True)
-    for light, least in ((table["area"] <= 0.01, (0.85, 0.80)), (table["area"] > 0.01, (0.95, 0.88))):
-        assert share(found["law"][0][good & light]) > least[0]
-        assert share(found["law"][1][good & light & sliding]) > least[1]
+        older_text = OLDER_PART + material_rows(known) + OLDER_MEANING
+        write_page(pages[0] + pages[1] + older_text + pages[2] + extrapolation_lines())
+    limits = ((0.97, 0.90), (0.85, 0.70)), ((0.96, 0.94), (0.95, 0.85))  # area, friction, heavy and light
+    for (found, parts, sliding), least in zip(tables, limits, strict=True):
+        for name, (area, friction) in zip(("A/A0 > 1 %", "A/A0 < 1 %"), least, strict=True):
+            assert share(found["law"][0][parts[name]]) > area
+            assert share(found["law"][1][parts[name] & sliding]) > friction
+    # This limit for slabs was set before the first slab was computed.
+    found, parts, sliding = tables[0]
+    slabs, errors = parts["slabs, stiffening < 4"], []
+    for logs, part in ((found["law"], parts["A/A0 > 1 %"]), *((one, slabs) for one in found.values())):
+        errors.append(np.sqrt(np.mean(logs[1][part & sliding] ** 2)))
+    half_space, *papers, law = errors
+    print(f"friction of slabs: {law:.3f}, of half-spaces {half_space:.3f}, by the paper {papers}")
+    assert law < 1.5 * half_space and law < min(papers)
 
 
 @pytest.mark.slow
 def test_the_stated_errors_of_a_scene_are_these():
-    """5 % and 95 % quantiles over intervals of the area by the law."""
-    table = cases()
-    rows = np.flatnonzero(~table["period"] & (table["material"] != "elastic"))
-    area, friction = ratios(rows, ("law",))["law"]
-    narrow = np.isin(table["material"][rows], ("weak", "narrow", "strong", "giant"))
-    by_law = table["area"][rows] * np.exp(area)
+    """5 % and 95 % quantiles over intervals of the area by the law, of the cases that were not fitted."""
+    chosen = [case for case in older() if not case["period"]]
+    chosen += [case for case in cases() if case["sure"] and case["kind"] in ("half-space", "large")]
+    chosen = [case for case in chosen if case["part"] == "test" and case["terms"]]
+    area, friction = ratios(chosen, ("law",))["law"]
+    times = [np.asarray(material_of(case).tau) for case in chosen]
+    narrow = np.array([tau.max() / tau.min() < 1e3 for tau in times])
+    by_law = column(chosen, "area") * np.exp(area)
     for relaxation, kind in (("narrow", narrow), ("broad", ~narrow)):
         stated = RATIOS["boundary_elements", relaxation]
         for (low, high), row in zip(itertools.pairwise(AREAS), stated, strict=True):
             here = kind & (by_law >= low) & (by_law < high)
             found = [np.exp(np.quantile(logs[here], (0.05, 0.95))) for logs in (area, friction)]
+            print(relaxation, low, here.sum(), np.round(np.concatenate(found), 2))
             np.testing.assert_allclose(np.concatenate(found), row, atol=0.01)
 
 
-# Constants of an earlier fit, with another tail and a bound that is not smooth; about them a prior of 30 %.
-EARLIER = (-0.626, 0.927, 0.461, 5.86, 0.551, 2.222, 1.831, 0.657, 0.934, 1.582, 0.219)
-EARLIER = np.array([*EARLIER, 1.0549, 0.666, 1.0347, 1.2116, 8.3405])
-SCATTER = 0.07, 0.045  # of ln(law / boundary elements), friction and area
+# Start of the fit; the prior about it has 1.5 times the size of each constant, and at least 0.5.
+START = {"c_0": -0.72, "c_D": 1.0, "c_f": 0.56, "c_A": 9.0, "h_0": 0.82, "h_D": 0.35, "h_F": 0.65, "c_T": 1.8}
+START |= {"c_r": 4.0, "c_alpha": 0.3, "c_e": -0.33, "k": 0.13, "s": 0.8, "s_0": 1.645, "s_alpha": 0.16}
+START |= {"a": 11.0, "c_v": 1.38, "c_w": 5.0, "c_phi": 1.5, "c_b": 1.0}
+START = np.array([START[name] for name in CONSTANTS._fields[:-1]])
+FLOORS = 0.035, 0.05  # error of the law: ln of area and of friction
+ROBUST = 3.0  # errors beyond which a case has less weight [Charbonnier, pseudo-Huber]
 
 
-NAMES = CONSTANTS._fields[:-1]
-
-
-def columns(rows):
+def columns(chosen):
     """Return arrays of these cases, with series of 17 terms, so that all cases share a compiled function."""
-    table, found = cases(), []
-    for row in rows:
-        series = material(table["material"][row])
+    found = []
+    for case in chosen:
+        series = material_of(case)
         E, tau = np.zeros(17), np.ones(17)
-        if table["material"][row] != "elastic":
+        if case["terms"]:
             E[: series.tau.size], tau[: series.tau.size] = series.E, series.tau
-        q0, qr = table["m0"][row] / table["m1"][row], table["mr"][row] / table["m1"][row]
-        hurst = table["hurst"][row]
+        q0, qr, hurst = 1 / case["ratio"], case["rolloff"] / case["ratio"], case["hurst"]
         height = 1 / float(rf.rms_slope(rf.SelfAffine(q0, qr, 1.0, hurst, h_rms=1.0)))
-        conditions = table["velocity"][row], table["pressure"][row]
         rest = series.E_inf if series.relaxes else 1.0
-        found.append((rest, E, tau, series.poisson, q0, qr, hurst, height, *conditions))
-    return tuple(jnp.asarray(np.array(column)) for column in zip(*found, strict=True))
+        poisson = series.poisson if series.relaxes else 0.0
+        found.append((rest, E, tau, poisson, q0, qr, hurst, height, case["velocity"], case["pressure"]))
+    return tuple(jnp.asarray(np.array(entry)) for entry in zip(*found, strict=True))
 
 
-def logs_by_law(x, scene, velocity, pressure, by):
-    """Return ln of friction and area by the law, with the constants CONSTANTS * exp(x).
+def logs_by_law(values, scene, velocity, pressure, by):
+    """Return ln of area and friction by the law with these constants.
 
     With `by` = "range", ln(q1/q0) / 2 replaces ln(alpha).
     """
-    values = jnp.array(CONSTANTS[:-1]) * jnp.exp(x)
-    constants = CONSTANTS._replace(**dict(zip(NAMES, values, strict=True)))
+    constants = CONSTANTS._replace(**dict(zip(CONSTANTS._fields[:-1], values, strict=True)))
     law = prepare_law(rough_surfaces_of(scene)[0], SETTING, constants)
     if by == "range":
         mesh = law.shape.mesh
         law = law._replace(shape=law.shape._replace(log_alpha=0.5 * jnp.log(mesh.last / mesh.first)))
     found = solve_law(law, velocity[None], pressure[None], None)
-    return jnp.log(jnp.stack([jnp.where(found.mu > 0, found.mu, 1.0), found.area])[:, 0])
+    return jnp.log(jnp.stack([found.area, jnp.where(found.mu > 0, found.mu, 1.0)])[:, 0])
 
 
 @functools.partial(jax.jit, static_argnames="by")
-def logs_and_slopes(x, columns, by):
+def logs_and_slopes(values, columns, by):
     def of_case(case):
         rest, E, tau, poisson, q0, qr, hurst, height, *conditions = case
         body = rf.Body(rf.Prony(rest, E, tau, poisson=poisson))
         road = rf.SelfAffine(q0, qr, 1.0, hurst, h_rms=height)
         scene = rf.Scene(body, rf.Body(rf.Rigid(), road), **CONTACT_MODELS["law"])
 
-        def logs(x):
-            return logs_by_law(x, scene, *conditions, by)
+        def logs(values):
+            return logs_by_law(values, scene, *conditions, by)
 
-        return logs(x), jax.jacfwd(logs)(x)
+        return logs(values), jax.jacfwd(logs)(values)
 
     return jax.lax.map(of_case, columns)
 
 
 @functools.cache
 def fit(by="alpha", widest=np.inf):
-    """Fit the constants to the training cases with q1/q0 < widest.
+    """Fit the constants to the cases of `fitted` with q1/q0 < widest; return them and their covariance."""
+    chosen = [case for case in fitted() if case["ratio"] < widest]
+    sliding = column(chosen, "terms") > 0
+    data = np.log([column(chosen, "area"), np.where(sliding, column(chosen, "friction"), 1.0)]).T
+    errors = np.stack(
+        [column(chosen, "area_error"), np.where(sliding, column(chosen, "friction_error"), 0)], -1
+    )
+    weight = np.stack([np.ones(sliding.size), sliding], -1) / np.hypot(errors, FLOORS)
+    prior, given, x = np.maximum(1.5 * np.abs(START), 0.5), columns(chosen), START
 
-    Return ln of the constants over CONSTANTS, and their covariance.
-    """
-    table = cases()
-    rows = np.flatnonzero(training() & (table["m1"] / table["m0"] < widest))
-    sliding = table["material"][rows] != "elastic"
-    data = np.log([np.where(sliding, table["friction"][rows], 1.0), table["area"][rows]]).T
-    weight = np.stack([sliding, np.ones(rows.size)], -1) / SCATTER
-    prior, given = np.log(np.array(CONSTANTS[:-1]) / EARLIER), columns(rows)
-    x = np.zeros(len(NAMES))
-    for _ in range(8):
-        logs, slopes = (np.asarray(y) for y in logs_and_slopes(x, given, by))
-        residual = np.append(((logs - data) * weight).ravel(), (x + prior) / 0.3)
-        slope = np.concatenate([(slopes * weight[..., None]).reshape(-1, x.size), np.eye(x.size) / 0.3])
-        step = -np.linalg.lstsq(slope, residual)[0]
-        x = x + step
-        if np.abs(step).max() < 1e-3:
+    def cost(residual, x):
+        large = np.sqrt(1 + (residual / ROBUST) ** 2)
+        return 2 * ROBUST**2 * np.sum(large - 1) + np.sum(((x - START) / prior) ** 2)
+
+    logs, slopes = (np.asarray(y) for y in logs_and_slopes(x, given, by))
+    residual, damping = ((logs - data) * weight).ravel(), 1e-3
+    for _ in range(40):
+        robust = (1 + (residual / ROBUST) ** 2) ** -0.25
+        slope = (slopes * weight[..., None]).reshape(-1, x.size) * robust[:, None]
+        normal = slope.T @ slope + np.diag(1 / prior**2)
+        downhill = slope.T @ (residual * robust) + (x - START) / prior**2
+        step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), downhill)
+        logs, slopes = (np.asarray(y) for y in logs_and_slopes(x + step, given, by))
+        before, after = residual, ((logs - data) * weight).ravel()
+        change = cost(before, x) - cost(after, x + step)
+        if not change > 0:
+            damping *= 30
+            logs, slopes = (np.asarray(y) for y in logs_and_slopes(x, given, by))
+            if damping > 1e3:
+                break
+            continue
+        x, residual, damping = x + step, after, damping / 10
+        if change < 1e-4:
             break
-    return x, np.linalg.inv(slope.T @ slope)
+    return x, np.linalg.inv(normal)
 
 
 @pytest.mark.slow
 def test_constants_are_those_of_the_fit():
-    np.testing.assert_allclose(fit()[0], 0.0, atol=0.01)
+    found, covariance = fit()
+    for name, value, error in zip(CONSTANTS._fields, found, np.sqrt(np.diag(covariance)), strict=False):
+        print(f"    {name}: float = {value:.4f}  # +- {error:.4f}")
+    np.testing.assert_allclose(found, CONSTANTS[:-1], atol=1e-3, rtol=2e-3)
 
 
-FORMS = {"law": ("alpha", np.inf), "narrow": ("alpha", 60.0), "range": ("range", np.inf)}
+FORMS = {"law": ("alpha", np.inf), "narrow": ("alpha", 100.0), "range": ("range", np.inf)}
 WIDE, VELOCITIES = (1e2, 1e3, 1e4), (1e-4, 1e-2, 1.0, 10.0)
 EXTRAPOLATION = """
 ## Beyond the cases
@@ -268,27 +420,26 @@ EXTRAPOLATION = """
 The table gives law over paper for the rubber of data/tread_on_asphalt.toml at 0.15 MPa, on its road with
 other q1/q0. The standard errors after ± follow from the covariance of the fitted constants, with independent
 errors of the cases. Two other fits show the effect of the data and of the form. The constants of the column
-"without 64" were fitted without the cases of q1/q0 = 64. In the column "ln(q1/q0)" half of ln(q1/q0) replaces
-ln(alpha), and the constants were fitted again. The fit without the cases of q1/q0 = 64 predicts these cases
-with {friction}.
+"up to 64" were fitted without the cases of q1/q0 = 128 to 512. In the column "ln(q1/q0)" half of ln(q1/q0)
+replaces ln(alpha), and the constants were fitted again.
 
-| q1/q0 | velocity [m/s] | friction: law | without 64 | ln(q1/q0) | area: law | without 64 | ln(q1/q0) |
+| q1/q0 | velocity [m/s] | friction: law | up to 64 | ln(q1/q0) | area: law | up to 64 | ln(q1/q0) |
 |---|---|---|---|---|---|---|---|
 """
 
 
 @functools.partial(jax.jit, static_argnames="by")
-def law_over_paper(x, scene, velocity, by):
-    def logs(x):
-        return logs_by_law(x, scene.replace(CONTACT_MODELS["law"]), velocity, jnp.asarray(0.15e6), by)
+def law_over_paper(values, scene, velocity, by):
+    def logs(values):
+        return logs_by_law(values, scene.replace(CONTACT_MODELS["law"]), velocity, jnp.asarray(0.15e6), by)
 
     paper = rf.solve(scene, velocity, 0.15e6, quantities=("friction", "area"))
-    return logs(x) - jnp.log(jnp.stack([paper.friction, paper.area])), jax.jacfwd(logs)(x)
+    return logs(values) - jnp.log(jnp.stack([paper.area, paper.friction])), jax.jacfwd(logs)(values)
 
 
 @functools.cache
 def extrapolated():
-    """Return ln(law / paper) and its standard error by form, q1/q0, velocity, and friction or area."""
+    """Return ln(law / paper) and its standard error by form, q1/q0, velocity, and area or friction."""
     tread, logs, errors = rf.load_scene(DATA / "tread_on_asphalt.toml"), {}, {}
     for form, (by, widest) in FORMS.items():
         x, covariance = fit(by, widest)
@@ -300,26 +451,12 @@ def extrapolated():
     return logs, errors
 
 
-@functools.cache
-def predicted_without_64():
-    """Return ln(law / boundary elements) of friction where q1/q0 = 64, by constants without these cases."""
-    table = cases()
-    rows = np.flatnonzero(
-        (table["m1"] / table["m0"] > 60) & ~table["period"] & (table["material"] != "elastic")
-    )
-    by, widest = FORMS["narrow"]
-    logs, _ = logs_and_slopes(fit(by, widest)[0], columns(rows), by)
-    return np.asarray(logs)[:, 0] - np.log(table["friction"][rows])
-
-
 def extrapolation_lines():
     logs, errors = extrapolated()
-    mean, rms = np.mean(predicted_without_64()), np.std(predicted_without_64())
-    words = f"a mean error of {100 * mean:+.1f} % and an rms error of {100 * rms:.1f} % in friction"
-    lines = EXTRAPOLATION.format(friction=words)
+    lines = EXTRAPOLATION
     for ratio, velocity in itertools.product(WIDE, VELOCITIES):
         cells = [f"{ratio:g}", f"{velocity:g}"]
-        for kind in range(2):
+        for kind in (1, 0):
             for form in FORMS:
                 cell, error = np.exp(logs[form, ratio, velocity][kind]), errors[form, ratio, velocity][kind]
                 cells.append(f"{cell:.2f} ± {cell * error:.2f}" if form == "law" else f"{cell:.2f}")
@@ -329,15 +466,11 @@ def extrapolation_lines():
 
 @pytest.mark.slow
 def test_extrapolation():
-    """Compare the error that `theory_error` adds beyond q1/q0 = 64 with other fits and standard errors."""
+    """The error that `theory_error` adds beyond the widest cases covers other fits and standard errors."""
     print(extrapolation_lines())
     logs, errors = extrapolated()
-    for (form, ratio, velocity), found in logs.items():
+    for (_, ratio, velocity), found in logs.items():
         # Near the cases the error of the cases themselves is larger.
-        growth = np.maximum([0.07, 0.05], np.array(GROWTH)[::-1] * np.log10(ratio / WIDEST))
+        growth = np.maximum([0.05, 0.07], np.array(GROWTH) * np.log10(ratio / WIDEST))
         assert np.all(np.abs(found - logs["law", ratio, velocity]) < growth)
         assert np.all(1.645 * errors["law", ratio, velocity] < growth)
-        if form == "law":
-            assert (1.3 < np.exp(found[0]) < 2.1) and (1.1 < np.exp(found[1]) < 1.4)
-    predicted = predicted_without_64()
-    assert abs(np.mean(predicted)) < 0.03 and np.sqrt(np.mean(predicted**2)) < 0.1
