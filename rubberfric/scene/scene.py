@@ -23,7 +23,7 @@ from rubberfric.base.checks import (
 from rubberfric.base.objects.fields import Number, child, leaf, setting, static
 from rubberfric.base.objects.physical import PhysicalObject, fields_of, leaves_of, parts_of, physical
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.materials.material import Material
+from rubberfric.materials.material import Material, poisson_of
 from rubberfric.materials.shifts import Shift
 from rubberfric.materials.slab import Layer
 from rubberfric.roughness.spectra import Spectrum
@@ -47,6 +47,8 @@ _CONDITIONS = {
     "pressure": (1.0, 1e10, "Pa"),
     "temperature": (*PLAUSIBLE_TEMPERATURE, "K"),
 }
+# Stiffness of a slab over that of a half-space, up to which notebooks/law_table.md confirms the law.
+_STIFFEST_SLAB = 4.0
 _OFF = 'warnings.simplefilter("ignore", rubberfric.UnitWarning) silences this warning'
 
 
@@ -206,6 +208,28 @@ class Scene(PhysicalObject):
                 raise ValueError(
                     f'Scene.contact_model: "boundary_elements" requires isotropic roughness, but '
                     f'{name}.spectrum is anisotropic; use "paper"'
+                )
+        self._check_slab()
+
+    def _check_slab(self):
+        """Refuse slabs for which the law disagrees with boundary elements, if the numbers are known."""
+        for body in (self.lower, self.upper):
+            rough = self.lower if self.lower.spectrum is not None else self.upper
+            if (
+                body.layer is None
+                or rough.spectrum is None
+                or not all(map(is_concrete, jax.tree.leaves(self)))
+            ):
+                continue
+            law = rough.spectrum.power_law()
+            highest = law.q[jnp.argmax(law.log_value)]  # of q^2 C
+            stiffer = float(body.layer.stiffening(poisson_of(body.material), highest))
+            if stiffer > _STIFFEST_SLAB:
+                raise ValueError(
+                    f'Scene.contact_model: "boundary_elements" was tested for slabs that are up to '
+                    f"{_STIFFEST_SLAB:g} times as stiff as a half-space at the wavevector of the largest "
+                    f"heights, {float(highest):.3g} 1/m; this slab is {stiffer:.3g} times as stiff. "
+                    'Use a thicker slab, or "paper"'
                 )
 
 

@@ -56,26 +56,26 @@ from rubberfric.theory.structure import RoughSurface
 class LawConstants(NamedTuple):
     """Constants of the law, fitted to area and friction of boundary-element cases."""
 
-    c_0: float = -0.6194
-    c_D: float = 0.9178
-    c_f: float = 0.572
-    c_A: float = 9.3895
-    h_0: float = 0.8971
-    h_D: float = 0.305
-    h_F: float = 0.7053
-    c_T: float = 1.7813
-    c_r: float = 4.1078
-    c_alpha: float = 0.2928
-    c_e: float = -0.31
-    k: float = 0.1286
-    s: float = 0.8264
-    s_0: float = 1.6657
-    s_alpha: float = 0.1492
-    a: float = 11.8476
-    c_v: float = 1.3763
-    c_w: float = 4.9749
-    c_phi: float = 1.4357
-    c_b: float = 1.0396
+    c_0: float = -0.6124
+    c_D: float = 0.9050
+    c_f: float = 0.5651
+    c_A: float = 9.5260
+    h_0: float = 0.9118
+    h_D: float = 0.3025
+    h_F: float = 0.7263
+    c_T: float = 1.7475
+    c_r: float = 4.1818
+    c_alpha: float = 0.2768
+    c_e: float = -0.3130
+    k: float = 0.1278
+    s: float = 0.8233
+    s_0: float = 1.6634
+    s_alpha: float = 0.1504
+    a: float = 12.3903
+    c_v: float = 1.3750
+    c_w: float = 5.1665
+    c_phi: float = 1.4386
+    c_b: float = 1.0301
     n: float = 32.0  # sharpness of the bound W_m < 1, not fitted
 
 

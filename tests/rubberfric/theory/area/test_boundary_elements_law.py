@@ -116,14 +116,14 @@ def test_brute_force(velocity, pressure):
     np.testing.assert_allclose([found.area, found.friction], expected, rtol=5e-6)
 
 
-@pytest.mark.parametrize("slab", [rf.Slab(2e-3, "bonded"), rf.Slab(2e-3, "frictionless")])
+@pytest.mark.parametrize("slab", [rf.Slab(5e-3, "bonded"), rf.Slab(2e-3, "frictionless")])
 def test_brute_force_of_a_slab(slab):
     """The stiffness of a slab is a factor of the modulus at every wavevector."""
     x = rf.Scene(rf.Body(RUBBER, layer=slab), rf.Body(rf.Rigid(), ROAD), contact_model="boundary_elements")
     found = _solve(x, 0.1, 3e5)
 
     def stiffer(q):
-        x = np.minimum(2e-3 * q, 100.0)
+        x = np.minimum(slab.thickness * q, 100.0)
         if slab.base == "frictionless":
             return 1 / np.tanh(x) + x / np.sinh(x) ** 2
         return (2 * np.sinh(x) ** 2 + 2 * x**2 + 2) / (np.sinh(2 * x) - 2 * x)
@@ -184,7 +184,7 @@ def test_light_loads_have_one_friction():
     np.testing.assert_allclose(found.area / pressure, found.area[0] / pressure[0], rtol=1e-4)
 
 
-@pytest.mark.parametrize("layer", [None, rf.Slab(2e-3)])
+@pytest.mark.parametrize("layer", [None, rf.Slab(5e-3)])
 def test_full_contact_is_the_papers(layer):
     law, paper = (_with(name).replace(lower=rf.Body(RUBBER, layer=layer)) for name in MODELS)
     found, expected = (_solve(scene, 0.1, 1e9) for scene in (law, paper))
@@ -261,7 +261,7 @@ def _five_scenes():
     shear = rf.ContactShear(5e6, 0.1, 1e-2)
     return {
         "half-space": (_scene(), None),
-        "slab": (_scene().replace(lower=rf.Body(RUBBER, layer=rf.Slab(2e-3, "bonded"))), None),
+        "slab": (_scene().replace(lower=rf.Body(RUBBER, layer=rf.Slab(5e-3, "bonded"))), None),
         "tabulated roughness": (_scene(road=rf.TabulatedSpectrum(q, rf.power_spectrum(ROAD, q))), None),
         "tabulated modulus": (_scene(rf.TabulatedModulus(omega, E.real, E.imag, poisson=0.5)), None),
         "rough elastic": (
@@ -323,9 +323,9 @@ def test_derivative_by_the_thickness_of_a_slab():
         return rf.friction(_scene().replace(lower=rf.Body(RUBBER, layer=slab)), 0.1, 3e5)
 
     both = jax.jit(jax.value_and_grad(friction))
-    step = 1e-4 * 2e-3
-    difference = (both(2e-3 + step)[0] - both(2e-3 - step)[0]) / (2 * step)
-    assert float(both(2e-3)[1]) == pytest.approx(float(difference), rel=1e-6)
+    step = 1e-4 * 5e-3
+    difference = (both(5e-3 + step)[0] - both(5e-3 - step)[0]) / (2 * step)
+    assert float(both(5e-3)[1]) == pytest.approx(float(difference), rel=1e-6)
     for extreme in (1e-30, 1e-10, 1e30):
         assert np.all(np.isfinite(both(extreme)))
 
@@ -359,6 +359,8 @@ def test_refusals():
         body = rf.Body(RUBBER, layer=layer)
         with pytest.raises(ValueError, match=r"half-spaces, or Slab and Rigid, but upper\.layer is a"):
             rf.Scene(rf.Body(lower, ROAD), body, contact_model="boundary_elements")
+    with pytest.raises(ValueError, match=r"this slab is 6\.2. times as stiff"):
+        _scene().replace(lower=rf.Body(RUBBER, layer=rf.Slab(2e-3, "bonded")))
     with pytest.raises(ValueError, match="isotropic roughness"):
         _scene(road=rf.Anisotropic(ROAD, 2.0, 0.0))
     with pytest.raises(ValueError, match="not possible together with area_correction"):

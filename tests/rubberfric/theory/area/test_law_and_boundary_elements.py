@@ -127,8 +127,7 @@ def ratios(chosen, models=tuple(CONTACT_MODELS)):
         found = np.full((2, len(chosen)), np.nan)
         for i, (scene, case) in enumerate(zip(scenes, chosen, strict=True)):
             if model != "law" or case.get("kind") not in ("two rough", "anisotropic"):
-                options = CONTACT_MODELS[model]
-                found[:, i] = computed(scene.replace(options), case["velocity"], case["pressure"])
+                found[:, i] = computed(scene, case["velocity"], case["pressure"], model)
         with np.errstate(invalid="ignore", divide="ignore"):
             logs[model] = np.log(found / measured)
     return logs
