@@ -6,11 +6,12 @@ The table is law_elements.csv. In it, the unit of length is 1/q1, the rms slope 
 E(0)/(1 - nu^2) of the upper solid, and the unit of time is its longest relaxation time. The constants of the
 law are fitted to the cases with `part` "fit". The cases with `part` "test" are drawn in the same way.
 
-The upper solid has a Prony series with `terms` relaxation times from 1 to 10^-decades, at equal ratios. Their
-moduli are proportional to tau^-slope, and E(infinity) = rise E(0). With no terms it is elastic. With two rough
-solids, `share` is the part of the mean square slope in the lower solid. Its modulus is `lower` times that of
-the upper solid, at all frequencies if it relaxes (`lower_relaxes`), otherwise at rest; infinite is rigid.
-Slabs have a `thickness` and a `base`. Anisotropic roughness is stretched by `stretch` along `angle`.
+The upper solid has a Prony series with `terms` relaxation times from 1 to 10^-decades, at equal ratios.
+Their moduli are proportional to tau^-slope, and E(infinity) = rise E(0). With no terms it is elastic. With
+two rough solids, `share` is the part of the mean square slope in the lower solid. The modulus of the lower
+solid is `lower` times that of the upper solid, at all frequencies if it relaxes (`lower_relaxes`), otherwise
+at rest; infinite is rigid. Slabs have a `thickness` and a `base`. Anisotropic roughness is stretched by
+`stretch` along `angle`.
 
 A case is a mean over `surfaces` random surfaces, computed on the column `grid`. Its errors are:
 

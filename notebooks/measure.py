@@ -38,7 +38,6 @@ def benchmark(name):
 
 
 LAW = "rubberfric/theory/area/test_law_and_boundary_elements.py"
-BLIND = "rubberfric/theory/area/test_blind_elements.py"
 MEASUREMENTS = {
     "curves": benchmark("benchmarks"),
     "parts": benchmark("part_benchmarks"),
@@ -53,7 +52,6 @@ MEASUREMENTS = {
     "growth": benchmark("growth_benchmarks"),  # runs notebooks/growth.py
     "settings": benchmark("settings_table"),
     "law": f"TABLE=notebooks/law_table.md {pytest(LAW, 'slow')}",
-    "blind": f"TABLE=notebooks/law_table.md {pytest(BLIND, 'slow')}",
     "fits_of_boundary_elements": pytest("fitting/uncertainty/test_coverage.py", "slow"),
     "molecular_dynamics": pytest("rubberfric/theory/area/test_molecular_dynamics.py"),
     "master_curves": pytest("fitting/characterise/test_public_sweeps.py"),

@@ -38,7 +38,7 @@ class Discrepancy:
     amplitude : a, the standard deviation of the error [-], 0.25 stands for 25 %; or None
         None: averaged over its posterior. The prior is half lognormal (a factor of 1.6 up and down about its
         median) and half flat in ln a between 0.001 and 2. The median is 0.5 for the theory. For
-        `contact_model="boundary_elements"` it is 0.1, and grows by 0.1 per decade of q1/q0 beyond 64.
+        `contact_model="boundary_elements"` it is 0.1, and grows by 0.1 per decade of q1/q0 beyond 512.
     width : w, the range of ln v over which the error changes [-], 2.3 is a decade; or None
         None: averaged over the posterior of widths from a tenth of a decade to 1.6 decades.
     shared : correlation between the errors of different curves at the same v a_T, 0 ... 1

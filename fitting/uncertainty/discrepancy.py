@@ -44,7 +44,7 @@ _AMPLITUDES = np.geomspace(1e-3, 2.0, 39)
 _MEDIANS, _DEVIATION = {"paper": 0.5, "boundary_elements": 0.1}, 0.5
 # The law is extrapolated beyond this q1/q0. There its median grows by 0.1 in a factor of ten, which at 1e4 is
 # half of the difference between law and paper.
-_TESTED = 64.0
+_TESTED = 512.0
 # Amplitude over the median, and width, of the first fit where they are to be estimated.
 _GUESS = 0.6, math.log(10)
 # Larger amplitudes, errors of more than a factor of two, are implausible.

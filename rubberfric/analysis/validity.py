@@ -42,7 +42,7 @@ AREAS = (0.003, 0.01, 0.03, 0.1, 0.3, 0.8)
 _RATIOS, _HURST, _GAMMA = (8.0, 64.0), (0.6, 1.0), (0.4, 0.55)
 # Largest q1/q0 of the cases that the law was fitted to, and growth of its error (ln of area and of friction)
 # per decade beyond, from tests/rubberfric/theory/area/test_law_and_boundary_elements.py.
-WIDEST, GROWTH = 64.0, (0.025, 0.05)
+WIDEST, GROWTH = 512.0, (0.025, 0.05)
 _BROAD = 1e3  # relaxation times over this ratio are broad, below nearly a single time
 
 # 5 % and 95 % quantiles of theory over boundary elements, by (version of the theory, width of relaxation)
@@ -124,12 +124,13 @@ def theory_error(scene: Scene, area: ArrayLike | None = None) -> TheoryError | N
     TheoryError over all areas between 0.003 and 0.8; None without such areas, or if the table does not cover
     the scene. The table covers a rigid self-affine surface, H = 0.6 ... 1, q1/qr = 8 ... 64, under a smooth
     viscoelastic half-space without heating or softening, with gamma about 1/2. With
-    `contact_model="boundary_elements"`, larger q1/qr are included. Beyond q1/q0 = 64 the law is extrapolated,
-    and the limits of the ranges move by 5 % (friction) and 2.5 % (area) in each decade of q1/q0.
+    `contact_model="boundary_elements"`, all q1/qr >= 2 and H = 0.5 ... 1 are included. Beyond q1/q0 = 512 the
+    law is extrapolated, and the limits of the ranges move by 5 % (friction) and 2.5 % (area) in each decade of
+    q1/q0.
 
     Sources: notebooks/boundary_elements.csv, which notebooks/boundary_elements.py makes. The errors for
     `contact_model="boundary_elements"` are from the cases of
-    tests/rubberfric/theory/area/test_law_and_boundary_elements.py. The law was fitted to half of them.
+    tests/rubberfric/theory/area/test_law_and_boundary_elements.py that were not used for the fit.
     """
     if not _covered(scene):
         return None
@@ -169,10 +170,11 @@ def _covered(scene):
             and optional_parts(scene) <= {"shear", "area_correction", "boundary_elements"}
             and is_concrete(spectrum.q1)
         ):
-            low, high = _RATIOS if scene.contact_model == "paper" else (_RATIOS[0], np.inf)
+            by_law = scene.contact_model == "boundary_elements"
+            low, high = (2.0, np.inf) if by_law else _RATIOS
             values = (
                 (spectrum.q1 / spectrum.qr, (low, high)),
-                (spectrum.hurst, _HURST),
+                (spectrum.hurst, (0.5, 1.0) if by_law else _HURST),
                 (scene.gamma, _GAMMA),
             )
             return all(low * (1 - 1e-9) <= float(x) <= high * (1 + 1e-9) for x, (low, high) in values)

@@ -121,15 +121,13 @@ class Scene(PhysicalObject):
     contact_model : "paper" or "boundary_elements" (static)
         With "boundary_elements", area and friction follow a law that was fitted to boundary elements
         (`rubberfric.theory.area.boundary_elements_law`), for one rough isotropic surface. Both solids are
-        half-spaces, or one is a `Slab` and the other one is rigid. In 301 cases of half-spaces with q1/q0 =
-        8 ... 64 that were not used for the fit, 90 % of the friction values and 96 % of the areas are within
-        10 % of boundary elements (paper: 19 % and 22 %). The law is less accurate for narrow spectra (q1/qr =
-        4: 67 % of the friction within 10 %), for moduli that rise by a factor of 100 or more (66 %), and for
-        slabs whose stiffness at qr is over 4 times that of a half-space. In 93 later cases, mostly outside
-        the range of the fit, 64 % of the friction values are within 10 % where A/A0 > 1 % (paper: 34 %), and
-        31 % where it is smaller.
-        The law is extrapolated beyond q1/q0 = 64. On a road, other fits of the law give friction that differs
-        by at most 6 % at q1/q0 = 1e3 and 10 % at 1e4 (notebooks/law_table.md). The separation is the paper's.
+        half-spaces, or one is a `Slab` and the other one is rigid. In test cases with A/A0 > 1 %, 91 to 97 %
+        of the friction values and 98 to 100 % of the areas are within 10 % of boundary elements (paper: 19 to
+        31 % and 16 to 22 %). With A/A0 < 1 %, 73 to 93 % of the friction values are. The law is least
+        accurate for A/A0 < 0.5 %, q1/qr < 3.5 and hurst > 0.85. Slabs whose stiffness at qr is over 4 times
+        that of a half-space raise an error. The cases have q1/q0 = 4 ... 512. At q1/q0 = 1e4 on a road, other
+        fits of the law give friction that differs by at most 5 % (notebooks/law_table.md). The separation is
+        the paper's.
     quadrature : Quadrature or None (static)
         accuracy setting of calls without a `quadrature`. If None, every call chooses the setting.
         `rubberfric.tuned` chooses the setting for `jit` and `vmap` with the scene as an argument. Files do

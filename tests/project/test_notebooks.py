@@ -89,6 +89,6 @@ def test_measure_runs_every_command_that_pages_quote():
     quoted = set(re.findall(r"(?:tests/[\w/]+/test_|python notebooks/)\w+\.py", texts))
     quoted -= {f"python notebooks/{name}.py" for name in ("measure", "formats", "execute")}  # measure nothing
     # The growth benchmark runs growth.py. Boundary elements take hours.
-    quoted -= {f"python notebooks/{name}.py" for name in ("growth", "boundary_elements", "blind_elements")}
+    quoted -= {f"python notebooks/{name}.py" for name in ("growth", "boundary_elements", "law_elements")}
     assert len(quoted) > 10
     assert [name for name in sorted(quoted) if name not in str(measure.MEASUREMENTS)] == []

@@ -191,10 +191,10 @@ def test_given_numbers_are_kept_and_judged():
 
 
 def test_the_prior_depends_on_the_contact_model(off):
-    """The law is closer to boundary elements than the paper, and extrapolated beyond q1/q0 = 64."""
+    """The law is closer to boundary elements than the paper, and extrapolated beyond q1/q0 = 512."""
     law = SCENE.replace(contact_model="boundary_elements")
     q1 = float(law.lower.spectrum.q1)
-    near, far = (law.replace("lower.spectrum.q0", q1 / ratio) for ratio in (64, 6400))
+    near, far = (law.replace("lower.spectrum.q0", q1 / ratio) for ratio in (512, 51200))
     assert median_amplitude([SCENE]) == pytest.approx(0.5)
     assert median_amplitude([near]) == pytest.approx(0.1)
     assert median_amplitude([far]) == pytest.approx(0.3)

