@@ -124,9 +124,9 @@ def theory_error(scene: Scene, area: ArrayLike | None = None) -> TheoryError | N
     TheoryError over all areas between 0.003 and 0.8; None without such areas, or if the table does not cover
     the scene. The table covers a rigid self-affine surface, H = 0.6 ... 1, q1/qr = 8 ... 64, under a smooth
     viscoelastic half-space without heating or softening, with gamma about 1/2. With
-    `contact_model="boundary_elements"`, all q1/qr >= 2 and H = 0.5 ... 1 are included. Beyond q1/q0 = 512 the
-    law is extrapolated, and the limits of the ranges move by 5 % (friction) and 2.5 % (area) in each decade of
-    q1/q0.
+    `contact_model="boundary_elements"`, all q1/qr >= 2 and H = 0.5 ... 1 are included. Beyond q1/q0 = 512
+    the law is extrapolated, and the limits of the ranges move by 5 % (friction) and 2.5 % (area) in each
+    decade of q1/q0.
 
     Sources: notebooks/boundary_elements.csv, which notebooks/boundary_elements.py makes. The errors for
     `contact_model="boundary_elements"` are from the cases of
