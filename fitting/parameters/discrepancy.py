@@ -62,7 +62,7 @@ class Discrepancy:
     ============================  ============  ==========  ============  ==========
 
     With `contact_model="boundary_elements"`, the default and two pressures of 20 other scenes, the shares are
-    96 % for moduli and 100 % for heights (notebooks/how_true.md).
+    95 % for moduli and 98 % for heights (notebooks/how_true.md).
 
     In another test the friction of 60 random rubbers had errors of 20 % with wavelengths of 1-2, 2-4 and 4-8
     decades. With the default, 97, 96 and 94 % of the 95 % intervals contain the true value. The medians of

@@ -47,7 +47,7 @@ _CONDITIONS = {
     "pressure": (1.0, 1e10, "Pa"),
     "temperature": (*PLAUSIBLE_TEMPERATURE, "K"),
 }
-# Stiffness of a slab over that of a half-space, up to which notebooks/law_table.md confirms the law.
+# Ratio of the stiffness of a slab and of a half-space up to which notebooks/law_table.md confirms the law.
 _STIFFEST_SLAB = 4.0
 _OFF = 'warnings.simplefilter("ignore", rubberfric.UnitWarning) silences this warning'
 
@@ -124,8 +124,8 @@ class Scene(PhysicalObject):
         half-spaces, or one is a `Slab` and the other one is rigid. In test cases with A/A0 > 1 %, 91 to 97 %
         of the friction values and 98 to 100 % of the areas are within 10 % of boundary elements (paper: 19 to
         31 % and 16 to 22 %). With A/A0 < 1 %, 73 to 93 % of the friction values are. The law is least
-        accurate for A/A0 < 0.5 %, q1/qr < 3.5 and hurst > 0.85. Slabs whose stiffness at qr is over 4 times
-        that of a half-space raise an error. The cases have q1/q0 = 4 ... 512. At q1/q0 = 1e4 on a road, other
+        accurate for A/A0 < 0.5 %, q1/qr < 3.5 and hurst > 0.85. Slabs that are over 4 times as stiff as a
+        half-space at qr raise an error. The cases have q1/q0 = 4 ... 512. At q1/q0 = 1e4 on a road, other
         fits of the law give friction that differs by at most 5 % (notebooks/law_table.md). The separation is
         the paper's.
     quadrature : Quadrature or None (static)

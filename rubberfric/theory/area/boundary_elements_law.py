@@ -24,8 +24,8 @@ E / (1 - nu^2) of both solids in series, <> for the mean over phi, and D = dF / 
           & q_1 < q < 6 q_1\end{cases}
 
 The exponent c_phi = 1.4 means that the stress in light contact depends little on the direction: with 2 it
-would be isotropic. For a slab, E contains the stiffness of the slab over that of a half-space, a function of
-q.
+would be isotropic. For a slab, E contains the factor by which the slab is stiffer than a half-space, a
+function of q.
 
 In full contact W = 1 and T = 0, so that area and friction are the paper's. At light load W and T are
 proportional to A, so that mu does not depend on the load. The constants were fitted in
@@ -104,7 +104,7 @@ class Shape(NamedTuple):
     grid: jax.Array  # q cos(phi) [1/m] at which E is evaluated, (grid,)
     mean: jax.Array  # weights of means over the circle at the nodes and beyond, (all nodes, grid)
     along: jax.Array  # weights of integrals over the circle with the factor cos(phi), (all nodes, grid)
-    log_slab: jax.Array  # ln of the stiffness of a slab over that of a half-space, or 0, (all nodes,)
+    log_slab: jax.Array  # ln of slab over half-space stiffness, or 0, (all nodes,)
 
 
 class Law(NamedTuple):

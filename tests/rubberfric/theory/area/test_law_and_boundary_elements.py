@@ -233,7 +233,7 @@ def _stiffness(case):
 
 
 def _stiffening(case):
-    """Return the stiffness of a slab over that of a half-space at q_r."""
+    """Return the factor by which a slab is stiffer than a half-space at q_r."""
     if "thickness" not in case:
         return 1.0
     slab = rf.Slab(case["thickness"], case["base"])
