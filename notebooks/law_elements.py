@@ -176,18 +176,23 @@ def drawn_large(part, count, seed):
 
 
 _RATIOS = 4, 5, 6, 8, 8, 10, 12, 16, 16, 24, 32, 32, 48, 64
-CASES = [
-    case
-    for part, seed in (("fit", 10), ("test", 20))
-    for cases in (
-        drawn("half-space", part, 300, seed, _RATIOS),
-        drawn_slabs(part, 60, seed + 1),
-        drawn_twos(part, 40, seed + 2),
-        drawn_stretched(part, 40, seed + 3),
-        drawn_large(part, 16, seed + 4),
-    )
-    for case in cases
-]
+KINDS = "half-space", "slab", "two rough", "anisotropic", "large"
+
+
+def drawn_cases():
+    """Return all cases."""
+    return [
+        case
+        for part, seed in (("fit", 10), ("test", 20))
+        for cases in (
+            drawn("half-space", part, 300, seed, _RATIOS),
+            drawn_slabs(part, 60, seed + 1),
+            drawn_twos(part, 40, seed + 2),
+            drawn_stretched(part, 40, seed + 3),
+            drawn_large(part, 16, seed + 4),
+        )
+        for case in cases
+    ]
 
 
 def powers(found, ratio):
@@ -246,7 +251,7 @@ def measured(scene, case, count=None, finer=1.0, wider=1):
     return np.array(values, float), sums
 
 
-def row_of(case, measured=measured):
+def row_of(case):
     """Return one line of the table."""
     scene = scene_of(case)
     fine, sums = measured(scene, case)
@@ -279,28 +284,30 @@ def key_of(row):
     return tuple(shown(row.get(name, "")) for name in INPUTS)
 
 
-def read(table=TABLE):
+def read():
     """Return the rows of the table as cases; empty entries are left out."""
-    if not table.exists():
+    if not TABLE.exists():
         return []
-    with table.open(newline="") as file:
+    with TABLE.open(newline="") as file:
         return [
             {name: x if name in TEXTS else float(x) for name, x in row.items() if x}
             for row in csv.DictReader(file)
         ]
 
 
-def compute(seconds, kinds, parts, table=TABLE, measured=measured, cases=CASES):
+def compute(seconds, kinds, parts):
     """Append missing rows for about `seconds`; return the number of rows that are still missing."""
-    begin, done = time.monotonic(), {key_of(row) for row in read(table)}
+    begin, done = time.monotonic(), {key_of(row) for row in read()}
     missing = [
-        case for case in cases if case["kind"] in kinds and case["part"] in parts and key_of(case) not in done
+        case
+        for case in drawn_cases()
+        if case["kind"] in kinds and case["part"] in parts and key_of(case) not in done
     ]
     for k, case in enumerate(missing):
         if time.monotonic() - begin > seconds:
             return len(missing) - k
-        values, new = row_of(case, measured), not table.exists()
-        with table.open("a", newline="") as file:
+        values, new = row_of(case), not TABLE.exists()
+        with TABLE.open("a", newline="") as file:
             writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
             if new:
                 writer.writeheader()
@@ -313,8 +320,7 @@ def main():
     parser.add_argument(
         "--seconds", type=float, default=np.inf, help="stop after the case at which they are over"
     )
-    kinds = sorted({case["kind"] for case in CASES})
-    parser.add_argument("--kinds", nargs="+", choices=kinds, default=kinds)
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
     parser.add_argument("--part", nargs="+", choices=["fit", "test"], default=["fit", "test"])
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
