@@ -185,74 +185,105 @@ def roughness_density(law: BrokenPowerLaw, q: jax.Array) -> jax.Array:
     return q**2 * jnp.exp(law.log_value[piece] + law.exponent[piece] * jnp.log(q / law.q[piece]))
 
 
+class Moduli(NamedTuple):
+    """E of both solids in series over a scale, so that no square overflows, and its means over phi."""
+
+    loss: jax.Array  # Im E of the half-space, (points, grid)
+    log_E: jax.Array  # ln |E| of the half-space, (points, grid)
+    log_E_g: jax.Array  # with the factor of the slab, as the other means, (points, all nodes)
+    log_E_r: jax.Array
+    log_E_h: jax.Array
+
+
 def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None) -> State:
     """Return the `State` at points.
 
     The conditions have the shape (points,). The modulus is evaluated on the grid of ln(q cos(phi)), on which
     the integrals over the circle are matrices.
     """
-    shape, c = law.shape, law.constants
-    weight = shape.weight.reshape(-1) / shape.total
-    inside = weight.size
+    shape = law.shape
     T = None if temperature is None else temperature[:, None]
     E = _modulus(law, jnp.abs(velocity)[:, None] * shape.grid, T)  # (points, grid) [Pa]
     scale = jax.lax.stop_gradient(jnp.max(jnp.abs(E), 1))
-    E = E / scale[:, None]
-    log_E = 0.5 * jnp.log(jnp.real(E) ** 2 + jnp.imag(E) ** 2)
-    # Means over the circle, (points, all nodes). The moduli are scaled so that no square overflows.
-    softest = jax.lax.stop_gradient(jnp.min(log_E, 1, keepdims=True))
-    log_E_g = log_E @ shape.mean.T + shape.log_slab
-    log_E_r = 0.5 * jnp.log(jnp.exp(2 * log_E) @ shape.mean.T) + shape.log_slab
-    log_E_h = softest - 0.5 * jnp.log(jnp.exp(2 * (softest - log_E)) @ shape.mean.T) + shape.log_slab
-
-    def log_W_m(A, B):
-        # A and B have the shape (points, 1).
-        light = c.c_0 - c.c_D * shape.log_D + c.c_f * shape.log_F
-        heavy = c.h_0 - c.h_D * shape.log_D + c.h_F * shape.log_F
-        # ln(A psi) / B is finite in full contact.
-        some = B > 1e-8
-        log_A = jnp.where(some, jnp.log(jnp.where(some, A, 0.5)) / jnp.where(some, B, 0.5), -1.0)
-        return -B * _softplus(-c.n * (log_A + B ** (c.c_A - 1) * light + A * heavy)) / c.n
-
-    def tail(A, B):
-        # T / A
-        below = (1 + c.c_r * A) ** 2 * (1 + c.c_alpha * shape.log_alpha)
-        return c.c_T * B * jnp.exp(c.c_e * shape.log_D_end) / below
-
-    def log_effective(A, B):
-        # ln E_eff, shape (points,)
-        partial = B[:, None] ** c.a
-        log_E_A = partial * log_E_g + (1 - partial) * log_E_r
-        here = weight * jnp.exp(log_W_m(A[:, None], B[:, None]))
-        there = (c.k * jnp.exp(shape.log_D_end) * A * tail(A, B))[:, None] * shape.step
-        weights = jnp.concatenate([here, there], -1)
-        return 0.5 * jnp.log(jnp.sum(weights * jnp.exp(2 * log_E_A), -1) / jnp.sum(weights, -1))
-
-    S_0 = 1 - 1 / (c.s_0 + c.s_alpha * shape.log_alpha)
+    moduli = _moduli(E / scale[:, None], shape)
     log_load = jnp.log(math.sqrt(2) * pressure / scale) - jnp.log(shape.slope)
-
-    def log_slope(A):
-        return 0.5 * jnp.log(S_0 + (1 - S_0) * A**c.s)
 
     def balance(y):
         # y is the logarithm of the argument of erf.
         A, B = _area(y)
-        return log_load - log_effective(A, B) - log_slope(A)
+        return log_load - _log_E_eff(A, B, moduli, law) - _log_slope(A, law)
 
     y, converged = _fixed_point(balance, log_load)
     y = implicit(lambda y: balance(y[:, 0])[:, None], y[:, None])[:, 0]
     A, B = _area(y)
-    log_E_eff = log_load - y - log_slope(A)
+    log_E_eff = log_load - y - _log_slope(A, law)
+    share, here = _below_q1(A, B, log_E_eff, moduli, law)
+    there = _beyond_q1(A, B, log_E_eff, moduli, law)
+    factor = shape.height2 * shape.total * scale / (2 * pressure)
+    mu_of_q = (jnp.sign(velocity) * factor)[:, None] * jnp.concatenate([here, there], -1)
+    return State(A, jnp.sum(mu_of_q, -1), mu_of_q, share, converged)
 
+
+def _moduli(E, shape):
+    log_E = 0.5 * jnp.log(jnp.real(E) ** 2 + jnp.imag(E) ** 2)
+    softest = jax.lax.stop_gradient(jnp.min(log_E, 1, keepdims=True))
+    E2 = jnp.exp(2 * log_E) @ shape.mean.T
+    over_E2 = jnp.exp(2 * (softest - log_E)) @ shape.mean.T
+    return Moduli(
+        jnp.imag(E),
+        log_E,
+        log_E @ shape.mean.T + shape.log_slab,
+        0.5 * jnp.log(E2) + shape.log_slab,
+        softest - 0.5 * jnp.log(over_E2) + shape.log_slab,
+    )
+
+
+def _log_W_m(A, B, law):
+    shape, c = law.shape, law.constants
+    A, B = A[:, None], B[:, None]
+    light = c.c_0 - c.c_D * shape.log_D + c.c_f * shape.log_F
+    heavy = c.h_0 - c.h_D * shape.log_D + c.h_F * shape.log_F
+    # ln(A psi) / B is finite in full contact.
+    some = B > 1e-8
+    log_A = jnp.where(some, jnp.log(jnp.where(some, A, 0.5)) / jnp.where(some, B, 0.5), -1.0)
+    return -B * _softplus(-c.n * (log_A + B ** (c.c_A - 1) * light + A * heavy)) / c.n
+
+
+def _T(A, B, law):
+    shape, c = law.shape, law.constants
+    below = (1 + c.c_r * A) ** 2 * (1 + c.c_alpha * shape.log_alpha)
+    return c.c_T * A * B * jnp.exp(c.c_e * shape.log_D_end) / below
+
+
+def _log_E_eff(A, B, moduli, law):
+    shape, c = law.shape, law.constants
     partial = B[:, None] ** c.a
-    log_E_W = (partial * log_E_h + (1 - partial) * log_E_r)[:, :inside]
-    odds = jnp.expm1(-log_W_m(A[:, None], B[:, None]))  # (1 - W) / W
+    log_E_A = partial * moduli.log_E_g + (1 - partial) * moduli.log_E_r
+    here = _weight(shape) * jnp.exp(_log_W_m(A, B, law))
+    there = (c.k * jnp.exp(shape.log_D_end) * _T(A, B, law))[:, None] * shape.step
+    weights = jnp.concatenate([here, there], -1)
+    return 0.5 * jnp.log(jnp.sum(weights * jnp.exp(2 * log_E_A), -1) / jnp.sum(weights, -1))
+
+
+def _log_slope(A, law):
+    # ln of the square root in the equation for A
+    c = law.constants
+    S_0 = 1 - 1 / (c.s_0 + c.s_alpha * law.shape.log_alpha)
+    return 0.5 * jnp.log(S_0 + (1 - S_0) * A**c.s)
+
+
+def _below_q1(A, B, log_E_eff, moduli, law):
+    """Return W where |E| = E_W, and the integral of Im E cos(phi) D W at the nodes; (points, nodes)."""
+    shape, c = law.shape, law.constants
+    inside = shape.weight.size
+    partial = B[:, None] ** c.a
+    log_E_W = (partial * moduli.log_E_h + (1 - partial) * moduli.log_E_r)[:, :inside]
+    odds = jnp.expm1(-_log_W_m(A, B, law))  # (1 - W) / W
     odds = odds * jnp.exp((c.c_v * B + c.c_w * A)[:, None] * (log_E_W - log_E_eff[:, None]))
-    slab, slab_beyond = shape.log_slab[:inside], shape.log_slab[inside:]
-    # E of the half-space in the factors that depend on phi.
+    slab = shape.log_slab[:inside]
+    # |E| of the half-space in the factor that depends on phi.
     around = odds * jnp.exp(-c.c_phi * B[:, None] * (log_E_W - slab))
-    stiff = jnp.exp(c.c_phi * B[:, None] * log_E)
-    loss = jnp.imag(E)
+    stiff = jnp.exp(c.c_phi * B[:, None] * moduli.log_E)
     along = shape.along[:inside]
 
     # Point by point, because W has an entry for every node and grid point; computed again in reverse mode.
@@ -261,15 +292,24 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
         loss, odds, stiff = point
         return jnp.sum(along * (loss / (1 + odds[:, None] * stiff)), -1)
 
-    here = weight * jnp.exp(slab) * jax.lax.map(ring, (loss, around, stiff))
-    log_E_h = log_E_h[:, inside:]
-    there = (loss * jnp.exp(-c.c_phi * log_E)) @ shape.along[inside:].T
-    log_factor = c.c_b * (log_E_eff[:, None] - log_E_h) + c.c_phi * (log_E_h - slab_beyond) + slab_beyond
-    height = jnp.exp(shape.log_D_end) * A * tail(A, B)
-    there = height[:, None] * there * jnp.exp(log_factor - 3 * shape.beyond) * shape.step
-    factor = shape.height2 * shape.total * scale / (2 * pressure)
-    mu_of_q = (jnp.sign(velocity) * factor)[:, None] * jnp.concatenate([here, there], -1)
-    return State(A, jnp.sum(mu_of_q, -1), mu_of_q, 1 / (1 + odds), converged)
+    heat = _weight(shape) * jnp.exp(slab) * jax.lax.map(ring, (moduli.loss, around, stiff))
+    return 1 / (1 + odds), heat
+
+
+def _beyond_q1(A, B, log_E_eff, moduli, law):
+    """Return the integral of Im E cos(phi) times the power beyond q1; (points, nodes beyond)."""
+    shape, c = law.shape, law.constants
+    inside = shape.weight.size
+    slab, log_E_h = shape.log_slab[inside:], moduli.log_E_h[:, inside:]
+    around = (moduli.loss * jnp.exp(-c.c_phi * moduli.log_E)) @ shape.along[inside:].T
+    log_factor = c.c_b * (log_E_eff[:, None] - log_E_h) + c.c_phi * (log_E_h - slab) + slab
+    height = jnp.exp(shape.log_D_end) * _T(A, B, law)
+    return height[:, None] * around * jnp.exp(log_factor - 3 * shape.beyond) * shape.step
+
+
+def _weight(shape):
+    # d F at the nodes
+    return shape.weight.reshape(-1) / shape.total
 
 
 def _modulus(law, omega, T):
