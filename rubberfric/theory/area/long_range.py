@@ -86,6 +86,18 @@ class _Beyond(NamedTuple):
     heights: tuple[jax.Array, jax.Array]
 
 
+class _Nodes(NamedTuple):
+    """Nodes of the outer integral over g, (outer,), and of the inner ones over g', (outer, inner)."""
+
+    g: jax.Array
+    rest: jax.Array  # g_end - g
+    weight: jax.Array
+    storage: jax.Array  # U(g)
+    width: jax.Array  # h, rms height beyond g
+    log_root: jax.Array  # ln of the root of x_end / x in which the inner nodes are spaced
+    passed: jax.Array  # V = U(g) - U(g'), times the weight in ln x
+
+
 # Batched axes.
 _POINTS = Gaps._make([0, 0, 0, 0, 0, None, None, None, None])
 
@@ -106,20 +118,25 @@ def solve_dmt_load(gaps: Gaps, order: int) -> AdhesiveLoad:
     still = jax.lax.stop_gradient(gaps)
 
     def solved(gaps):
-        # Quadrature nodes follow each load: nodes placed for another load miss where contact is lost.
         beyond = jax.lax.optimization_barrier(_interpolate_beyond(gaps))
+
+        def excess_of_few(z):
+            # The nodes follow each load: nodes placed for another load miss where contact is lost.
+            return z - _log_load(gaps, _nodes(gaps, beyond, z, _FEW), z)
+
         top = jnp.log1p(gaps.strength)
-        near = first(lambda z: z - _log_load(gaps, beyond, z, _FEW), top, _LOADS)
-        near = zero(lambda z: z - _log_load(gaps, beyond, z, _FEW), near, top)[2]
-        return zero(lambda z: z - _log_load(gaps, beyond, z, count), near, top)[:2]
+        near = zero(excess_of_few, first(excess_of_few, top, _LOADS), top)[2]
+        # The solution is so close to `near` that its nodes serve all further loads.
+        nodes = jax.lax.optimization_barrier(_nodes(gaps, beyond, near.start, count))
+        return zero(lambda z: z - _log_load(gaps, nodes, z), near, top)[:2]
 
     solution, converged = jax.vmap(solved, (_POINTS,))(still)
 
-    def log_load(gaps, z):
-        return _log_load(gaps, _interpolate_beyond(gaps), z, count)
+    def log_load(gaps, about, z):
+        return _log_load(gaps, _nodes(gaps, _interpolate_beyond(gaps), about, count), z)
 
     def balance(z):
-        return jax.vmap(log_load, (_POINTS, 0))(gaps, z[:, 0])[:, None]
+        return jax.vmap(log_load, (_POINTS, 0, 0))(gaps, solution, z[:, 0])[:, None]
 
     return AdhesiveLoad(jnp.exp(implicit(balance, solution[:, None])[:, 0]), converged)
 
@@ -132,7 +149,8 @@ def evaluate_attraction(gaps: Gaps, order: int) -> jax.Array:
     """
 
     def share(gaps):
-        return _share(gaps, _interpolate_beyond(gaps), jnp.zeros_like(gaps.stiffness), _counts(order))
+        none = jnp.zeros_like(gaps.stiffness)
+        return _share(gaps, _nodes(gaps, _interpolate_beyond(gaps), none, _counts(order)), none)
 
     return jax.vmap(share, (_POINTS,))(gaps)
 
@@ -141,31 +159,61 @@ def _counts(order):
     return _OUTER * order, _INNER * order
 
 
-def _log_load(gaps, beyond, z, count):
+def _log_load(gaps, nodes, z):
     """Return ln(1 + p_ad / sigma_0) in the contact under the pressure sigma_0 e^z."""
-    return jnp.log1p(gaps.strength * _share(gaps, beyond, z, count))
+    return jnp.log1p(gaps.strength * _share(gaps, nodes, z))
 
 
-def _share(gaps, beyond, z, count):
+def _share(gaps, nodes, z):
     """Return the mean of e^(-u/r) over the separations u under the pressure sigma_0 e^z.
 
-    r is the range of the attraction. `count` has the number of outer nodes, and the number of inner nodes for
-    each outer node.
+    r is the range of the attraction. The nodes were placed for a similar pressure.
     """
     stiffness, g_end = gaps.stiffness * jnp.exp(-z), gaps.knots[-1]
-    ahead, weight = _outer_nodes(stiffness, g_end, count[0])
-    g, rest = g_end * jnp.exp(-ahead), -g_end * jnp.expm1(-ahead)
-    X, last = contact_argument(stiffness**2 * g), contact_argument(stiffness**2 * g_end)
-    u1, width = _separations(gaps, beyond, stiffness, (g, rest), X, count[1])
+    X, last = contact_argument(stiffness**2 * nodes.g), contact_argument(stiffness**2 * g_end)
+    u1 = _mean_separation(gaps, nodes, stiffness, X)
     lost, corrected = 1.0, X
     if gaps.correction is not None:
         corrected, last = correct_argument(gaps.correction, X), correct_argument(gaps.correction, last)
         lost = energy_factor(contact_fraction(corrected), gaps.gamma) * (corrected / X) ** 2
     # -dP / d ln g
     lost = lost * 0.5 * TWO_OVER_ROOT_PI * corrected * jnp.exp(-corrected * corrected)
-    found = contact_fraction(last) + jnp.sum(weight * lost * spread(u1, width, gaps.reach))
+    found = contact_fraction(last) + jnp.sum(nodes.weight * lost * spread(u1, nodes.width, gaps.reach))
     # Errors of the quadrature must not make p_ad exceed its bound, beyond which no load is tried.
     return jnp.minimum(found, 1.0)
+
+
+def _mean_separation(gaps, nodes, stiffness, X):
+    """Return u1 at the outer nodes."""
+    P, c = contact_fraction(X), loss_factor(X)
+    x_end = contact_argument((stiffness * P) ** 2 * nodes.rest)
+    fall = gaps.lost(jnp.log(x_end)[:, None] - _ROOT * nodes.log_root, c[:, None])
+    integral = loss_weight(x_end, c, gaps.gamma) * nodes.storage - jnp.sum(fall * nodes.passed, -1)
+    return jnp.pi / 2 * stiffness * P * jnp.maximum(integral, 0.0)
+
+
+def _nodes(gaps, beyond, z, count):
+    """Place the nodes of both integrals for the pressure sigma_0 e^z.
+
+    `count` has the number of outer nodes, and the number of inner nodes for each outer node.
+    """
+    stiffness, g_end = gaps.stiffness * jnp.exp(-z), gaps.knots[-1]
+    ahead, outer_weight = _outer_nodes(stiffness, g_end, count[0])
+    g, rest = g_end * jnp.exp(-ahead), -g_end * jnp.expm1(-ahead)
+    cell = _find_cells(beyond.knots, g)
+    U = _evaluate(beyond.knots, beyond.storage, cell, g)
+    heights = _evaluate(beyond.knots, beyond.heights, cell, g)
+    x_end = contact_argument((stiffness * contact_fraction(contact_argument(stiffness**2 * g))) ** 2 * rest)
+    node, weight = (typed(table, g) for table in gauss(count[1]))
+    # The integrand is smooth in a root of x_end / x, down to 0; g' - g falls as the square of x_end / x.
+    least = jnp.minimum(x_end / _CLOSEST, 1.0)[:, None] ** (1 / _ROOT)
+    root = least + (1 - least) * node
+    further = g[:, None] + rest[:, None] * root ** (2 * _ROOT)
+    passed = U[:, None] - _evaluate(beyond.knots, beyond.storage, _find_cells(beyond.knots, further), further)
+    passed = _ROOT * (1 - least) * weight * passed / root
+    smallest = jnp.finfo(g.dtype).tiny ** 0.5
+    width = jnp.sqrt(jnp.maximum(heights, smallest))
+    return _Nodes(g, rest, outer_weight, U, width, jnp.log(root), passed)
 
 
 def _outer_nodes(stiffness, g_end, count):
@@ -178,31 +226,6 @@ def _outer_nodes(stiffness, g_end, count):
     back = (1 - node) ** 2 * (1 + _BEND) / (1 - node + _BEND)
     stretch = (1 - node) * (1 + _BEND) * (1 - node + 2 * _BEND) / (1 - node + _BEND) ** 2
     return length * back, length * stretch * weight
-
-
-def _separations(gaps, beyond, stiffness, at, X, count):
-    """Return the mean separation u1 and the rms height h at the outer nodes.
-
-    `at` is (g, g_end - g) at the outer nodes. `count` is the number of inner nodes for each outer node.
-    """
-    g, rest = at
-    node, weight = (typed(table, g) for table in gauss(count))
-    cell = _find_cells(beyond.knots, g)
-    U = _evaluate(beyond.knots, beyond.storage, cell, g)
-    heights = _evaluate(beyond.knots, beyond.heights, cell, g)
-    P, c = contact_fraction(X), loss_factor(X)
-    x_end = contact_argument((stiffness * P) ** 2 * rest)
-    # The integrand is smooth in a root of x_end / x, down to 0; g' - g falls as the square of x_end / x.
-    least = jnp.minimum(x_end / _CLOSEST, 1.0)[:, None] ** (1 / _ROOT)
-    root = least + (1 - least) * node
-    further = g[:, None] + rest[:, None] * root ** (2 * _ROOT)
-    passed = U[:, None] - _evaluate(beyond.knots, beyond.storage, _find_cells(beyond.knots, further), further)
-    fall = gaps.lost(jnp.log(x_end)[:, None] - _ROOT * jnp.log(root), c[:, None])
-    within = _ROOT * (1 - least) * jnp.sum(weight * fall * passed / root, -1, keepdims=True)
-    integral = loss_weight(x_end, c, gaps.gamma) * U - within[:, 0]
-    u1 = jnp.pi / 2 * stiffness * P * jnp.maximum(integral, 0.0)
-    smallest = jnp.finfo(g.dtype).tiny ** 0.5
-    return u1, jnp.sqrt(jnp.maximum(heights, smallest))
 
 
 def _slopes(knots, values):
