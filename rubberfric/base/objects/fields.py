@@ -194,7 +194,11 @@ def checked(where: str, value: Any, field: Meaning) -> Any:
         if isinstance(value, bool) or not isinstance(value, int | float | np.floating):
             raise ValueError(f"{where} = {shown(value)}: must be a number")
         value = float(value)
-    # 1 == True, but a static field keeps the type it was declared with.
-    elif isinstance(field, Static) and not any(type(value) is type(c) and value == c for c in field.choices):
-        raise ValueError(f"{where} = {shown(value)}: must be one of {', '.join(map(repr, field.choices))}")
+    elif isinstance(field, Static):
+        value = value.item() if isinstance(value, np.generic) else value
+        # 1 == True, but a static field keeps the type it was declared with.
+        if not any(type(value) is type(c) and value == c for c in field.choices):
+            raise ValueError(
+                f"{where} = {shown(value)}: must be one of {', '.join(map(repr, field.choices))}"
+            )
     return value

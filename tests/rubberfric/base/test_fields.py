@@ -4,6 +4,7 @@ from typing import Literal
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 import rubberfric as rf
@@ -69,6 +70,8 @@ def test_annotations_complete_the_fields(made):
     assert jax.tree.structure(part) != jax.tree.structure(part.replace(flag=True))
     with pytest.raises(ValueError, match=r"^Part\.mode = 'b': must be one of 'a', 3$"):
         Part(3, mode="b")
+    of_numpy = Part(3, mode=np.str_("a"), flag=np.bool_(True))
+    assert type(of_numpy.mode) is str and of_numpy.flag is True
     with pytest.raises(ValueError, match=r"^Part\.needed = None: must be Slab$"):
         Part(3, needed=None)
 
