@@ -6,9 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.extend.core import Literal
 from support.cases.stored import QUANTITIES
 from support.counting.operations import costly, equations, per_point, primitives, work
 from support.scenes.common import RIGID, ROAD, TREAD, WORN, scene
+from support.scenes.kinds import scenes
 
 import rubberfric as rf
 from rubberfric.theory import adhesive_contact
@@ -201,3 +203,27 @@ def test_installed_jax_computes_a_vmapped_product_and_sum_of_squares_correctly()
     ours = jax.jit(jax.vmap(lambda row: jnp.sum((jnp.eye(3) @ row) ** 2)))(x)
     assert ours.dtype == np.float64  # else there is nothing to see
     np.testing.assert_array_equal(ours, x[:, 0] ** 2)  # whole numbers below 2**53, exact in any order
+
+
+def overlapping_updates(function, *arguments):
+    """Return the equations that write into an array an update that was sliced from the same array."""
+    found, origin = [], {}
+    for e in equations(jax.make_jaxpr(function)(*arguments).jaxpr):
+        inputs = [x for x in e.invars if not isinstance(x, Literal)]
+        if e.primitive.name in ("slice", "dynamic_slice"):
+            origin[e.outvars[0]] = {inputs[0]}
+        elif e.primitive.name in ("reshape", "squeeze", "broadcast_in_dim", "convert_element_type"):
+            origin[e.outvars[0]] = origin.get(inputs[0], set()) if inputs else set()
+        elif e.primitive.name in ("dynamic_update_slice", "scatter"):
+            update = e.invars[1 if e.primitive.name == "dynamic_update_slice" else 2]
+            if not isinstance(update, Literal) and e.invars[0] in origin.get(update, set()):
+                found.append(e)
+    return found
+
+
+def test_no_array_is_updated_with_a_slice_of_itself():
+    """The pattern of github.com/openxla/xla/issues/49176, for which XLA computes wrong numbers on CPUs."""
+    assert overlapping_updates(lambda x: x.at[1:].set(x[:-1]).reshape(1, -1), VELOCITY)
+    for name, (s, T) in scenes().items():
+        traced = jax.value_and_grad(lambda s, T=T: jnp.sum(rf.friction(s, VELOCITY, 1e5, T)))
+        assert not overlapping_updates(traced, s), name
