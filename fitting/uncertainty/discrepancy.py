@@ -212,7 +212,7 @@ def _at_the_ends(of_width):
     if of_width[-1] > 0.5:
         return [
             f"the width is most likely the longest tried, {last:.2g} decades: so smooth an error can"
-            " hardly be told from a change of parameters, so give priors"
+            " hardly be distinguished from a change of parameters, so give priors"
         ]
     return []
 

@@ -40,7 +40,7 @@ class Row(NamedTuple):
     compile_forward: float | None = None  # [s], including tracing that JAX has not cached
     compile_gradient: float | None = None  # [s]
 
-    def told(self) -> str:
+    def summary(self) -> str:
         """Return the setting and its errors as one line of text, without run times."""
         setting = short_setting(self.setting, _KNOBS)
         errors = f"values to {self.errors.value:.0e}"
@@ -241,7 +241,7 @@ def accuracy(
     textbook: Sequence[tuple[int, int]] = TEXTBOOK,
     repeats: int = 25,
     progress: Callable[[str], object] | None = None,
-    told: Callable[[Row, int, int], object] | None = None,
+    report: Callable[[Row, int, int], object] | None = None,
 ) -> Accuracy:
     """Measure errors and run times of accuracy settings on a scene, in double and single precision.
 
@@ -264,7 +264,7 @@ def accuracy(
         gradients here. It is omitted for scenes beyond the paper (`paper.covers`).
     repeats : rounds of timing, an int >= 1
     progress : function of a line of text, called before every step, or None
-    told : function of (row, its number, number of rows), or None
+    report : function of (row, its number, number of rows), or None
         called with every new row, still without run times. The number of rows is an upper bound at first.
 
     Returns
@@ -293,8 +293,8 @@ def accuracy(
     def measure(what: str, function: Callable[..., Timed], *given: Any) -> None:
         tell(f"row {len(measured) + 1} of {rows}: {what}")
         measured.append(function(case, *given))
-        if told is not None:
-            told(measured[-1][0], len(measured), rows)
+        if report is not None:
+            report(measured[-1][0], len(measured), rows)
 
     for setting in settings:
         measure(f"compiling float64, {setting}", _panels, exact.exact, setting, jnp.float64)

@@ -266,7 +266,7 @@ def run_accuracy(arguments: argparse.Namespace, show: Phases) -> tuple[str, OSEr
         *at,
         error=arguments.error,
         progress=show,
-        told=lambda row, k, of: show.line(f"{k} of {of}: {row.told()}"),
+        report=lambda row, k, of: show.line(f"{k} of {of}: {row.summary()}"),
     )
     failure = write_outputs(
         show,

@@ -183,7 +183,7 @@ def _node_map(left, right, origin, node):
 def locate(mesh: Mesh, q: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Return the contact panels of wavevectors within the roughness, and their node coordinates 0 ... 1.
 
-    `q` has the shape (wavevectors,). The mesh must be that of one spectrum.
+    `q` has the shape (wavevectors,). The mesh must have one spectrum.
     """
     t = log_ratio(q, mesh.first)
     left, right = mesh.borders[:-1], mesh.borders[1:]

@@ -176,8 +176,8 @@ def test_given_errors_make_the_bars(found):
 
 
 @pytest.mark.slow
-def test_errors_of_the_temperatures_add_to_the_bars():
-    """By the slope of ln a_T, and that of the reference."""
+def test_errors_of_the_temperatures_add_to_the_error_bars():
+    """They add the slope of ln a_T times the error of a temperature, and of the reference temperature."""
     exact, wrong = (fit_master_curve(isotherms(), temperature_error=one) for one in (0.0, 2.0))
     slope = np.gradient(exact.log_aT, T)
     added = 2.0 * np.hypot(slope, slope[exact.reference])
@@ -241,7 +241,7 @@ def test_neighbours_that_share_nothing_are_joined_with_large_errors():
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_shifts_of_glassy_sweeps_are_regular(seed):
-    """The coldest of five sweeps that are 20 K apart hardly overlaps. Without a prior it is 2 decades off."""
+    """The coldest of five sweeps that are 20 K apart hardly overlaps. No prior leaves it 2 decades off."""
     law = rf.WLF(12.0, 50.0, 253.15)
     data = isotherms(noise=0.02, seed=seed, law=law, temperatures=np.arange(233.15, 320.0, 20.0))
     curve = fit_master_curve(data, 293.15, temperature_error=0.0)
@@ -274,7 +274,7 @@ def test_moduli_of_a_sweep_that_was_left_out():
 
 
 def test_moduli_that_rise_with_temperature_are_noticed():
-    """As in rubber elasticity; entropic shifts take the rise away."""
+    """The moduli rise as in rubber elasticity. Entropic shifts describe this rise."""
     data = isotherms(noise=0.005)
     factor = data.temperature / 293.15
     rising = ModulusData(data.omega, factor * data.storage, factor * data.loss, temperature=data.temperature)

@@ -458,7 +458,7 @@ def area_data(scene):
 
 
 def test_in_full_contact_nothing_is_called_reached():
-    """The area is that of full contact for any parameters: no step lowers the cost, without a minimum."""
+    """All parameters give full contact, so no step lowers the cost, and there is no minimum."""
     truth = rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 1e5, 0.8, 1e-4)), rf.Body(PRONY))
     data = area_data(truth)
     smooth = truth.replace("lower.spectrum.h_rms", 1e-8)

@@ -1,7 +1,7 @@
 """Error bars of fits to friction from boundary elements of random scenes, with 3 % noise.
 
-As in a laboratory, the moduli have errors of 30 % from another measurement (their priors, and the start);
-the height is free. Curves are computed once and kept in the folder of RUBBERFRIC_CURVES, if there is one.
+The moduli are known from another measurement to 30 %, which gives their priors and the start. The height
+is free. Curves are computed once and kept in the folder of RUBBERFRIC_CURVES, if there is one.
 """
 
 import itertools

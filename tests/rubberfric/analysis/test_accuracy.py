@@ -401,10 +401,10 @@ def call(call_main, tmp_path, monkeypatch):
 def test_command(call, monkeypatch):
     seen = {}
 
-    def sweep_of(_, *at, error, progress, told):
+    def sweep_of(_, *at, error, progress, report):
         seen.update(at=at, error=error)
         progress("working")  # not a terminal: nothing is shown
-        told(found().rows[0], 1, 2)
+        report(found().rows[0], 1, 2)
         return found()
 
     monkeypatch.setattr(sweep, "accuracy", sweep_of)

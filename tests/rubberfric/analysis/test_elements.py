@@ -132,7 +132,7 @@ def test_full_contact_of_two_rough_solids(velocity):
 
 @pytest.mark.parametrize("lower", [MAXWELL, rf.Elastic(5.0, 0.0), RIGID])
 def test_two_rough_solids_in_partial_contact(lower):
-    """The work of friction is the heat of both solids; with one smooth solid it is that of one surface."""
+    """The work of friction is the heat of both solids. If one solid is smooth, one surface makes the heat."""
     rough = slope_one(4.0)
     upper = rf.Body(MAXWELL, rough.replace(h_rms=0.5 * rough.h_rms))
     both = rf.Scene(rf.Body(lower, rough), upper)

@@ -1,12 +1,12 @@
 r"""Boundary elements of an elastic half-space that attracts a rigid rough surface: test code, no theory.
 
-Gaps g >= 0 that make least
+The gaps g >= 0 minimise the energy
 
 .. math:: \sum_q \tfrac12 K |g_q + h_q|^2 + p\,\bar g - \Big\langle\Delta\gamma\,e^{-g/r}\Big\rangle,\qquad
           K = \tfrac12 q E_r
 
-by conjugate gradients of what is apart, after Polonsky and Keer [Wear 231, 206 (1999)], with a step that is
-halved until the energy falls. The result is the minimum below the start.
+Conjugate gradients of the points out of contact find the minimum, after Polonsky and Keer [Wear 231, 206
+(1999)]. The step is halved until the energy falls. The result is the minimum below the start.
 """
 
 import math

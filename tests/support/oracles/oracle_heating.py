@@ -1,7 +1,7 @@
 """Brute force for heated scenes: `oracle.state` with a temperature for every q, iterated to its fixed point.
 
 The kernel is the one of the theory, summed over k on panels that double in width, the temperatures are
-polynomials in ln q, and the iteration is damped. Keys in addition to those of `oracle`:
+polynomials in ln q, and the iteration is damped. Further keys, which `oracle` does not have:
 
     heating   {"density", "heat_capacity", "conductivity", "radius"}, and as in rf.Heating
               "area_fraction", "shear_share", "shear_at"; a solid may have "thermal", its own first three

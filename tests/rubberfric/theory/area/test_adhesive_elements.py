@@ -55,8 +55,8 @@ H    p/E h'  work   approaching    apart  theory
 ===  ======  =====  =============  =====  ==========
 
 (Apart is of four surfaces throughout. Two surfaces of 2 periods and 1024^2 points have .061 and .062 in the
-first rows of either H.) Elements need a mesh of at least half of E_r r^2 / work, where a sphere is that of
-Johnson, Kendall and Roberts within 3 %; at a third of it areas are 15 % off.
+first rows of either H.) Elements need a mesh of at least half of E_r r^2 / work, where a sphere agrees
+with Johnson, Kendall and Roberts within 3 %. At a third of it, areas are 15 % off.
 """
 
 import math

@@ -39,7 +39,7 @@ def _with(name):
 def _brute_force(E_of, road, velocity, pressure, count=3000, angles=400, *, stiffer=np.ones_like):
     """Area and friction by trapezoids, of a self-affine road on E / (1 - nu^2) = `E_of` omega.
 
-    stiffer : stiffness of a slab over that of a half-space, as a function of q
+    stiffer : ratio of the stiffnesses of a slab and a half-space, as a function of q
     """
     c = CONSTANTS
     q0, qr, q1, hurst = (float(x) for x in (road.q0, road.qr, road.q1, road.hurst))
