@@ -43,10 +43,11 @@ import numpy as np
 from jax.scipy.special import erf
 
 from rubberfric.base.fixed_points import implicit
-from rubberfric.base.quadrature import Quadrature, cumulative, gauss, typed
+from rubberfric.base.quadrature import Quadrature, gauss, typed
 from rubberfric.materials.material import apply_vertical_shift, poisson_of, relaxation, series_of
+from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.radial_mesh import Mesh, build_mesh
-from rubberfric.roughness.spectra import BrokenPowerLaw
+from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio
 from rubberfric.scene.scene import Body
 from rubberfric.theory.area.circle_matrices import circle_matrices
 from rubberfric.theory.paper import E_r
@@ -134,14 +135,9 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
     )
     law = surface.law._replace(height2=jnp.ones_like(surface.law.height2))
     mesh = build_mesh([law], quadrature, graded=True)
-    assert mesh.between is not None
     weight = mesh.roughness[0]
-    rule = typed(cumulative(quadrature.order), weight)
-    until = jnp.sum(jnp.tensordot(mesh.between.roughness[0], rule, 1), -1)
-    before = jnp.asarray(np.tri(weight.shape[0], k=-1, dtype=weight.dtype)) @ jnp.sum(weight, -1)
     total = jnp.sum(weight)
-    F = (before[:, None] + until) / total
-    F = jnp.where(F > 0, F, 1.0)  # panels of zero width have zero weight
+    F = cumulative_moment(law, 2, log_ratio(mesh.q, law.q[0])) / (2 * jnp.pi * total)
     q1 = law.q[-1]
     relative = mesh.q / q1
     m0, m4 = jnp.sum(weight / relative**2), jnp.sum(weight * relative**2)

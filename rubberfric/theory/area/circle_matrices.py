@@ -65,10 +65,8 @@ def _interpolation(position, count):
     The result has the shape (positions, count).
     """
     before = jnp.floor(position)
-    distance, powers = position - before - 0.5, [jnp.ones_like(position)]
-    for _ in range(1, _POINTS):
-        powers.append(powers[-1] * distance)
-    weights = jnp.stack(powers, -1) @ typed(_polynomials(), position)
+    powers = (position - before - 0.5)[:, None] ** np.arange(_POINTS)
+    weights = powers @ typed(_polynomials(), position)
     which = np.arange(count) - before.astype(int)[:, None] + _POINTS // 2 - 1
     inside = (which >= 0) & (which < _POINTS)
     return jnp.where(inside, jnp.take_along_axis(weights, jnp.clip(which, 0, _POINTS - 1), 1), 0.0)
