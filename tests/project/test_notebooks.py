@@ -34,11 +34,9 @@ def texts_of(notebook):
             yield from (str(data) for kind, data in output.get("data", {}).items() if "image" not in kind)
 
 
-# Half a minute and more: the fourth measures, as `rubberfric accuracy` does, the others solve many scenes.
+# A quarter of a minute and more. The ordinary run has the snippets of README, which are similar.
 OTHERS = [
-    pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * path.name.startswith(("3", "4", "7", "8")))
-    for path in NOTEBOOKS
-    if path not in OF_FITS
+    pytest.param(path, id=path.stem, marks=pytest.mark.slow) for path in NOTEBOOKS if path not in OF_FITS
 ]
 
 

@@ -107,6 +107,7 @@ def test_near_the_pole_of_the_shift(T):
         np.testing.assert_allclose([A, u], [fast[0], fast[2]], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_below_the_pole_of_the_shift():
     """Refused where the temperature is known; saturated, and finite, where it is not."""
     at, v, pressure, _ = conditions(changed("sheared", {}))

@@ -29,8 +29,10 @@ sys.exit(status)
     ("package", "arguments", "most"),
     # A second for the question whether XLA knows an option; a fit has rows, slopes, four parts of a step and
     # three of the error bars.
-    [("rubberfric", ("run", "tread_on_asphalt.toml"), 2), ("fitting", ("tread_on_asphalt_fit.toml",), 10)],
-    ids=["run", "fit"],
+    [
+        pytest.param("rubberfric", ("run", "tread_on_asphalt.toml"), 2, id="run"),
+        pytest.param("fitting", ("tread_on_asphalt_fit.toml",), 10, id="fit", marks=pytest.mark.slow),
+    ],
 )
 def test_commands_compile_few_programs_in_double_precision_without_matplotlib(package, arguments, most):
     done = subprocess.run(

@@ -123,7 +123,7 @@ def key_path(parameter):
     [
         pytest.param("two-slabs", "friction", marks=pytest.mark.slow),
         pytest.param("two-slabs", "separation", marks=pytest.mark.slow),
-        ("wlf-hot", "friction"),
+        pytest.param("wlf-hot", "friction", marks=pytest.mark.slow),
         pytest.param("corrected", "area", marks=pytest.mark.slow),
     ],
 )

@@ -134,6 +134,7 @@ def test_contact_shear_shows_in_table_result_and_plot(call, scene_file, tmp_path
 HEATING = "[heating]\ndensity = 1200.0\nheat_capacity = 1600.0\nconductivity = 0.23\nradius = 2e-3\n"
 
 
+@pytest.mark.slow
 def test_heat_shows_in_table_result_and_plot(call, scene_file, tmp_path):
     out, picture = tmp_path / "r.h5", tmp_path / "r.png"
     scene_file.write_text(SCENE.replace("[run]", HEATING + "[run]"))

@@ -207,6 +207,7 @@ def test_a_signal_before_the_first_step_of_a_fit():
     assert sorted(os.listdir()) == JOB_FILES
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("job")
 def test_a_second_signal_does_not_wait_for_a_fit():
     program, signals = FITTING.replace("NAME", "save"), (signal.SIGINT, signal.SIGTERM)

@@ -121,9 +121,14 @@ def test_layers_at_rest_and_glassy():
 @pytest.mark.parametrize("layer", [rf.Slab(1e-3), rf.Coating(1e-3, ELASTIC)], ids=["slab", "coating"])
 def test_layers_as_series(layer):
     """At every q the limit at rest is `static_reduced` and the glassy limit `glassy_stiffening`."""
-    series = layer.reduced_series(PRONY, 1e5, Q)
+
+    @jax.jit  # compiles in a tenth of the time of single operations
+    def answers(layer):
+        glassy = layer.glassy_stiffening(PRONY, Q) * PRONY.glassy_reduced() / 1e5
+        return layer.reduced_series(PRONY, 1e5, Q), layer.static_reduced(PRONY, 1e5, Q), glassy
+
+    series, static, glassy = answers(layer)
     assert isinstance(series, Series)
     assert series.weight.shape == series.tau.shape
-    np.testing.assert_allclose(series.rest, layer.static_reduced(PRONY, 1e5, Q), rtol=1e-12)
-    glassy = layer.glassy_stiffening(PRONY, Q) * PRONY.glassy_reduced() / 1e5
+    np.testing.assert_allclose(series.rest, static, rtol=1e-12)
     np.testing.assert_allclose(series.rest + series.weight.sum(-1), glassy, rtol=1e-10)

@@ -129,7 +129,7 @@ BRUTE = {
 }
 
 
-@pytest.mark.parametrize("branch", BRUTE)
+@pytest.mark.parametrize("branch", ["rising", pytest.param("falling", marks=pytest.mark.slow)])
 def test_brute_force_on_both_branches(branch):
     v, friction, rise = np.transpose(BRUTE[branch])
     found = solved(folded(branch), v)

@@ -224,6 +224,7 @@ def overlapping_updates(function, *arguments):
 def test_no_array_is_updated_with_a_slice_of_itself():
     """The pattern of github.com/openxla/xla/issues/49176, for which XLA computes wrong numbers on CPUs."""
     assert overlapping_updates(lambda x: x.at[1:].set(x[:-1]).reshape(1, -1), VELOCITY)
-    for name, (s, T) in scenes().items():
+    for name in ("two rough rubbers", "with contact shear", "tabulated modulus and spectrum"):
+        s, T = scenes()[name]
         traced = jax.value_and_grad(lambda s, T=T: jnp.sum(rf.friction(s, VELOCITY, 1e5, T)))
         assert not overlapping_updates(traced, s), name

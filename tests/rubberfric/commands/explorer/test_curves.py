@@ -133,6 +133,7 @@ def test_tables():
     np.testing.assert_allclose(found["curves"]["friction"], mu, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_curves_over_pressure_where_there_is_no_velocity(monkeypatch):
     body = rf.Body(rf.Rigid(), rf.SelfAffine(1e3, 1e4, 1e6, 0.8, 1e-6))
     scene = rf.Scene(body, rf.Body(rf.Elastic(1e7, 0.5)))

@@ -102,6 +102,7 @@ def slope_along(table, x, along, outside):
     )(table, x)
 
 
+@pytest.mark.slow
 def test_forward_and_reverse_mode_are_alike():
     table = np.array(random_table(0))
     x = velocities(table)
