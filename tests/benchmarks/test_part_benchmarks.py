@@ -66,12 +66,13 @@ PARTS = {
         CLOSED,
         None,
     ),
+    "the law of boundary elements": (replace(CLOSED, contact_model="boundary_elements"), CLOSED, None),
 }
 
 
 GROUND = rf.SelfAffine(q0=1e4, qr=3e4, q1=1e6, hurst=0.8, h_rms=2e-7)
-# Return scene, velocities and pressures of rubber on ground steel, where adhesion matters. Rubber
-# they are .14 ... .20 without and .27 ... .50 with it.
+# Rubber on ground steel, where adhesion matters: scene, velocities and pressures. Areas of the rubber are
+# 0.14 to 0.20 without adhesion, and 0.27 to 0.50 with it.
 STICKING = {
     "rubber, over velocity": (on(GROUND), np.logspace(-8, -4, 50), 1e4),
     "elastic solid, over pressure": (on(GROUND, rf.Elastic(1e7, 0.5)), 0.0, np.geomspace(1e4, 1e6, 50)),
