@@ -138,6 +138,8 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
     weight = mesh.roughness[0]
     total = jnp.sum(weight)
     F = cumulative_moment(law, 2, log_ratio(mesh.q, law.q[0])) / (2 * jnp.pi * total)
+    # In panels of zero width at q0, F is 0. ln F must be finite there, because derivatives contain it.
+    F = jnp.where(F > 0, F, jnp.finfo(F.dtype).tiny)
     q1 = law.q[-1]
     relative = mesh.q / q1
     m0, m4 = jnp.sum(weight / relative**2), jnp.sum(weight * relative**2)

@@ -338,6 +338,23 @@ def test_extreme_loads_are_finite(pressure):
     assert all(np.all(np.isfinite(x)) for x in jax.tree.leaves(found))
 
 
+def test_derivatives_without_a_plateau():
+    """With qr = q0 some panels have no width, and nodes lie at q0, where F = 0."""
+
+    @jax.jit
+    @jax.jacfwd
+    def slopes_of(log_numbers):
+        road = rf.SelfAffine(*jnp.exp(log_numbers))
+        return jnp.log(rf.friction(_scene(road=road), 0.1, 1e5))
+
+    at, near = (
+        slopes_of(jnp.log(jnp.array([ROAD.q0, qr, ROAD.q1, ROAD.hurst, ROAD.h_rms])))
+        for qr in (ROAD.q0, 1.000001 * ROAD.q0)
+    )
+    # A smaller error of the quadrature remains in the derivative by qr.
+    np.testing.assert_allclose(at, near, atol=1e-3)
+
+
 def test_signs_rest_and_single_precision():
     law = _scene()
     forth, back, at_rest = rf.friction(law, [0.1, -0.1, 0.0], 1e5)
