@@ -35,12 +35,10 @@ def texts_of(notebook):
 
 
 # A quarter of a minute and more. The ordinary run has the snippets of README, which are similar.
-OTHERS = [
-    pytest.param(path, id=path.stem, marks=pytest.mark.slow) for path in NOTEBOOKS if path not in OF_FITS
-]
-
-
-@pytest.mark.parametrize("path", OTHERS)
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "path", [path for path in NOTEBOOKS if path not in OF_FITS], ids=lambda path: path.stem
+)
 def test_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
     """Notebooks with fits run in `tests/fitting/whole_fits`."""
     run(path, tmp_path, monkeypatch)

@@ -118,14 +118,10 @@ def key_path(parameter):
     return ".".join(parts) + f"[{last}]" if last.isdigit() else ".".join([*parts, last])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "quantity"),
-    [
-        pytest.param("two-slabs", "friction", marks=pytest.mark.slow),
-        pytest.param("two-slabs", "separation", marks=pytest.mark.slow),
-        pytest.param("wlf-hot", "friction", marks=pytest.mark.slow),
-        pytest.param("corrected", "area", marks=pytest.mark.slow),
-    ],
+    [("two-slabs", "friction"), ("two-slabs", "separation"), ("wlf-hot", "friction"), ("corrected", "area")],
 )
 def test_equal_to_the_oracle(name, quantity):
     """Derivatives of brute-force values, of every number with one."""

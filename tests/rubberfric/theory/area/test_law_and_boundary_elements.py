@@ -393,16 +393,15 @@ def fit(by="alpha", widest=np.inf):
         normal = slope.T @ slope + np.diag(1 / prior**2)
         downhill = slope.T @ (residual * robust) + (x - START) / prior**2
         step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), downhill)
-        logs, slopes = (np.asarray(y) for y in logs_and_slopes(x + step, given, by))
-        before, after = residual, ((logs - data) * weight).ravel()
-        change = cost(before, x) - cost(after, x + step)
+        logs, slopes_there = (np.asarray(y) for y in logs_and_slopes(x + step, given, by))
+        after = ((logs - data) * weight).ravel()
+        change = cost(residual, x) - cost(after, x + step)
         if not change > 0:
             damping *= 30
-            logs, slopes = (np.asarray(y) for y in logs_and_slopes(x, given, by))
             if damping > 1e3:
                 break
             continue
-        x, residual, damping = x + step, after, damping / 10
+        x, residual, slopes, damping = x + step, after, slopes_there, damping / 10
         if change < 1e-4:
             break
     return x, np.linalg.inv(normal)
