@@ -212,13 +212,14 @@ class Scene(PhysicalObject):
     def _check_slab(self):
         """Refuse slabs for which the law disagrees with boundary elements, if the numbers are known."""
         rough = self.lower if self.lower.spectrum is not None else self.upper
-        layered = [body for body in (self.lower, self.upper) if body.layer is not None]
-        if not layered or rough.spectrum is None or not all(map(is_concrete, jax.tree.leaves(self))):
+        bodies = self.lower, self.upper
+        layers = [(body.layer, body.material) for body in bodies if body.layer is not None]
+        if not layers or rough.spectrum is None or not all(map(is_concrete, jax.tree.leaves(self))):
             return
         law = rough.spectrum.power_law()
         highest = law.q[jnp.argmax(law.log_value)]  # of q^2 C
-        for body in layered:
-            stiffer = float(body.layer.stiffening(poisson_of(body.material), highest))
+        for layer, material in layers:
+            stiffer = float(layer.stiffening(poisson_of(material), highest))
             if stiffer > _STIFFEST_SLAB:
                 raise ValueError(
                     f'Scene.contact_model: "boundary_elements" was tested for slabs that are up to '
