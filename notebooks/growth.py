@@ -30,6 +30,7 @@ from rubberfric.analysis import batches, maps
 from rubberfric.base import cores
 from rubberfric.io.files import read_scene_file
 from rubberfric.plot import style
+from rubberfric.scene import cast
 from rubberfric.theory import model
 
 FOLDER = Path(__file__).resolve().parent
@@ -97,7 +98,7 @@ def terms(count, points=4096):
     first = time.perf_counter() - begin
     seconds = best(lambda: rf.friction_map(scene, v, 1e5, 293.15))
     at = maps.Conditions(v, np.array([1e5]), np.array([293.15]))
-    task = batches.Task(model.cast(scene, jnp.float64), at, DEFAULT, maps.DEFAULT_QUANTITIES)
+    task = batches.Task(cast(scene, jnp.float64), at, DEFAULT, maps.DEFAULT_QUANTITIES)
     program = batches.program_bytes(batches.plan(points, 1), task)
     return {"seconds": seconds, "points": points, "compile": first - seconds, "program": program / 1e6}
 
@@ -207,8 +208,8 @@ def measure(parts):
         for call in sizes[part]:
             rows.append([call[1:], apart(*call)])
             print(part, *rows[-1], file=sys.stderr, flush=True)
-        store.setdefault(device, {})[part] = rows
-        STORE.write_text(json.dumps(store, indent=1) + "\n")
+            store.setdefault(device, {})[part] = rows
+            STORE.write_text(json.dumps(store, indent=1) + "\n")
     return store
 
 
@@ -322,7 +323,7 @@ def _planning(store):
     yield (
         "Run time is linear in the number of points. A file with two quantities at 1e10 points has 160 GB in "
         "double precision and 80 GB in single precision. It is allocated before the computation begins. "
-        "A process uses less than 1 GiB of memory, because the points are computed in batches. Points are "
+        "The points are computed in batches, so a process on a CPU uses less than 1 GiB. Points are "
         "independent, so they can be distributed over the cores of one machine (`--devices`) or of several "
         "machines (`jax.distributed`)."
     )
@@ -336,7 +337,7 @@ def _planning(store):
         )
         for (shape, setting), row in parts["maps"]:
             hours = 1e10 * row["seconds"] / row["points"] / 3600
-            yield f"| {shape[1]} | {setting} | {hours:.0f} | {max(1, int(np.ceil(hours / 10)))} |"
+            yield f"| {shape[1]} | {setting} | {hours:.2g} | {max(1, int(np.ceil(hours / 10)))} |"
 
 
 def draw(store, path):
@@ -364,9 +365,10 @@ def draw(store, path):
     )
     for ax, label in zip(axes.flat, labels, strict=True):
         ax.set_ylabel(label)
-    axes[1, 0].set_ylim(100, 1000)
+    axes[1, 0].set_ylim(100, 3000)
     axes[1, 0].yaxis.set_minor_formatter(NullFormatter())
-    axes[1, 2].set_ylim(1, 10)
+    axes[1, 2].set_yscale("linear")
+    axes[1, 2].set_ylim(-0.5, 10)
     for ax, label in zip(axes.flat, 2 * ("velocities", "Prony terms", "members of an ensemble"), strict=True):
         ax.set_xlabel(label)
         ax.grid(alpha=0.3)
