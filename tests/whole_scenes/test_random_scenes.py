@@ -74,6 +74,7 @@ TABULATED_TOLERANCE = np.array([[1e-9], [5e-2], [3e-3], [1e-9]])
 ordinary = settings(deadline=None, derandomize=True, database=None)
 many = settings(ordinary, max_examples=3500, derandomize=False)
 fewer = settings(many, max_examples=500)
+fewest = settings(ordinary, max_examples=60)
 
 
 WAVEVECTORS = ("q", "q0", "qr", "q1")
@@ -296,10 +297,6 @@ def check(call, heavier, both_modes):
 HEAVIER = decades(-15.0, 6.0)
 
 
-def settings_of(structure):
-    return settings(ordinary, max_examples=60 if "table-" in str(structure) else 150)
-
-
 def examples(structure, how, both_modes):
     """Check scenes of a structure, drawn as the settings say."""
 
@@ -320,7 +317,7 @@ first_ordinary = pytest.mark.parametrize(
 
 @first_ordinary
 def test_scenes(structure):
-    examples(structure, settings_of(structure), structure in BOTH_MODES)
+    examples(structure, fewest, structure in BOTH_MODES)
 
 
 @pytest.mark.slow

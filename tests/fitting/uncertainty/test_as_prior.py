@@ -79,6 +79,7 @@ def test_what_the_first_fit_leaves_open_stays_open():
     np.testing.assert_allclose(second.values, [1e8, 1.6e7, 4e6, 6e6], rtol=0.02)
 
 
+@pytest.mark.slow  # two fits in a row are one fit of all data
 def test_from_a_prony_series_to_friction_in_one_line():
     series = fitting.fit_prony(ONE, tau=TAU)
     scene = SCENE.replace(upper=rf.Body(series.material), gamma=0.4)

@@ -79,6 +79,7 @@ def test_cost_against_the_covariance_itself(shared):
     np.testing.assert_allclose(found.chisqr, 2 * exact, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_no_amplitude_is_no_discrepancy():
     data = data_of(0)
     none, zero = fitted(data), fitted(data, fitting.Discrepancy(0.0))

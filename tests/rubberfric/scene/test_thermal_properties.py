@@ -113,7 +113,7 @@ def two_rubbers(share=None):
     return rf.Scene(lower, upper, shear=SHEAR, heating=heating)
 
 
-@pytest.mark.parametrize("share", [None, 0.8])
+@pytest.mark.parametrize("share", [None, pytest.param(0.8, marks=pytest.mark.slow)])
 def test_energy_of_both_bodies(share):
     r"""Near the surfaces, rho c_p int dz T of both add up to R mu sigma_0 / P_m, at any temperatures."""
     v, q = jnp.array([1e-3, 0.1, 1.0]), jnp.array([1e-13])

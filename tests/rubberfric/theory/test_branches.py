@@ -138,6 +138,7 @@ def test_brute_force_on_both_branches(branch):
     np.testing.assert_allclose(found[1], rise, rtol=1e-8)
 
 
+@pytest.mark.slow  # brute force confirms both branches
 def test_hysteresis():
     """The branches part within the loops that the folds bound, and nowhere else."""
     v = np.array([1e-5, 1e-3, 3e-3, 3.6e-3, 0.1, 0.279, 0.284, 1.35, 1.38, 10.0])

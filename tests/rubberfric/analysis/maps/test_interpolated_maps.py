@@ -36,7 +36,7 @@ def expected(found, names, count=40):
     return [(getattr(found.solution, name)[points], np.asarray(getattr(exact, name))) for name in names]
 
 
-@pytest.mark.parametrize("pressures", [3, 120])
+@pytest.mark.parametrize("pressures", [3, pytest.param(120, marks=pytest.mark.slow)])
 def test_an_interpolated_map_is_solve_at_every_point(tmp_path, pressures):
     """Include v = 0 and v < 0; few pressures are computed one by one, many as series."""
     pressure = np.geomspace(3e5, 1e5, pressures)

@@ -109,6 +109,7 @@ def test_what_the_load_does_is_stored_or_comes_of_adhesion():
     assert total == pytest.approx(change, rel=2e-4)
 
 
+@pytest.mark.slow
 def test_light_loads_have_an_area_that_is_larger_by_one_share():
     """A = kappa p and u = - u0 ln p, so that p_1 = p / (1 - share)."""
     plain, work, p = _scene(), 0.1 * FULL, 1e-3
