@@ -137,10 +137,11 @@ class Roughness(NamedTuple):
         if not within:
             # If only the whole integral is needed, each contribution has its own panels.
             panels = [jnp.sum(one, 0, keepdims=True) for one in panels]
-        square = modulus**2
-        G_panels, G = square * (jnp.pi / 4 * total(panels)), None
+        # At light loads the derivative by modulus**2 would underflow in single precision.
+        G_panels, G = modulus * (modulus * (jnp.pi / 4 * total(panels))), None
         if within:
-            G = _sum_before(G_panels)[..., None] + square[:, None] * (jnp.pi / 4 * total(within))  # (A11)
+            column = modulus[:, None]
+            G = _sum_before(G_panels)[..., None] + column * (column * (jnp.pi / 4 * total(within)))  # (A11)
             known = True if self.approximate else G > _NO_CONTACT_LOST
             G = jnp.where(G < 0, jnp.where(known, 0.0, jnp.nan), G)
         return Contact(terms, modulus, G_panels, G, self.gamma, self.correction)

@@ -57,3 +57,13 @@ def test_full_contact_is_no_more_than_one():
     from rubberfric.theory.area.partial_contact import contact_fraction
 
     assert np.max(contact_fraction(x)) == 1
+
+
+def test_the_area_is_proportional_to_light_loads():
+    """The relative derivative is 1, also where the square of modulus over pressure is 1e24."""
+    single = as_arrays(rf.Scene(rf.Body(RUBBER), RIGID), jnp.float32)
+    area, slope = jax.jit(jax.value_and_grad(lambda p: rf.contact_area(single, jnp.float32(0.1), p)))(
+        jnp.float32(1e-5)
+    )
+    assert slope.dtype == jnp.float32
+    assert float(slope * 1e-5 / area) == pytest.approx(1.0, rel=1e-5)
