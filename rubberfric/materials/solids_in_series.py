@@ -52,7 +52,7 @@ class _Solids(NamedTuple):
     """Rests and weights of two solids over a common list of rates, with 0 at rates of the other solid."""
 
     rest: tuple
-    weight: tuple
+    weight: tuple  # None for a spring
 
 
 def two_in_series(first: Solid, second: Solid) -> Solid:
@@ -104,7 +104,8 @@ def _pair(first, second):
     solids, unit = _floored((first[0], second[0]), weights, fixed)
     tau, log_rate = jnp.concatenate(taus), jnp.concatenate(log_rates)
     order = jnp.argsort(jnp.concatenate(fixed))  # the same for all nodes if tau is
-    weight, relative = _solve(_Solids(solids.rest, tuple(w[order] for w in solids.weight)), log_rate[order])
+    ordered = tuple(None if w is None else w[order] for w in solids.weight)
+    weight, relative = _solve(_Solids(solids.rest, ordered), log_rate[order])
     soft, hard = jnp.minimum(first[0], second[0]), jnp.maximum(first[0], second[0])
     # soft / (1 + soft/hard) has no product that overflows, and is 0 for two liquids.
     rest = soft / (1 + soft / jnp.where(hard > 0, hard, 1.0))
@@ -166,8 +167,9 @@ def _floored(rests, weights, log_rates):
         for rest, weight, size, log_rate in zip(rests, weights, sizes, log_rates, strict=True)
     )
     zeros = [jnp.zeros_like(weight) for weight in weights]
-    weights = jnp.concatenate([one[1], zeros[1]]), jnp.concatenate([zeros[0], two[1]])
-    return _Solids((one[0], two[0]), weights), largest
+    both = jnp.concatenate([one[1], zeros[1]]), jnp.concatenate([zeros[0], two[1]])
+    of_solids = tuple(x if weight.size else None for x, weight in zip(both, weights, strict=True))
+    return _Solids((one[0], two[0]), of_solids), largest
 
 
 def _floors(weight, log_rate):
@@ -228,8 +230,17 @@ def _shares(rates, theta, phi):
 def _sides(rest, weight, shares, left):
     """Return the two sums >= 0 in the balance H: the factor of phi, and the factor of -theta."""
     share, zero = shares
+    if weight is None:
+        return rest * zero, jnp.zeros_like(zero)
     below = jnp.sum(jnp.where(left, weight * share, 0.0), -1) + rest * zero
     return below, jnp.sum(jnp.where(left, 0.0, weight * share), -1)
+
+
+def _own(rest, weight, right):
+    """Return the weight of the nearer end of every interval."""
+    if weight is None:
+        weight = jnp.zeros(right.shape, rest.dtype)
+    return jnp.where(right, weight, jnp.concatenate([rest[None], weight[:-1]]))
 
 
 def _both(small, right):
@@ -248,10 +259,10 @@ def _residual(rest, weight, rates, small, right):
 
 def _solve(solids, log_rate):
     """Return the weights of the series solid, and every rate divided by the right end of the interval."""
-    rest, weight = sum(solids.rest), sum(solids.weight)
-    small, right = _roots(rest, weight, log_rate)
-    theta, phi = _both(small, right)
+    rest, weight = sum(solids.rest), sum(w for w in solids.weight if w is not None)
     rates = _seen(log_rate)
+    small, right = _roots(rest, weight, rates)
+    theta, phi = _both(small, right)
     shares = _shares(rates, theta, phi)
     # f = -g at a root. The solid with the smaller terms gives the value with more digits. Near its own rate a
     # solid's value is its weight. The value of the other solid is k times the distance, whose derivative is a
@@ -260,10 +271,7 @@ def _solve(solids, log_rate):
         _sides(r, w, shares, rates.left) for r, w in zip(solids.rest, solids.weight, strict=True)
     )
     terms1, terms2 = phi * below1 + theta * above1, phi * below2 + theta * above2
-    own1, own2 = (
-        jnp.where(right, w, jnp.concatenate([rest[None], w[:-1]]))
-        for rest, w in zip(solids.rest, solids.weight, strict=True)
-    )
+    own1, own2 = (_own(r, w, right) for r, w in zip(solids.rest, solids.weight, strict=True))
     first = terms1 < jnp.where(own1 > own2, 4.0, 0.25) * terms2
     value = jnp.where(first, phi * below1 - theta * above1, theta * above2 - phi * below2)
     relative = jnp.where(right, 1 - phi * rates.width, rates.low + theta * rates.width)
@@ -279,10 +287,9 @@ def _solve(solids, log_rate):
 
 
 @jax.custom_jvp
-def _roots(rest, weight, log_rate):
+def _roots(rest, weight, rates):
     """Return the smaller of theta and phi for every interval, and a mask that is True if phi is smaller."""
-    rates = _seen(log_rate)
-    half = jnp.full_like(log_rate, 0.5)
+    half = jnp.full_like(weight, 0.5)
     right = _residual(rest, weight, rates, half, jnp.zeros(half.shape, bool)) > 0
 
     def value(small):
@@ -311,8 +318,8 @@ def _roots(rest, weight, log_rate):
 def _roots_jvp(primals, tangents):
     small, right = _roots(*primals)
 
-    def at(rest, weight, log_rate, small):
-        return _residual(rest, weight, _seen(log_rate), small, right)
+    def at(rest, weight, rates, small):
+        return _residual(rest, weight, rates, small, right)
 
     _, by_parameters = jax.jvp(at, (*primals, small), (*tangents, jnp.zeros_like(small)))
     _, by_share = jax.jvp(functools.partial(at, *primals), (small,), (jnp.ones_like(small),))
