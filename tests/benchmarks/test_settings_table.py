@@ -38,4 +38,4 @@ def test_errors_over_span_and_load(kind, rough):
                 for first, last in itertools.pairwise(LOADS)
             ]
             print(f"{low:8g}", *(f"{cell.max():8.0e}" if cell.size else " " * 8 for cell in row))
-        assert error[within].max() < 7e-10
+        assert error[within].max() < 1e-9

@@ -339,6 +339,23 @@ def test_the_table_of_where_contact_is_lost():
         np.testing.assert_allclose(table, slope, atol=3e-8 * float(np.abs(slope).max()) + 1e-10)
 
 
+@pytest.mark.parametrize("place", range(3), ids=["log_x", "c", "gamma"])
+def test_derivatives_of_the_table_of_the_losses_are_differences(place):
+    log_x = jnp.asarray(np.random.default_rng(1).uniform(-3, 1.5, 50))
+    at, move = (log_x, jnp.asarray(1.3), jnp.asarray(0.4)), [jnp.zeros(50), jnp.zeros(()), jnp.zeros(())]
+    move[place] = jnp.ones_like(move[place])
+
+    @jax.jit
+    def value(log_x, c, gamma):
+        return loss_table(gamma)(log_x, c)
+
+    def moved(step):
+        return value(*(x + step * dx for x, dx in zip(at, move, strict=True)))
+
+    _, slope = jax.jvp(value, at, tuple(move))
+    np.testing.assert_allclose(slope, (moved(1e-5) - moved(-1e-5)) / 2e-5, rtol=1e-5, atol=1e-6)
+
+
 @pytest.mark.slow
 def test_the_weights_of_the_separations():
     """erfcx and the mean over Gaussians, against scipy and a sum."""
