@@ -460,6 +460,15 @@ def test_a_result_is_saved_and_read(tmp_path, whole):
     refused(lambda: fitting.EnsembleResult.load(path), path, "/status: must be one of")
 
 
+def test_given_starts_are_kept():
+    free, data = {cases.E: fitting.Positive()}, cases.modulus_data()
+    drawn = fitting.multi_start(cases.SCENE, data, free, 4).starts
+    np.testing.assert_array_equal(fitting.multi_start(cases.SCENE, data, free, drawn[1:]).starts, drawn[1:])
+    for wrong in (drawn[:, 1:], drawn[0], drawn[:0]):
+        with pytest.raises(ValueError, match=rf"^starts has shape .*: must be \(members, {drawn.shape[1]}\)"):
+            fitting.multi_start(cases.SCENE, data, free, wrong)
+
+
 def test_single_precision_stays_single():
     scene = jax.tree.map(lambda a: np.asarray(a, np.float32), cases.SCENE)
     members = fitting.multi_start(scene, cases.modulus_data(), {cases.E: fitting.Positive()}, 3)
