@@ -259,6 +259,16 @@ def test_table_of_a_fit_in_a_notebook(quick):
     assert "THE FIT DID NOT SUCCEED: not converged" in failed._repr_html_()
 
 
+def test_standard_errors_of_a_friction_table_are_those_of_a_narrower_band(joint):
+    table = fitting.friction_table(joint, (1e-3, 1e-1), 2e5, 283.15, error=0.3)
+    level, T = 0.5, table.temperature[:, None, None]
+    band = joint.band(table.velocity, table.pressure[:, None], T, level=level)
+    half = np.log(band.high / band.value)
+    assert table.sigma.shape == table.friction.shape
+    np.testing.assert_allclose(table.sigma, band.value * half / joint.quantile(level), rtol=1e-6)
+    assert (table.sigma > 1e-3 * table.friction).all()
+
+
 @pytest.mark.slow
 def test_plot_draws_data_fit_band_and_residuals(joint):
     axes = plot_fit(joint)
