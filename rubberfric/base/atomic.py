@@ -241,9 +241,10 @@ def _sheets_to_read(path: StrPath, sheets: Mapping[str, Rows]) -> list[str]:
         from rubberfric.base.checks import warn_caller  # imports JAX
 
         left = [name for name in with_numbers if name not in read]
+        several = f"the sheets {', '.join(read)} are read as one table"
+        what = several if read[1:] else f"the sheet {read[0]} is read"
         warn_caller(
-            f"{path}: the sheets {', '.join(read)} are read{' as one table' if read[1:] else ''}"
-            f"{', and not ' * bool(left) + ', '.join(left)}; delete sheets to change this",
+            f"{path}: {what}{', and not ' * bool(left) + ', '.join(left)}; delete sheets to change this",
             UserWarning,
         )
     return read

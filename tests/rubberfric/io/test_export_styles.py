@@ -189,6 +189,9 @@ def test_a_sheet_for_each_step(tmp_path):
     path = book(tmp_path, details, *steps, other)
     with pytest.warns(UserWarning, match="sheet 1, sheet 2 are read as one table, and not sheet 3; delete"):
         np.testing.assert_allclose(read(path).storage, [6e6, 7e6, 7e6, 8e6])
+    path = book(tmp_path, steps[0], other)
+    with pytest.warns(UserWarning, match=r"the sheet sheet 0 is read, and not sheet 1; delete sheets"):
+        np.testing.assert_allclose(read(path).storage, [6e6, 7e6])
 
 
 # --- messages
