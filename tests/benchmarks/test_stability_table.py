@@ -59,8 +59,8 @@ errors of its scenes.
   the inputs is not counted. It is up to 1e-5, for a spectrum from 200 to 200.2 1/m. Tests bound the errors of
   values by 1e-5. If a weight E_i is 0, errors of frictions below 1e-12 are divided by 1e-12. The library
   refuses scenes that float32 cannot represent; they are marked `refused`. Gradients are finite. Their errors
-  are at most 1e-3, except where large terms cancel: bands of 1e-3, and a spectrum beside one that is 1e20
-  larger.
+  are at most 1e-3 with three exceptions: bands of 1e-3, a spectrum beside one that is 1e20 larger, and areas
+  A/A0 below 2e-13, whose derivatives underflow to 0.
 
 The default `Quadrature` is used, except for `gamma-0-light` in float64, which has `graded=16`. This command
 generates the page:
