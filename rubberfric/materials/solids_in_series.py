@@ -317,10 +317,7 @@ def _roots(rest, weight, rates):
 @_roots.defjvp
 def _roots_jvp(primals, tangents):
     small, right = _roots(*primals)
-
-    def at(rest, weight, rates, small):
-        return _residual(rest, weight, rates, small, right)
-
+    at = functools.partial(_residual, right=right)
     _, by_parameters = jax.jvp(at, (*primals, small), (*tangents, jnp.zeros_like(small)))
     _, by_share = jax.jvp(functools.partial(at, *primals), (small,), (jnp.ones_like(small),))
     fixed = jnp.zeros(right.shape, jax.dtypes.float0)

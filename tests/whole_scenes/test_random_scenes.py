@@ -1,12 +1,17 @@
 """Random whole scenes: what must hold for every scene at every velocity and pressure.
 
-Structures, which compile, come from a list; numbers, which do not, from hypothesis, one scene
-an example, so that a failure shrinks to the simplest scene of its structure.
+The structures come from a list, and each is compiled. Their numbers come from hypothesis, one scene per
+example, so a failure shrinks to the simplest scene of its structure.
 
-Checked on every scene: finite values and derivatives with respect to every leaf, velocity,
-pressure and temperature; 0 <= A/A0 <= 1, u_bar >= 0, mu >= 0 for v > 0; A/A0 and u_bar even and
-mu odd in v; A/A0 growing with the load as fast as it must; forward and reverse mode alike. Checked on some:
-jit, vmap and plain calls alike. Checked on every structure: the dtype.
+These properties are checked on every scene:
+
+- Values are finite, as are derivatives with respect to every leaf, velocity, pressure and temperature.
+- 0 <= A/A0 <= 1 and u_bar >= 0. For v > 0, mu >= 0.
+- A/A0 and u_bar are even in v, and mu is odd.
+- A/A0 grows with the load as fast as it must.
+- Forward and reverse mode agree.
+
+Some scenes compare jit and vmap with plain calls. Every structure checks the dtype.
 
 More, and structures drawn at random: python -m pytest -m slow tests/whole_scenes/test_random_scenes.py
 """
