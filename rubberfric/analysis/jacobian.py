@@ -9,7 +9,9 @@ With leaves s of the scene and leaves w of the prepared scene (meshes, weights, 
 The first factor is found by reverse mode, point by point, at the cost of a few evaluations whatever the
 number of parameters. The other two factors are found by forward mode, once for all points. The parts are
 the spectra, the layers and all other leaves, because few parameters move the meshes, which hold most of the
-numbers. A leaf is left out only where JAX itself has a symbolic zero for its tangent.
+numbers. If the series stiffness differs between wavevectors, there is one part: a moving mesh also changes
+every series, and each part would compute all series again. A leaf is left out only where JAX itself has a
+symbolic zero for its tangent.
 """
 
 from collections.abc import Callable, Mapping
@@ -28,7 +30,7 @@ from rubberfric.scene.scene import Scene
 from rubberfric.theory.heat_balance import heat_of
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.model import solve
-from rubberfric.theory.structure import Structure, iterates
+from rubberfric.theory.structure import Structure, iterates, rough_surfaces_of
 from rubberfric.theory.temperatures import preconditioner, solve_rises, temperatures_of
 
 # Points evaluated together. Each keeps its derivatives with respect to all prepared leaves, about 0.2 MB.
@@ -167,11 +169,12 @@ def _parts(scene_of, x, prepared):
     every = jnp.eye(x.size, dtype=x.dtype)
     by_x = dict(zip(scene.moving, jax.vmap(scene.push)(every), strict=True))
     paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(scene.tree({}))[0]]
+    surfaces = rough_surfaces_of(scene.tree({}))
     groups: dict[str, list[int]] = {}
     for i in scene.moving:
         names = [getattr(key, "name", "") for key in paths[i]]
         part_name = next((name for name in ("spectrum", "layer") if name in names), "others")
-        groups.setdefault(part_name, []).append(i)
+        groups.setdefault("all" if any(one.by_wavevector for one in surfaces) else part_name, []).append(i)
     parts = []
     for group in list(groups.values()) or [[]]:
         leaves = [scene.leaves[i] for i in group]

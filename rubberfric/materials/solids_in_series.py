@@ -20,11 +20,12 @@ have a common rate: the interval has zero width, theta = f_i / (f_i + g_j), and 
 f_i g_j / (f_i + g_j). A spring has a rest and no terms.
 """
 
-import functools
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.custom_derivatives import SymbolicZero
 
 # Bisections of the logarithm of a share leave an error of 1e-4, which each Newton step squares.
 _HALVINGS, _NEWTON_STEPS = 22, 3
@@ -53,6 +54,11 @@ class _Solids(NamedTuple):
 
     rest: tuple
     weight: tuple  # None for a spring
+
+    @property
+    def total(self) -> tuple:
+        """Return the sum of the rests and the sum of the weights."""
+        return sum(self.rest), sum(w for w in self.weight if w is not None)
 
 
 def two_in_series(first: Solid, second: Solid) -> Solid:
@@ -227,13 +233,42 @@ def _shares(rates, theta, phi):
     return share, _quotient(zero, rates.low + zero)
 
 
-def _sides(rest, weight, shares, left):
-    """Return the two sums >= 0 in the balance H: the factor of phi, and the factor of -theta."""
-    share, zero = shares
-    if weight is None:
-        return rest * zero, jnp.zeros_like(zero)
-    below = jnp.sum(jnp.where(left, weight * share, 0.0), -1) + rest * zero
-    return below, jnp.sum(jnp.where(left, 0.0, weight * share), -1)
+class _Sums(NamedTuple):
+    """Sums over all rates at the root of every interval, >= 0."""
+
+    below: tuple  # of each solid: sum of w_j A_j over the left side, the factor of phi in H
+    above: tuple  # of each solid: sum over the right side, the factor of -theta in H; None for a spring
+    # Parts of F_i, which are multiplied by theta^2 phi^2 width^2 in `_solve`.
+    left: jax.Array
+    right: jax.Array
+
+
+def _sums(solids, rates, small, right):
+    """Return the `_Sums` for any shares."""
+    theta, phi = _both(small, right)
+    share, zero = _shares(rates, theta, phi)
+    below, above = [], []
+    for rest, weight in zip(solids.rest, solids.weight, strict=True):
+        if weight is None:
+            below.append(rest * zero)
+            above.append(None)
+        else:
+            below.append(jnp.sum(jnp.where(rates.left, weight * share, 0.0), -1) + rest * zero)
+            above.append(jnp.sum(jnp.where(rates.left, 0.0, weight * share), -1))
+    weight = solids.total[1]
+    left = jnp.sum(jnp.where(rates.left, weight * share * share * rates.nearer, 0.0), -1)
+    # A_j of the right side times l_j divided by the right end.
+    side = phi[:, None]
+    over = _quotient(side * rates.width[:, None], rates.base + side * rates.slope)
+    over = jnp.where(rates.own, 1.0, over)
+    beyond = jnp.sum(jnp.where(rates.left, 0.0, weight * rates.nearer * over * over), -1)
+    return _Sums(tuple(below), tuple(above), left, beyond)
+
+
+def _balance(sums, small, right):
+    """Return the balance H of every interval."""
+    theta, phi = _both(small, right)
+    return phi * sum(sums.below) - theta * sum(x for x in sums.above if x is not None)
 
 
 def _own(rest, weight, right):
@@ -259,34 +294,59 @@ def _residual(rest, weight, rates, small, right):
 
 def _solve(solids, log_rate):
     """Return the weights of the series solid, and every rate divided by the right end of the interval."""
-    rest, weight = sum(solids.rest), sum(w for w in solids.weight if w is not None)
     rates = _seen(log_rate)
-    small, right = _roots(rest, weight, rates)
+    small, right, sums = _at_roots(solids, rates)
     theta, phi = _both(small, right)
-    shares = _shares(rates, theta, phi)
     # f = -g at a root. The solid with the smaller terms gives the value with more digits. Near its own rate a
     # solid's value is its weight. The value of the other solid is k times the distance, whose derivative is a
     # difference of numbers k/f times larger.
-    (below1, above1), (below2, above2) = (
-        _sides(r, w, shares, rates.left) for r, w in zip(solids.rest, solids.weight, strict=True)
-    )
+    (below1, below2), (above1, above2) = sums.below, (0.0 if x is None else x for x in sums.above)
     terms1, terms2 = phi * below1 + theta * above1, phi * below2 + theta * above2
     own1, own2 = (_own(r, w, right) for r, w in zip(solids.rest, solids.weight, strict=True))
     first = terms1 < jnp.where(own1 > own2, 4.0, 0.25) * terms2
     value = jnp.where(first, phi * below1 - theta * above1, theta * above2 - phi * below2)
     relative = jnp.where(right, 1 - phi * rates.width, rates.low + theta * rates.width)
-    share, side = shares[0], phi[:, None]
-    left = jnp.sum(jnp.where(rates.left, weight * share * share * rates.nearer, 0.0), -1)
-    # A_j of the right side times l_j divided by the right end.
-    over = _quotient(side * rates.width[:, None], rates.base + side * rates.slope)
-    over = jnp.where(rates.own, 1.0, over)
-    beyond = jnp.sum(jnp.where(rates.left, 0.0, weight * rates.nearer * over * over), -1)
     # l' F (theta phi width / l')^2 without a square of theta alone, which underflows float32 at 1e-30.
-    steep = phi * phi * _quotient(rates.low, relative) * left + theta * _quotient(theta, relative) * beyond
+    steep = phi * phi * _quotient(rates.low, relative) * sums.left
+    steep = steep + theta * _quotient(theta, relative) * sums.right
     return value * _quotient(value, steep), relative
 
 
 @jax.custom_jvp
+def _at_roots(solids, rates):
+    """Return the `_roots` and the `_Sums` there."""
+    small, right = _roots(*solids.total, rates)
+    return small, right, _sums(solids, rates, small, right)
+
+
+def _at_roots_jvp(primals, tangents):
+    """Differentiate the sums at fixed shares, and add the change of the shares, which keeps H = 0."""
+    small, right, sums = _at_roots(*primals)
+    leaves, tree = jax.tree.flatten(primals)
+    along = jax.tree.leaves(tangents)
+    moving = [i for i, tangent in enumerate(along) if not isinstance(tangent, SymbolicZero)]
+
+    def at(moved, small):
+        every = leaves.copy()
+        for i, leaf in zip(moving, moved, strict=True):
+            every[i] = leaf
+        return _sums(*jax.tree.unflatten(tree, every), small, right)
+
+    here = [leaves[i] for i in moving]
+    _, by_solids = jax.jvp(lambda moved: at(moved, small), (here,), ([along[i] for i in moving],))
+    _, by_share = jax.jvp(lambda small: at(here, small), (small,), (jnp.ones_like(small),))
+    _, slope = jax.jvp(
+        lambda sums, small: _balance(sums, small, right), (sums, small), (by_share, jnp.ones_like(small))
+    )
+    move = -_balance(by_solids, small, right) / slope
+    change = jax.tree.map(lambda fixed, by_share: fixed + by_share * move, by_solids, by_share)
+    fixed = np.zeros(right.shape, jax.dtypes.float0)
+    return (small, right, sums), (move, fixed, change)
+
+
+_at_roots.defjvp(_at_roots_jvp, symbolic_zeros=True)
+
+
 def _roots(rest, weight, rates):
     """Return the smaller of theta and phi for every interval, and a mask that is True if phi is smaller."""
     half = jnp.full_like(weight, 0.5)
@@ -312,13 +372,3 @@ def _roots(rest, weight, rates):
         return small * jnp.exp(-_quotient(_quotient(residual, small), slope))
 
     return jax.lax.fori_loop(0, _NEWTON_STEPS, improve, small), right
-
-
-@_roots.defjvp
-def _roots_jvp(primals, tangents):
-    small, right = _roots(*primals)
-    at = functools.partial(_residual, right=right)
-    _, by_parameters = jax.jvp(at, (*primals, small), (*tangents, jnp.zeros_like(small)))
-    _, by_share = jax.jvp(functools.partial(at, *primals), (small,), (jnp.ones_like(small),))
-    fixed = jnp.zeros(right.shape, jax.dtypes.float0)
-    return (small, right), (-by_parameters / by_share, fixed)

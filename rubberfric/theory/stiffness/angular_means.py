@@ -46,6 +46,11 @@ class PronyStiffness(NamedTuple):
     rest: jax.Array  # [-], shape () or (nodes,)
     weight: jax.Array  # [-], shape (n,) or (nodes, n)
     tau: jax.Array  # [s], same shape
+    square_weight: jax.Array | None = None  # result of `with_square_weight` [-], same shape
+
+    def with_square_weight(self) -> "PronyStiffness":
+        """Return F with the weights 2 F_i F(s = 1/tau_i) of <|F|^2>, which do not depend on the velocity."""
+        return self._replace(square_weight=2 * self.weight * _at_own_rates(self))
 
     @property
     def by_node(self) -> bool:
@@ -78,9 +83,7 @@ class PronyStiffness(NamedTuple):
 
 
 def _closed_form(F, qv, needs):
-    weights = {kind: F.weight for kind in needs.kinds if kind != "mean_sin_loss"}
-    if needs.mean_abs2:
-        weights["mean_abs2"] = 2 * F.weight * _at_own_rates(F)
+    weights = _weights(F, [kind for kind in needs.kinds if kind != "mean_sin_loss"])
     if F.by_node:
         weights = {kind: weight.T[:, None, :] for kind, weight in weights.items()}
         sums = _sums_of_rows(weights, F.tau.T[:, None, :] * qv)
@@ -93,10 +96,17 @@ def _closed_form(F, qv, needs):
     return {kind: (value,) for kind, value in sums.items()}
 
 
+def _weights(F, kinds):
+    """Return the weights of the terms by kind of mean."""
+    weights = dict.fromkeys(kinds, F.weight)
+    if "mean_abs2" in weights:
+        whole = F if F.square_weight is not None else F.with_square_weight()
+        weights["mean_abs2"] = whole.square_weight
+    return weights
+
+
 def _with_harmonics(F, qv, needs, harmonics, means):
-    weights = dict.fromkeys(needs.kinds, F.weight)
-    if needs.mean_abs2:
-        weights["mean_abs2"] = 2 * F.weight * _at_own_rates(F)
+    weights = _weights(F, needs.kinds)
     front = (slice(None), *(None,) * qv.ndim)
     tau, weights = jax.tree.map(lambda x: x.T[:, None, :] if F.by_node else x[front], (F.tau, weights))
     sums = _sums_of_harmonics(qv, tau, weights, harmonics)
@@ -265,10 +275,31 @@ def _relaxation_parts(a):
 
 def _at_own_rates(F):
     """Return F(s = 1/tau_i) = F_inf + sum_j F_j tau_j / (tau_i + tau_j), with the shape of the weights."""
-    tau = F.tau
-    # tau_j / (tau_i + tau_j) by logarithms, because 40 decades of tau overflow float32 in the value or the
-    # derivative.
-    log_tau = jnp.log(tau)
-    share = jax.nn.sigmoid(log_tau[..., None, :] - log_tau[..., :, None])
-    rest = F.rest if tau.ndim == 1 else F.rest[:, None]
-    return rest + jnp.sum(share * F.weight[..., None, :], -1)
+    rest = F.rest if F.tau.ndim == 1 else F.rest[:, None]
+    # By logarithms, because 40 decades of tau overflow float32 in the value or the derivative.
+    return rest + _sum_of_shares(F.weight, jnp.log(F.tau))
+
+
+@jax.custom_jvp
+def _sum_of_shares(weight, log_tau):
+    """Return sum_j weight_j tau_j / (tau_i + tau_j)."""
+    return _product(_pair_shares(log_tau), weight)
+
+
+@_sum_of_shares.defjvp
+def _sum_of_shares_jvp(primals, tangents):
+    # Matrix products: elementwise derivatives of n^2 shares take several times as long.
+    (weight, log_tau), (weight_dot, log_tau_dot) = primals, tangents
+    share = _pair_shares(log_tau)
+    slope = share * jnp.swapaxes(share, -1, -2) * weight[..., None, :]
+    moved = _product(slope, log_tau_dot) - jnp.sum(slope, -1) * log_tau_dot
+    return _product(share, weight), _product(share, weight_dot) + moved
+
+
+def _pair_shares(log_tau):
+    """Return tau_j / (tau_i + tau_j), a matrix with rows i; the transposed matrix is 1 minus the matrix."""
+    return jax.nn.sigmoid(log_tau[..., None, :] - log_tau[..., :, None])
+
+
+def _product(matrix, vector):
+    return jnp.einsum("...ij,...j->...i", matrix, vector)

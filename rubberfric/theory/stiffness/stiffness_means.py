@@ -254,6 +254,9 @@ def stiffness_means(
         return StiffnessMeans(None, varying, *shifts, None, False, needs)
     F, harmonics = relaxing_stiffness(surface, scale, q), _harmonic_shares(surface, q)
     split = surface.separate_storage_loss
+    if isinstance(F, PronyStiffness) and not split:
+        # Here and not in `means`, so that derivatives at many points do not repeat it.
+        F = F.with_square_weight()
     if isinstance(F, Tabulated) and not F.by_node:
         F = means_table(F, needs, split, harmonics) if table is None else table
     return StiffnessMeans(F, varying, *shifts, harmonics, split, needs)
