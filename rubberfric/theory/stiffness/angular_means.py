@@ -283,7 +283,7 @@ def _at_own_rates(F):
 @jax.custom_jvp
 def _sum_of_shares(weight, log_tau):
     """Return sum_j weight_j tau_j / (tau_i + tau_j)."""
-    return _product(_pair_shares(log_tau), weight)
+    return jnp.sum(_pair_shares(log_tau) * weight[..., None, :], -1)
 
 
 @_sum_of_shares.defjvp
