@@ -24,6 +24,7 @@ from jax.custom_derivatives import SymbolicZero
 from jax.flatten_util import ravel_pytree
 from jax.typing import ArrayLike
 
+from rubberfric.base.compilation import exact_products
 from rubberfric.base.fixed_points import linear_fixed_point
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene
@@ -95,6 +96,7 @@ def _watched(moves, *arrays):
     return identity(*arrays)
 
 
+@exact_products
 def value_and_jacobian(
     scene_of: Callable[[jax.Array], Scene],
     x: jax.Array,

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from rubberfric.base.compilation import exact_products
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.radial_mesh import build_mesh
 from rubberfric.scene.interface import Adhesion, ContactShear, difference, shear_friction
@@ -73,6 +74,7 @@ class Prepared(NamedTuple):
         return self.integrated
 
 
+@exact_products
 def prepare(
     scene: Scene,
     quantities: Iterable[str],
@@ -206,6 +208,7 @@ def solved(
     return roughness.contact(velocity, pressure, found.inside), found
 
 
+@exact_products
 def evaluate(
     prepared: Prepared,
     quantities: Iterable[str],

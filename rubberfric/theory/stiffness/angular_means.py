@@ -27,6 +27,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from rubberfric.base.compilation import exact_products
 from rubberfric.materials.material import clip_for_square
 from rubberfric.theory.structure import RequiredMeans
 
@@ -230,6 +231,7 @@ def _stored(values):
 
 
 @_sums.defjvp
+@exact_products
 def _sums_jvp(primals, tangents):
     return jax.jvp(_sums_as_products, primals, tangents)
 
@@ -287,13 +289,14 @@ def _sum_of_shares(weight, log_tau):
 
 
 @_sum_of_shares.defjvp
+@exact_products
 def _sum_of_shares_jvp(primals, tangents):
     # Matrix products: elementwise derivatives of n^2 shares take several times as long.
     (weight, log_tau), (weight_dot, log_tau_dot) = primals, tangents
     share = _pair_shares(log_tau)
     slope = share * jnp.swapaxes(share, -1, -2) * weight[..., None, :]
-    moved = _product(slope, log_tau_dot) - jnp.sum(slope, -1) * log_tau_dot
-    return _product(share, weight), _product(share, weight_dot) + moved
+    moved = _rows(slope, log_tau_dot) - jnp.sum(slope, -1) * log_tau_dot
+    return _rows(share, weight), _rows(share, weight_dot) + moved
 
 
 def _pair_shares(log_tau):
@@ -301,5 +304,5 @@ def _pair_shares(log_tau):
     return jax.nn.sigmoid(log_tau[..., None, :] - log_tau[..., :, None])
 
 
-def _product(matrix, vector):
+def _rows(matrix, vector):
     return jnp.einsum("...ij,...j->...i", matrix, vector)

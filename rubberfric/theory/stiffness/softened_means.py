@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from rubberfric.base.compilation import exact_products
 from rubberfric.materials.material import Material, clip_for_square
 from rubberfric.theory.stiffness.angular_means import Means, PronyStiffness
 from rubberfric.theory.stiffness.circle_means import circle_rule
@@ -99,6 +100,7 @@ def _means_in_series(moduli, factors, sine, weight):
 
 
 @_means_in_series.defjvp
+@exact_products
 def _means_in_series_jvp(primals, tangents):
     """Use F = k z / (z + k), dF = (k / (z + k))^2 dz + (z / (z + k))^2 dk with z = f E' + i g E''."""
     moduli, factors, sine, weight = primals

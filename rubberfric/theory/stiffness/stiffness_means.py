@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.checks import is_concrete
-from rubberfric.base.compilation import quick_options
+from rubberfric.base.compilation import exact_products, quick_options
 from rubberfric.materials.shifts import Shift, log_vertical
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means, PronyStiffness
@@ -317,6 +317,7 @@ def _compiled_build(structure, shapes, dtype, needs):
 
 
 @functools.partial(jax.jit, static_argnums=1)
+@exact_products
 def _build(scene, needs):
     scale = modulus_scale(scene)
     return tuple(_table(surface, scale, needs) for surface in rough_surfaces_of(scene))

@@ -5,6 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.cases.stored import as_arrays
+from support.counting.operations import equations
+from support.folders import DATA
 from support.scenes.common import ROAD
 from support.scenes.common import TREAD as RUBBER
 
@@ -67,3 +69,23 @@ def test_the_area_is_proportional_to_light_loads():
     )
     assert slope.dtype == jnp.float32
     assert float(slope * 1e-5 / area) == pytest.approx(1.0, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["tread_on_asphalt", "coated_base", "softened_tread_on_asphalt", "tabulated_tread", "two_rubbers"],
+)
+def test_no_product_rounds_its_factors(name):
+    """GPUs keep 11 bits of float32 factors, in values and derivative rules, unless told otherwise."""
+    single, v = as_arrays(rf.load_scene(DATA / f"{name}.toml"), jnp.float32), jnp.float32([0.1, 1.0])
+
+    def friction(scene):
+        return jnp.sum(rf.friction(scene, v, jnp.float32(3e5)))
+
+    products = [
+        one.params["precision"]
+        for one in equations(jax.make_jaxpr(jax.value_and_grad(friction))(single).jaxpr)
+        if one.primitive.name == "dot_general" and one.invars[0].aval.dtype == jnp.float32
+    ]
+    assert len(products) > 10
+    assert set(products) == {(jax.lax.Precision.HIGHEST,) * 2}

@@ -230,10 +230,12 @@ def test_ten_thousand_random_scenes():
 
 
 @pytest.mark.slow
-def test_random_scenes_by_damped_brute_force():
+@pytest.mark.parametrize(("branch", "begin"), [("rising", 1e-8), ("falling", 1e8)])
+def test_random_scenes_by_damped_brute_force(branch, begin):
     """Followed in small steps of v by damped iteration, which shares no code of the solver."""
     rng = np.random.default_rng(3)
     cases = [random_case(rng) for _ in range(50)]
+    cases = [(scene.replace({"heating.branch": branch}), *at) for scene, *at in cases]
     scenes, v, pressure, temperature = stacked(cases)
     quadrature = rf.Quadrature()
 
@@ -257,7 +259,7 @@ def test_random_scenes_by_damped_brute_force():
         (50, prepare(cases[0][0], ("flash_temperature",), quadrature).thermal.diffusion.wavevector.size)
     )
     for share in np.linspace(0, 1, 150):
-        rises = damped(np.log(1e-8) + share * (jnp.log(v) - np.log(1e-8)), rises, 40)
+        rises = damped(np.log(begin) + share * (jnp.log(v) - np.log(begin)), rises, 40)
     rises = damped(jnp.log(v), rises, 4000)
     error = np.abs(caused(jnp.log(v), rises) - rises).max(1)
     assert (error <= 1e-10 * rises.max(1)).all()
