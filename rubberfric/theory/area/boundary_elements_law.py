@@ -147,6 +147,7 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
     node, dln = (typed(np.append(0.0, table), weight) for table in gauss(BEYOND))
     beyond = math.log(END) * node
     log_q = jnp.concatenate([jnp.log(mesh.q).reshape(-1), jnp.log(q1) + beyond])
+    log_D = jnp.log(roughness_density(law, jnp.append(mesh.q, q1)) / total)
     panels = quadrature.panels if surface.relaxes else None
     grid, mean, along = circle_matrices(log_q, panels, surface.detail)
     body = surface.strained if surface.strained.material.deforms else surface.rough
@@ -158,8 +159,8 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
             mesh=mesh,
             weight=weight,
             log_F=jnp.log(F).reshape(-1),
-            log_D=jnp.log(roughness_density(law, mesh.q) / total).reshape(-1),
-            log_D_end=jnp.log(roughness_density(law, q1) / total),
+            log_D=log_D[:-1],
+            log_D_end=log_D[-1],
             height2=surface.law.height2,
             total=total,
             slope=jnp.sqrt(2 * jnp.pi * total) * surface.spectrum.height_scale(),
@@ -366,6 +367,12 @@ def _fixed_point(balance, start):
     return jax.lax.stop_gradient(y), change <= 10 * tolerance * (1 + jnp.abs(y))
 
 
+@jax.custom_jvp
 def _softplus(x):
-    # The gradient takes a third of the time of jax.nn.softplus.
     return jnp.maximum(x, 0.0) + jnp.log1p(jnp.exp(-jnp.abs(x)))
+
+
+@_softplus.defjvp
+def _softplus_jvp(primals, tangents):
+    # It takes a third of the time of the derivative of jax.nn.softplus.
+    return _softplus(*primals), jax.nn.sigmoid(primals[0]) * tangents[0]
