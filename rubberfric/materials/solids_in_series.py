@@ -20,7 +20,7 @@ have a common rate: the interval has zero width, theta = f_i / (f_i + g_j), and 
 f_i g_j / (f_i + g_j). A spring has a rest and no terms.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -56,7 +56,7 @@ class _Solids(NamedTuple):
     weight: tuple  # None for a spring
 
     @property
-    def total(self) -> tuple:
+    def total(self) -> tuple[Any, Any]:
         """Return the sum of the rests and the sum of the weights."""
         return sum(self.rest), sum(w for w in self.weight if w is not None)
 
@@ -315,7 +315,8 @@ def _solve(solids, log_rate):
 @jax.custom_jvp
 def _at_roots(solids, rates):
     """Return the `_roots` and the `_Sums` there."""
-    small, right = _roots(*solids.total, rates)
+    rest, weight = solids.total
+    small, right = _roots(rest, weight, rates)
     return small, right, _sums(solids, rates, small, right)
 
 
@@ -330,7 +331,8 @@ def _at_roots_jvp(primals, tangents):
         every = leaves.copy()
         for i, leaf in zip(moving, moved, strict=True):
             every[i] = leaf
-        return _sums(*jax.tree.unflatten(tree, every), small, right)
+        solids, rates = jax.tree.unflatten(tree, every)
+        return _sums(solids, rates, small, right)
 
     here = [leaves[i] for i in moving]
     _, by_solids = jax.jvp(lambda moved: at(moved, small), (here,), ([along[i] for i in moving],))

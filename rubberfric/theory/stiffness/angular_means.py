@@ -51,7 +51,7 @@ class PronyStiffness(NamedTuple):
 
     def with_square_weight(self) -> "PronyStiffness":
         """Return F with the weights 2 F_i F(s = 1/tau_i) of <|F|^2>, which do not depend on the velocity."""
-        return self._replace(square_weight=2 * self.weight * _at_own_rates(self))
+        return self._replace(square_weight=_square_weight(self))
 
     @property
     def by_node(self) -> bool:
@@ -99,11 +99,11 @@ def _closed_form(F, qv, needs):
 
 def _weights(F, kinds):
     """Return the weights of the terms by kind of mean."""
-    weights = dict.fromkeys(kinds, F.weight)
-    if "mean_abs2" in weights:
-        whole = F if F.square_weight is not None else F.with_square_weight()
-        weights["mean_abs2"] = whole.square_weight
-    return weights
+    return {kind: _square_weight(F) if kind == "mean_abs2" else F.weight for kind in kinds}
+
+
+def _square_weight(F):
+    return 2 * F.weight * _at_own_rates(F) if F.square_weight is None else F.square_weight
 
 
 def _with_harmonics(F, qv, needs, harmonics, means):
