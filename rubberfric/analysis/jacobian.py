@@ -171,12 +171,12 @@ def _parts(scene_of, x, prepared):
     every = jnp.eye(x.size, dtype=x.dtype)
     by_x = dict(zip(scene.moving, jax.vmap(scene.push)(every), strict=True))
     paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(scene.tree({}))[0]]
-    surfaces = rough_surfaces_of(scene.tree({}))
+    together = any(surface.by_wavevector for surface in rough_surfaces_of(scene.tree({})))
     groups: dict[str, list[int]] = {}
     for i in scene.moving:
         names = [getattr(key, "name", "") for key in paths[i]]
         part_name = next((name for name in ("spectrum", "layer") if name in names), "others")
-        groups.setdefault("all" if any(one.by_wavevector for one in surfaces) else part_name, []).append(i)
+        groups.setdefault("all" if together else part_name, []).append(i)
     parts = []
     for group in list(groups.values()) or [[]]:
         leaves = [scene.leaves[i] for i in group]

@@ -186,6 +186,7 @@ def _borders(scene, surfaces, asked):
     return jnp.concatenate(borders) if borders else None
 
 
+@exact_products
 def solved(
     prepared: Prepared, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None = None
 ) -> tuple[Contact, Temperatures | None]:

@@ -71,6 +71,17 @@ def test_the_area_is_proportional_to_light_loads():
     assert float(slope * 1e-5 / area) == pytest.approx(1.0, rel=1e-5)
 
 
+def precisions_of_products(function, *arguments):
+    return [
+        one.params["precision"]
+        for one in equations(jax.make_jaxpr(function)(*arguments).jaxpr)
+        if one.primitive.name == "dot_general" and one.invars[0].aval.dtype == jnp.float32
+    ]
+
+
+EXACT = {(jax.lax.Precision.HIGHEST,) * 2}
+
+
 @pytest.mark.parametrize(
     "name",
     ["tread_on_asphalt", "coated_base", "softened_tread_on_asphalt", "tabulated_tread", "two_rubbers"],
@@ -82,10 +93,17 @@ def test_no_product_rounds_its_factors(name):
     def friction(scene):
         return jnp.sum(rf.friction(scene, v, jnp.float32(3e5)))
 
-    products = [
-        one.params["precision"]
-        for one in equations(jax.make_jaxpr(jax.value_and_grad(friction))(single).jaxpr)
-        if one.primitive.name == "dot_general" and one.invars[0].aval.dtype == jnp.float32
-    ]
-    assert len(products) > 10
-    assert set(products) == {(jax.lax.Precision.HIGHEST,) * 2}
+    found = precisions_of_products(jax.value_and_grad(friction), single)
+    assert len(found) > 10
+    assert set(found) == EXACT
+
+
+def test_no_product_of_an_analysis_rounds_its_factors():
+    single = as_arrays(rf.Scene(rf.Body(RUBBER), RIGID), jnp.float32)
+
+    def stiffness(scene):
+        return rf.analysis.contact_stiffness(scene, jnp.float32(0.1), jnp.float32(3e5))
+
+    found = precisions_of_products(stiffness, single)
+    assert len(found) > 3
+    assert set(found) == EXACT
