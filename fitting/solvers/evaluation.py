@@ -46,7 +46,7 @@ def evaluate_rows(
     x, rows, found = np.asarray(x), [], []
     name = "both" if slopes else "rows"
     if _by_forward_mode(structure, numbers):
-        name = "both" if takes_long(structure, numbers) else "along"
+        name = "along"
     for first in range(0, len(x), PLACES):
         here = x[first : first + PLACES]
         places = np.concatenate([here, np.repeat(here[-1:], PLACES - len(here), 0)])

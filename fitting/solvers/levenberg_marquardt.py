@@ -2,11 +2,19 @@ r"""Levenberg-Marquardt: nonlinear least squares by damped Gauss-Newton steps.
 
 .. math:: dx = -V \, \mathrm{diag}\frac{s}{s^2 + \lambda} \, U^T r, \qquad J = U \, \mathrm{diag}(s) \, V^T
 
-with geodesic acceleration [Transtrum & Sethna, arXiv:1201.5885], which halves the number of steps in the
-curved valleys of relaxation spectra. One singular value decomposition of the Jacobian serves two dampings.
-The larger one is tried if the smaller one brings less than `SUFFICIENT` of the gain that the linear model
-predicts, and the better of both is accepted. The second trial costs little, because evaluating the residuals
-takes a small part of the time of the Jacobian. Directions that do not change the data (s = 0) stay unchanged.
+One singular value decomposition of the Jacobian serves up to three dampings, from the smallest. A larger one
+is tried if no smaller one brings `SUFFICIENT` of the gain that the linear model predicts, and the move with
+the lowest cost is accepted. Directions that do not change the data (s = 0) stay unchanged.
+
+Valleys of relaxation spectra are curved, so that a move along dx leaves the valley. Up to `CORRECTIONS`
+evaluations per damping bring it back. They solve
+
+.. math:: J^T \left(r(x + m) - r(x) - J \, dx\right) + \lambda (m - dx) = 0
+
+for the move m by Broyden's method, which begins at m = 0 with the Jacobian at x [Kelley, Solving Nonlinear
+Equations with Newton's Method, SIAM 2003, section 4.3]. For short moves the first correction is the geodesic
+acceleration of Transtrum and Sethna, arXiv:1201.5885. An evaluation of the residuals takes a small part of
+the time of the Jacobian.
 """
 
 import dataclasses
@@ -30,10 +38,13 @@ from fitting.solvers.objective import (
     unless_done,
 )
 
-TRIALS = (0.1, 3.0)  # times the damping of the last step
+TRIALS = (0.1, 0.55, 3.0)  # times the damping of the last step
+STIFFER = 30.0  # factor of the damping after a step that did not lower the cost
 SOFTEST, STIFFEST = 1e-30, 1e9  # dampings, divided by the largest singular value squared
-SUFFICIENT = 0.9  # part of the predicted decrease of the cost that makes a second trial unnecessary
-PROBE = 0.1  # part of a step at which its curvature is measured
+# Parts of the predicted decrease of the cost that make a larger damping or a correction unnecessary.
+SUFFICIENT, GOOD = 0.5, 0.9
+CORRECTIONS = 3  # largest number of corrections of a move
+SMALL = 1e-3  # size of a correction, relative to the move, below which it is omitted
 LONGEST_STEP = 3.0  # largest change of any x in a step: a factor of 20 for a Positive parameter
 
 
@@ -92,29 +103,16 @@ def step(
     x = jnp.asarray(iterate.x)
     plan = plan_step(*residuals_and_jacobian(x), iterate, loss, longest)
 
-    def evaluated(state):
-        """Evaluate the residuals after PROBE times a velocity, or, if `count` is odd, after a whole move."""
-        count, moves, rows, _ = state
-        i, ahead = count // 2, count % 2 == 0
-        move = jnp.where(ahead, PROBE * plan.velocities[i], accelerated_move(plan, i, rows[i]))
-        moves, rows = moves.at[i].set(move), rows.at[i].set(residuals(x + move))
-        return count + 1, moves, rows, is_sufficient(plan, rows[0], iterate, loss)
-
-    def needed(state):
-        count, _, _, enough = state
-        return (count < 2) | ((count < 4) & ~enough)
+    def evaluated(trial):
+        return after_evaluation(plan, trial, residuals(x + trial.move), iterate, loss)
 
     # A loop, so that the model is compiled once for all evaluations.
-    rows = jnp.zeros((len(TRIALS), *plan.plain.shape), plan.plain.dtype)
-    begun = jnp.asarray(0), jnp.zeros_like(plan.velocities), rows, jnp.asarray(False)
-    _, moves, rows, _ = jax.lax.while_loop(needed, evaluated, begun)
-    return accept_better(
-        plan, moves, rows, iterate, loss, tolerance=tolerance, rounding=rounding, longest=longest
-    )
+    trial = jax.lax.while_loop(lambda trial: ~trial.done, evaluated, first_trial(plan))
+    return accept(plan, trial, iterate, tolerance=tolerance, rounding=rounding, longest=longest)
 
 
 class Plan(NamedTuple):
-    """Two trial steps from the linear model of the residuals, one for each damping."""
+    """Linear model of the residuals, and its moves, one for each damping."""
 
     plain: jax.Array  # residuals, shape (rows,)
     factor: jax.Array  # factors of the rows of the Jacobian, from the loss
@@ -123,10 +121,24 @@ class Plan(NamedTuple):
     s: jax.Array
     V: jax.Array  # V^T of the singular value decomposition
     along: jax.Array  # U^T r
-    dampings: jax.Array  # shape (2,)
-    gains: jax.Array  # shape (2, size)
-    velocities: jax.Array  # shape (2, size)
+    dampings: jax.Array  # shape (3,)
+    gains: jax.Array  # s / (s^2 + lambda), shape (3, size)
+    moves: jax.Array  # dx, shape (3, size)
     finite: jax.Array
+
+
+class Trial(NamedTuple):
+    """A move to evaluate next, and the best move so far."""
+
+    move: jax.Array
+    index: jax.Array  # of its damping
+    steps: jax.Array  # steps of Broyden's method, whose sum is the move, shape (CORRECTIONS + 1, size)
+    count: jax.Array  # number of evaluations with this damping
+    best: jax.Array
+    cost: jax.Array  # of the best move
+    damping: jax.Array  # of the best move
+    nfev: jax.Array
+    done: jax.Array  # True if no further evaluation is needed
 
 
 def plan_step(
@@ -136,7 +148,7 @@ def plan_step(
     loss: Loss = SQUARES,
     longest: float = LONGEST_STEP,
 ) -> Plan:
-    """Plan the two trial steps from the residuals `plain` and the Jacobian."""
+    """Return the moves of the linear model, given the residuals `plain` and the Jacobian."""
     damping, dtype = iterate.own, jnp.asarray(iterate.x).dtype
     of_rows, factor = loss.factors(plain)
     rows, jacobian = plain * of_rows, jacobian * factor[:, None]
@@ -148,60 +160,86 @@ def plan_step(
     V = V * jnp.any(jacobian != 0, 0)
     along = U.T @ rows
     dampings = jnp.clip(damping * np.asarray(TRIALS, dtype), SOFTEST, STIFFEST)
-    # If all s are 0, there is no gain and no step.
+    # Gains and moves are 0 if all s are 0.
     gains = s / (s**2 + dampings[:, None] * jnp.where(s[0] > 0, s[0], 1.0) ** 2)
-    velocities = -(gains * along) @ V
+    moves = -(gains * along) @ V
     # The linear model is not valid for large changes of exp or in the tails of the logit.
-    velocities = velocities * _limited(velocities, longest)
-    return Plan(plain, factor, jacobian, U, s, V, along, dampings, gains, velocities, finite)
+    moves = moves * _limited(moves, longest)
+    return Plan(plain, factor, jacobian, U, s, V, along, dampings, gains, moves, finite)
 
 
-def accelerated_move(plan: Plan, i: int | jax.Array, ahead: jax.Array) -> jax.Array:
-    """Return the velocity with damping `i` plus the geodesic acceleration.
-
-    `ahead` has the residuals after a move by PROBE times the velocity.
-    """
-    velocity = plan.velocities[i]
-    # Second derivative of the residuals along the step, by a finite difference.
-    second = 2 / PROBE * (plan.factor * (ahead - plan.plain) / PROBE - plan.jacobian @ velocity)
-    acceleration = -0.5 * (plan.gains[i] * (second @ plan.U)) @ plan.V
-    # Longer accelerations are outside the range of the expansion; inf * 0 where the model is not finite.
-    half = 0.5 * jnp.max(jnp.abs(velocity), keepdims=True)
-    acceleration = jnp.where(jnp.isfinite(acceleration), acceleration, 0.0)
-    return velocity + acceleration * _limited(acceleration, half)
+def first_trial(plan: Plan) -> Trial:
+    """Return the trial before the first evaluation."""
+    # Weak types would compile `after_evaluation` twice.
+    move, zero = plan.moves[0], jnp.zeros((), int)
+    steps = jnp.zeros((CORRECTIONS + 1, move.size), move.dtype).at[0].set(move)
+    infinite = jnp.full((), jnp.inf, move.dtype)
+    return Trial(move, zero, steps, zero, move, infinite, plan.dampings[0], zero, zero > 0)
 
 
-def is_sufficient(plan: Plan, tried: jax.Array, iterate: Iterate, loss: Loss = SQUARES) -> jax.Array:
-    """Return True if the first trial step, with residuals `tried`, makes the second one unnecessary."""
-    # (|r|^2 - |r + J v|^2) / 2 for the velocity before its length was limited. A limited velocity would
-    # predict less, so that the other damping is never tried and all steps stay short.
-    moved = plan.s * plan.gains[0]
-    promised = jnp.sum(moved * (1 - 0.5 * moved) * plan.along**2)
-    return jnp.asarray(iterate.cost) - loss.cost(tried) >= SUFFICIENT * promised
+def after_evaluation(
+    plan: Plan, trial: Trial, ahead: jax.Array, iterate: Iterate, loss: Loss = SQUARES
+) -> Trial:
+    """Return the next trial, given the residuals `ahead` after the move of `trial`."""
+    i, cost = trial.index, loss.cost(ahead)
+    lower = cost < trial.cost  # False for NaN
+    best, lowest = jnp.where(lower, trial.move, trial.best), jnp.where(lower, cost, trial.cost)
+    damping = jnp.where(lower, plan.dampings[i], trial.damping)
+    # (|r|^2 - |r + J dx|^2) / 2 for dx before its length was limited. A limited move would predict less,
+    # so that the other dampings are never tried and all steps stay short.
+    gained = plan.s * plan.gains[i]
+    promised = jnp.sum(gained * (1 - 0.5 * gained) * plan.along**2)
+    gain = jnp.asarray(iterate.cost) - lowest
+    enough = gain >= SUFFICIENT * promised
+    correction = _correction(plan, trial, ahead)
+    size, length = jnp.max(jnp.abs(correction)), jnp.max(jnp.abs(plan.moves[i]))
+    useful = (size > SMALL * length) & ~(gain >= GOOD * promised)
+    further = jnp.isfinite(cost) & (trial.count < CORRECTIONS) & useful
+    last = i == len(TRIALS) - 1
+    following = jnp.where(further | last, i, i + 1)
+    count = jnp.where(further, trial.count + 1, 0)
+    step = jnp.where(further, correction, plan.moves[following])
+    move = jnp.where(further, trial.move + correction, step)
+    steps = trial.steps.at[count].set(step)
+    new = Trial(
+        move, following, steps, count, best, lowest, damping, trial.nfev + 1, ~further & (enough | last)
+    )
+    return jax.tree.map(lambda old, new: jnp.where(trial.done, old, new), trial, new)
 
 
-def accept_better(
+def _correction(plan, trial, ahead):
+    """Return the next step of Broyden's method, at most half as long as the move of the linear model."""
+    i, first = trial.index, plan.moves[trial.index]
+    # Left-hand side of the equation for the move, divided by J^T J + lambda.
+    error = plan.factor * (ahead - plan.plain) - plan.jacobian @ first
+    away = (1 - plan.s * plan.gains[i]) * (plan.V @ (trial.move - first))
+    step = -(plan.gains[i] * (error @ plan.U) + away) @ plan.V
+    # Inverse of Broyden's matrix, which is 1 at first, by its steps. Steps after `count` are of other moves.
+    count = trial.count
+    for k in range(CORRECTIONS):
+        before, after = trial.steps[k], trial.steps[k + 1]
+        along = (before @ step) / jnp.where(k < count, before @ before, 1.0)
+        step = step + jnp.where(k < count, along, 0.0) * after
+    newest = trial.steps[count]
+    square = newest @ newest
+    step = step / (1 - (newest @ step) / jnp.where(square > 0, square, 1.0))
+    # The linear model is not valid for longer corrections.
+    half = 0.5 * jnp.max(jnp.abs(first), keepdims=True)
+    return step * _limited(step, half)
+
+
+def accept(
     plan: Plan,
-    moves: jax.Array,
-    tried: jax.Array,
+    trial: Trial,
     iterate: Iterate,
-    loss: Loss = SQUARES,
     *,
     tolerance: float = 1e-9,
     rounding: ArrayLike = 0.0,
     longest: float = LONGEST_STEP,
 ) -> Iterate:
-    """Return the iterate after the better one of two moves with the residuals `tried`, shape (2, rows).
-
-    If the first move `is_sufficient`, the second is ignored, because its residuals were not evaluated.
-    """
-    x, damping = jnp.asarray(iterate.x), iterate.own
-    enough = is_sufficient(plan, tried[0], iterate, loss)
-    costs = jax.vmap(loss.cost)(tried)
-    known = jnp.isfinite(costs) & jnp.stack([jnp.asarray(True), ~enough])
-    costs = jnp.where(known, costs, jnp.inf)
-    best = jnp.argmin(costs)
-    cost, accepted = costs[best], costs[best] < iterate.cost
+    """Return the iterate after the best move of a trial that is done."""
+    x, cost = jnp.asarray(iterate.x), trial.cost
+    accepted = cost < iterate.cost
     lowest = jnp.minimum(cost, iterate.cost)
     # Gain that the linear model predicts: all of the cost along the columns of J, less where a column is so
     # flat that the step would be longer than allowed.
@@ -213,14 +251,14 @@ def accept_better(
     # Fits of exact data continue until the cost is at rounding level.
     near = promised <= NEGLIGIBLE * jnp.maximum(iterate.cost, 1.0)
     hidden = near & (iterate.cost > 2 * NEGLIGIBLE)
-    stalled = ~accepted & (hidden | (damping >= STIFFEST))
+    stalled = ~accepted & (hidden | (iterate.own >= STIFFEST))
     new = Iterate(
-        jnp.where(accepted, x + moves[best], x),
+        jnp.where(accepted, x + trial.best, x),
         jnp.where(accepted, cost, iterate.cost),
         status_after(plan.finite, lowest <= rounding, done, stalled, near),
-        iterate.nfev + jnp.where(enough, 2, 4),
+        iterate.nfev + trial.nfev,
         iterate.njev + 1,
-        jnp.where(accepted, plan.dampings[best], jnp.minimum(damping * 1e4, STIFFEST)),
+        jnp.where(accepted, trial.damping, jnp.minimum(iterate.own * STIFFER, STIFFEST)),
     )
     return unless_done(iterate, new)
 

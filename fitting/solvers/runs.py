@@ -5,9 +5,7 @@ another one takes its place, so that no fit waits for the slowest. `Progress` ke
 chooses the next ones, here and in ensembles (`fitting.ensemble.run`).
 
 For least squares, the model and the step are separate compiled functions, because the model takes most of the
-compilation time. A step of Levenberg-Marquardt evaluates the residuals up to four times. For models that take
-long to evaluate, such as heated scenes, a step has one evaluation with derivatives
-(`fitting.solvers.brown_dennis`).
+compilation time. A step of Levenberg-Marquardt evaluates the residuals several times.
 """
 
 import dataclasses
@@ -19,17 +17,23 @@ import jax
 import numpy as np
 
 from fitting.parameters.variables import Array
-from fitting.solvers import brown_dennis
-from fitting.solvers.evaluation import evaluate_rows, takes_long
+from fitting.solvers.evaluation import evaluate_rows
 from fitting.solvers.levenberg_marquardt import (
-    PROBE,
     LevenbergMarquardt,
-    accelerated_move,
-    accept_better,
-    is_sufficient,
+    accept,
+    after_evaluation,
+    first_trial,
     plan_step,
 )
-from fitting.solvers.objective import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, RUNNING, Iterate
+from fitting.solvers.objective import (
+    CONVERGED,
+    INTERRUPTED,
+    NEGLIGIBLE,
+    NOT_FINITE,
+    OUT_OF_STEPS,
+    RUNNING,
+    Iterate,
+)
 from fitting.solvers.options import Solver
 from fitting.solvers.ordered import end_x, put_on_bounds, slopes_of_x, start_z, x_of
 from fitting.solvers.problem import FitStructure, Numbers, Problem, Targets
@@ -158,9 +162,6 @@ def run_fits(
             else:
                 new = start(solver, structure, numbers, here, iterate.x)
             progress.keep(which, jax.tree.map(lambda a, n=which.size: np.asarray(a)[:n], new), stepping)
-            own = progress.iterate.own
-            if isinstance(own, np.ndarray) and own.dtype == object:
-                own[progress.iterate.status != RUNNING] = None  # the large models of fits that have ended
             total += stepping
             if stepping and callback is not None:
                 cost = progress.iterate.cost
@@ -172,19 +173,11 @@ def run_fits(
     return runs._replace(status=np.where(progress.begun, runs.status, RUNNING))
 
 
-# With more elements in all Hessians, their storage takes longer than the model.
-_MOST_HESSIAN_ELEMENTS = 1_000_000
-
-
 def start(solver: Solver, structure: FitStructure, numbers: Numbers, targets: Targets, x: Array) -> Iterate:
     """Return the iterates at the start vectors x. `targets` and x have a leading axis of fits."""
     if not isinstance(solver, LevenbergMarquardt):
         return _by_solver("init", solver, structure, numbers, targets, x)
     problem, x = (structure, numbers, targets), np.asarray(x)
-    if _use_brown_dennis(*problem, x):
-        plain, jacobian, _ = _in_errors(*problem, *_evaluated(*problem, x, slopes=True))
-        each = zip(x, np.asarray(plain), np.asarray(jacobian), strict=True)
-        return _stacked([brown_dennis.begin_quadratic(*one) for one in each])
     costs = np.asarray(_costs(*problem, _evaluated(*problem, x)[0]))
     status, one = np.where(np.isfinite(costs), RUNNING, NOT_FINITE), np.ones(len(x), int)
     return Iterate(x, costs, status, one, 0 * one, np.full(len(x), solver.damping, x.dtype))
@@ -199,8 +192,6 @@ def advance(
     problem = structure, numbers, targets
     if not np.any(np.asarray(iterate.status) == RUNNING):
         return iterate
-    if _use_brown_dennis(*problem, iterate.x):
-        return _brown_dennis_step(solver, *problem, iterate)
     after = _levenberg_marquardt_step(solver, *problem, iterate)
     return _at_bounds(solver, *problem, iterate, after) if structure.variables.order else after
 
@@ -230,91 +221,43 @@ def _costs(structure, numbers, targets, rows):
 
 
 @_over_fits
-def _in_errors(structure, numbers, targets, rows, slopes):
-    plain = in_errors(structure, numbers, targets, rows)
-    return plain, slopes_in_errors(structure, numbers, targets, slopes), rounding(structure, targets)
-
-
-@_over_fits
 def _plan_step(structure, numbers, targets, iterate, rows, slopes):
     plain = in_errors(structure, numbers, targets, rows)
     jacobian = slopes_in_errors(structure, numbers, targets, slopes)
     plan = plan_step(plain, jacobian, iterate, loss_of(structure, numbers))
-    return plan, iterate.x + PROBE * plan.velocities
+    return plan, first_trial(plan)
 
 
 @_over_fits
-def _accelerated_move(structure, numbers, targets, iterate, plan, i, ahead):
-    move = accelerated_move(plan, i, in_errors(structure, numbers, targets, ahead))
-    return move, iterate.x + move
+def _after_evaluation(structure, numbers, targets, iterate, plan, trial, rows):
+    ahead = in_errors(structure, numbers, targets, rows)
+    return after_evaluation(plan, trial, ahead, iterate, loss_of(structure, numbers))
 
 
 @_over_fits
-def _accept_better(structure, numbers, targets, iterate, plan, moves, tried, tolerance):
-    rows = jax.vmap(lambda rows: in_errors(structure, numbers, targets, rows))(tried)
-    limits = {"tolerance": tolerance, "rounding": rounding(structure, targets)}
-    loss = loss_of(structure, numbers)
-    after = accept_better(plan, moves, rows, iterate, loss, **limits)
-    return after, is_sufficient(plan, rows[0], iterate, loss)
+def _accept(structure, _, targets, iterate, plan, trial, tolerance):
+    return accept(plan, trial, iterate, tolerance=tolerance, rounding=rounding(structure, targets))
 
 
 def _levenberg_marquardt_step(solver, structure, numbers, targets, iterate):
-    """Take one step of each running fit, with one Jacobian and two to four evaluations of the residuals."""
+    """Take one step of each running fit, with one Jacobian and several evaluations of the residuals."""
     problem, x = (structure, numbers, targets), np.asarray(iterate.x)
-    running = np.flatnonzero(np.asarray(iterate.status) == RUNNING)
-    plan, ahead = _plan_step(*problem, iterate, *_evaluated(*problem, x, running, slopes=True))
-    ahead = np.asarray(ahead)  # NumPy, because slicing a JAX array compiles
-
-    def trial(i, which):
-        """Return the moves with damping `i` of the fits `which`, and the predicted rows after the moves."""
-        rows, _ = _evaluated(*problem, ahead[:, i], which)
-        move, there = _accelerated_move(*problem, iterate, plan, np.full(len(x), i), rows)
-        return np.asarray(move), _evaluated(*problem, there, which)[0]
-
-    def better(first, second):
-        moves, rows = (np.stack(pair, 1) for pair in zip(first, second, strict=True))
-        tolerance = np.full(len(x), solver.tolerance, x.dtype)
-        return _accept_better(*problem, iterate, plan, moves, rows, tolerance)
-
-    first = trial(0, running)
-    after, enough = better(first, first)
-    again = running[~np.asarray(enough)[running]]
-    return after if again.size == 0 else better(first, trial(1, again))[0]
-
-
-def _use_brown_dennis(structure, numbers, targets, x):
-    """Return True if the model takes long, and the method of Brown and Dennis is possible."""
-    size = np.shape(x)[-1]
-    few = np.shape(targets.measured)[-1] * size**2 <= _MOST_HESSIAN_ELEMENTS
-    return few and structure.loss == "linear" and takes_long(structure, numbers)
-
-
-def _brown_dennis_step(solver, structure, numbers, targets, iterate):
-    """Take one step of each running fit, with one evaluation."""
-    problem, running = (structure, numbers, targets), np.flatnonzero(iterate.status == RUNNING)
-    each = [Iterate(*(a[i] for a in iterate)) for i in range(len(iterate.status))]
-    moves = {i: brown_dennis.propose_move(each[i]) for i in running}
-    x = np.stack([one.x for one in each])
-    for i, move in moves.items():
-        x[i] += move.astype(x.dtype)
-    found = _in_errors(*problem, *_evaluated(*problem, x, running, slopes=True))
-    rows, slopes, least = map(np.asarray, found)
-    for i, move in moves.items():
-        limits = {"tolerance": solver.tolerance, "rounding": float(least[i])}
-        each[i] = brown_dennis.after_move(each[i], move, rows[i], slopes[i], **limits)
-    return _stacked(each)
-
-
-def _stacked(iterates: list[Iterate]) -> Iterate:
-    """Stack the iterates of several fits, with their quadratic models in an array of objects."""
-    own = np.empty(len(iterates), object)
-    for i, one in enumerate(iterates):
-        own[i] = one.own
-    return Iterate(*(np.stack(part) for part in list(zip(*iterates, strict=True))[:-1]), own=own)
+    running = np.asarray(iterate.status) == RUNNING
+    rows_and_slopes = _evaluated(*problem, x, np.flatnonzero(running), slopes=True)
+    plan, trial = _plan_step(*problem, iterate, *rows_and_slopes)
+    while (which := np.flatnonzero(running & ~np.asarray(trial.done))).size:
+        rows, _ = _evaluated(*problem, x + np.asarray(trial.move), which)
+        trial = _after_evaluation(*problem, iterate, plan, trial, rows)
+    return _accept(*problem, iterate, plan, trial, np.full(len(x), solver.tolerance, x.dtype))
 
 
 def _at_bounds(solver, structure, numbers, targets, before, after):
-    """Take another step from x with elements near a bound on it, and return the iterates of lower cost."""
+    """Take other steps from x with elements near a bound on it, and return the iterates of lower cost.
+
+    The second step is for fits that the first left above the cost of `after`. Elements stay on the bound as
+    well if the cost is higher by far less than a negligible gain. Otherwise they approach the bound by ever
+    smaller steps.
+    """
     problem, x = (structure, numbers, targets), np.array(after.x)
     for i in np.flatnonzero(np.asarray(after.status) == RUNNING):
         known = structure.variables, numbers.constants, np.asarray(before.x)[i], x[i]
@@ -327,8 +270,13 @@ def _at_bounds(solver, structure, numbers, targets, before, after):
     if not np.any(status == RUNNING):
         return after
     there = after._replace(x=x, cost=costs, status=status, nfev=after.nfev + 1, njev=after.njev + 1)
-    there = _levenberg_marquardt_step(solver, *problem, there)
-    after, lower = Iterate(*map(np.array, after)), tried & (np.asarray(there.cost) < np.asarray(after.cost))
+    after = Iterate(*map(np.array, after))
+    highest = after.cost + 0.01 * NEGLIGIBLE * np.maximum(1.0, after.cost)
+    for _ in range(2):
+        there = _levenberg_marquardt_step(solver, *problem, there)
+        lower = tried & (np.asarray(there.cost) < highest)
+        if np.all(lower | (status != RUNNING)):
+            break
     for old, new in zip(after, there, strict=True):
         old[lower] = np.asarray(new)[lower]
     return after

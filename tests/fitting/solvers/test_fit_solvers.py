@@ -14,7 +14,6 @@ from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
 from fitting import AreaData, Bounded, Free, FrictionData, ModulusData, Positive, Smooth, fit
-from fitting.solvers import runs
 from fitting.solvers.first_order import LBFGS, Adam
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.objective import CONVERGED, INTERRUPTED, LOSS_WIDTHS, NOT_FINITE, OUT_OF_STEPS, PERFECT
@@ -69,26 +68,18 @@ def with_data(problem, measured):
     return problem._replace(targets=problem.targets._replace(measured=np.log(measured)))
 
 
-def test_spared_evaluations_reach_the_same_minima(monkeypatch):
-    """For expensive models: several fits at once, with one evaluation with derivatives per step."""
+def test_fits_side_by_side_end_as_alone():
     problem = master()
     starts = problem.start + 0.4 * np.random.default_rng(2).standard_normal((6, problem.start.size))
-    usual = run_fits(LM, problem, starts)
-    monkeypatch.setattr(runs, "takes_long", lambda *_: True)
-    spared = run_fits(LM, problem, starts)
-    np.testing.assert_array_equal(spared.status, CONVERGED)
-    np.testing.assert_allclose(spared.cost, usual.cost, rtol=1e-8)
-    np.testing.assert_allclose(spared.x, usual.x, atol=1e-4)
-    np.testing.assert_array_equal(spared.nfev, spared.njev)
-    assert np.all(spared.nfev < usual.nfev), (spared.nfev, usual.nfev)
+    together = run_fits(LM, problem, starts)
+    np.testing.assert_array_equal(together.status, CONVERGED)
+    np.testing.assert_allclose(together.cost, together.cost[0], rtol=1e-8)
+    alone = run_fits(LM, problem, starts[3:4]).row(0)
+    assert (alone.nfev, alone.njev) == (together.nfev[3], together.njev[3])
+    np.testing.assert_allclose(alone.x, together.x[3], rtol=1e-10)
     held = problem.targets._replace(moving=np.array([1.0, 0.0, 1.0, 1.0, 1.0]))
     end = run_fits(LM, problem._replace(targets=held), starts[:1]).row(0)
-    assert end.status == CONVERGED and end.x[1] == starts[0, 1] and end.nfev <= spared.nfev[0] + 2
-    alone = run_fits(LM, problem, starts[3:4]).row(0)
-    assert alone.nfev == spared.nfev[3]
-    np.testing.assert_allclose(alone.x, spared.x[3], rtol=1e-10)
-    # Robust losses have special steps.
-    assert run_fits(LM, master("cauchy"), master("cauchy").start[None]).nfev[0] > 4
+    assert end.status == CONVERGED and end.x[1] == starts[0, 1]
 
 
 def best(problem, starts, solver=LM):
@@ -369,7 +360,7 @@ def test_an_interrupt_leaves_the_best_so_far():
     assert result.status == INTERRUPTED and not result.success
     assert result.message.startswith("interrupted") and len(seen) == 2
     whole = fit(SCENE, modulus_data(), free)
-    assert 1.001 * whole.cost < result.cost == seen[-1] < start
+    assert 1.0001 * whole.cost < result.cost == seen[-1] < start
     assert np.isfinite(result.values).all() and np.isfinite(result.redchi)
 
 
