@@ -19,7 +19,6 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy
 from numpy.polynomial import chebyshev
 
 from rubberfric.base.compilation import quick_jit
@@ -34,8 +33,8 @@ _PIECE = 2**20  # points of a map that are interpolated at once, to bound memory
 # Nodes of a panel and its width in e-folds of v a_T: a relaxation has poles at i pi / 2, so that rho = 2.9.
 _NODES, _WIDTH = 24, 2.5
 
-# A panel is evaluated in cells, by polynomials of fewer coefficients.
-_CELLS, _COEFFICIENTS = 8, 11
+# Points at which a panel is evaluated at once, so that their Chebyshev polynomials stay in the cache.
+_AT_ONCE = 2**12
 
 # Largest last coefficients relative to the values, over ln(v a_T) and ln p; largest difference from the
 # model.
@@ -89,20 +88,36 @@ class PressureSeries(NamedTuple):
 class Interpolant(NamedTuple):
     """Quantities over ln(v a_T) and pressure, for v > 0 and at rest."""
 
-    edges: np.ndarray  # of the cells, in ln(v a_T), ascending
+    edges: np.ndarray  # of the panels, in ln(v a_T), ascending
     values: dict[str, PressureSeries]  # at the nodes of all panels, and last at rest
     evaluations: int  # points at which the model was evaluated
 
-    def at(self, name: str, log_speed: np.ndarray, log_pressure: np.ndarray) -> np.ndarray:
-        """Return a quantity at ln(v a_T), -inf at rest, of any shape and ln p of shape (k,), last axis."""
-        values = self.values[name].at(log_pressure)
-        cells = values[:, :-1].reshape(log_pressure.size, -1, _NODES) @ _to_cells(_NODES).T
-        cells = cells.reshape(log_pressure.size, -1, _COEFFICIENTS).T
-        cells = cells / np.diff(self.edges)[:, None] ** np.arange(_COEFFICIENTS - 1, -1, -1)[:, None, None]
-        curve = scipy.interpolate.PPoly.construct_fast(np.ascontiguousarray(cells), self.edges)
-        found = curve(np.maximum(log_speed, self.edges[0]))
-        found[np.isneginf(log_speed)] = values[:, -1]
-        return found
+    def at(self, log_speed: np.ndarray, log_pressure: np.ndarray) -> Quantities:
+        """Return the quantities at ln(v a_T) of shape (t, v), -inf at rest, and ln p of shape (k,).
+
+        The arrays have the shape (t, k, v).
+        """
+        x = np.maximum(log_speed.reshape(-1), self.edges[0])
+        panel = np.clip(np.searchsorted(self.edges, x, "right") - 1, 0, self.edges.size - 2)
+        place = 2 * (x - self.edges[panel]) / np.diff(self.edges)[panel] - 1
+        order = np.argsort(panel.astype(np.int16), kind="stable")  # short integers are sorted faster
+        ends = np.searchsorted(panel[order], np.arange(self.edges.size))
+        values = {name: series.at(log_pressure) for name, series in self.values.items()}
+        coefficients = {
+            name: one[:, :-1].reshape(log_pressure.size, -1, _NODES) @ _series(_NODES).T
+            for name, one in values.items()
+        }
+        found = {name: np.empty((log_pressure.size, x.size)) for name in values}
+        for k, (first, last) in enumerate(itertools.pairwise(ends)):
+            for begin in range(first, last, _AT_ONCE):
+                some = order[begin : min(begin + _AT_ONCE, last)]
+                basis = chebyshev.chebvander(place[some], _NODES - 1).T
+                for name, array in found.items():
+                    array[:, some] = coefficients[name][:, k] @ basis
+        for name, array in found.items():
+            array[:, np.isneginf(log_speed.reshape(-1))] = values[name][:, -1:]
+        shape = log_pressure.size, *log_speed.shape
+        return {name: np.moveaxis(array.reshape(shape), 0, 1) for name, array in found.items()}
 
 
 class CollapsedMap(NamedTuple):
@@ -196,12 +211,11 @@ def pieces(found: CollapsedMap, conditions: Conditions) -> Iterator[tuple[slice,
     for low, begin in itertools.product(range(0, p.size, columns), range(0, len(log_speed), rows)):
         block = slice(begin, min(begin + rows, len(log_speed)))
         some = slice(low, min(low + columns, p.size))
-        values = {}
-        for name in found.series.values:
-            one = np.moveaxis(found.series.at(name, log_speed[block], np.log(p[some])), -1, 1)
-            values[name] = one * np.sign(v) if name in _ODD else one
+        values = found.series.at(log_speed[block], np.log(p[some]))
+        for name in set(_ODD) & set(values):
+            values[name] = values[name] * np.sign(v)
         if "shear_friction" in parts:
-            shear = 0.0
+            shear = np.zeros(())
             if found.scene.shear is not None:
                 shear = np.asarray(_shear(found.scene.shear, v, None if T is None else T[block, None]))
                 shear = shear[:, None] * values["area"] / p[some, None]
@@ -292,9 +306,7 @@ def _over_panels(waiting, nodes, in_series, budget, evaluate):
         return None
     done.sort(key=lambda panel: panel[0])
     values = {name: np.concatenate([*(panel[2][name] for panel in done), rest[name]], 1) for name in rest}
-    starts, widths = (np.array([panel[i] for panel in done]) for i in (0, 1))
-    edges = (starts[:, None] + widths[:, None] * np.arange(_CELLS) / _CELLS).reshape(-1)
-    edges = np.append(edges, starts[-1] + widths[-1])
+    edges = np.array([*(start for start, *_ in done), done[-1][0] + done[-1][1]])
     series = {
         name: PressureSeries.of(nodes, x) if in_series else PressureSeries(nodes, x, None)
         for name, x in values.items()
@@ -328,7 +340,8 @@ def _difference(found, exact):
 
 
 def _a_few(values):
-    return np.sort(values)[np.unique(np.linspace(0, values.size - 1, _COMPARED).round().astype(int))]
+    which = np.unique(np.linspace(0, values.size - 1, _COMPARED).round().astype(int))
+    return np.sort(values, kind="stable")[which]  # fast, because conditions are mostly in order
 
 
 # --- Chebyshev series
@@ -346,18 +359,6 @@ def _series(count):
     matrix = 2 / count * chebyshev.chebvander(_roots(count), count - 1).T
     matrix[0] /= 2
     return matrix
-
-
-@functools.cache
-def _to_cells(count):
-    """Return the matrix from the node values of a panel to the polynomials of its cells.
-
-    The polynomials are power series of the place in the cell, 0 to 1, with the highest power first.
-    """
-    nodes = 0.5 * (1 + _roots(_COEFFICIENTS))
-    at = -1 + 2 * (np.arange(_CELLS)[:, None] + nodes) / _CELLS
-    values = chebyshev.chebvander(at, count - 1) @ _series(count)
-    return np.linalg.solve(np.vander(nodes), values).reshape(-1, count)
 
 
 def _last_coefficients(values):

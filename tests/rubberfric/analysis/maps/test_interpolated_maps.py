@@ -100,7 +100,7 @@ def found_over(function, **options):
     made = collapse.interpolant(x, np.log(p), evaluate)
     if made is None:
         return None, x, p
-    return made.at("area", x, np.log(p)).T, x, p
+    return made.at(x[None], np.log(p))["area"][0], x, p
 
 
 @pytest.mark.parametrize("width", [1.0, 0.05])
@@ -154,7 +154,7 @@ def test_a_model_that_depends_on_temperature_is_detected():
 
 def test_shear_friction_is_zero_in_a_scene_without_contact_shear():
     scene = rf.Scene(RIGID_ROAD, rubber(WLF))
-    series = types.SimpleNamespace(values={})
+    series = types.SimpleNamespace(at=lambda *_: {})
     curve = collapse.CollapsedMap(scene, ("shear_friction",), series, None)
     conditions = Conditions(VELOCITY, np.array([1e5]), TEMPERATURE)
     assert not collapse.whole(curve, conditions)["shear_friction"].any()
