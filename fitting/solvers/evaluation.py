@@ -13,7 +13,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-import rubberfric as rf
 from fitting.parameters.scenes import by_name
 from fitting.parameters.variables import Array
 from fitting.solvers.problem import CURVE_QUANTITIES, FitStructure, Numbers, Problem
@@ -44,9 +43,7 @@ def evaluate_rows(
     derivatives.
     """
     x, rows, found = np.asarray(x), [], []
-    name = "both" if slopes else "rows"
-    if _by_forward_mode(structure, numbers):
-        name = "along"
+    name = "along" if _by_forward_mode(structure, numbers) else "both" if slopes else "rows"
     for first in range(0, len(x), PLACES):
         here = x[first : first + PLACES]
         places = np.concatenate([here, np.repeat(here[-1:], PLACES - len(here), 0)])
@@ -60,7 +57,7 @@ def evaluate_rows(
 
 def _by_forward_mode(structure, numbers):
     """Return True if all derivatives use forward mode, so that one function serves all calls."""
-    scenes = _scenes(structure, numbers)
+    scenes = by_name(jax.tree.unflatten(structure.variables.tree, numbers.constants.leaves))
     return all(
         block.quantity not in CURVE_QUANTITIES
         or any(
@@ -68,20 +65,6 @@ def _by_forward_mode(structure, numbers):
         )
         for block in structure.blocks
     )
-
-
-def takes_long(structure: FitStructure, numbers: Numbers) -> bool:
-    """Return True if friction or area of any scene is computed by iteration, hundreds of times as long."""
-    scenes = _scenes(structure, numbers)
-    return any(
-        block.quantity in CURVE_QUANTITIES and "converged" in rf.quantities_of(scenes[block.scene])
-        for block in structure.blocks
-    )
-
-
-def _scenes(structure, numbers):
-    # Scenes at the start of the fit.
-    return by_name(jax.tree.unflatten(structure.variables.tree, numbers.constants.leaves))
 
 
 def rows(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:

@@ -11,7 +11,7 @@ Two problems occur with least squares in logarithms:
 A solver also stops if no parameter changes the data, as in full contact, or if nothing depends on a parameter
 near a bound. `confirm_minimum` therefore tries points inside a bound and, if the residuals are larger than
 chance allows, points in all directions, and continues from a point with a lower cost. If no point has a lower
-cost and a fit takes little time, further fits begin at some of these points. The lowest cost is returned.
+cost, further fits begin at some of these points. The lowest cost is returned.
 """
 
 import math
@@ -23,7 +23,7 @@ import numpy as np
 import scipy
 
 from fitting.parameters.variables import VANISHED, Array, Variables
-from fitting.solvers.evaluation import costs_at, errors_of_rows, errors_of_slopes, evaluate_rows, takes_long
+from fitting.solvers.evaluation import costs_at, errors_of_rows, errors_of_slopes, evaluate_rows
 from fitting.solvers.objective import INTERRUPTED, NEGLIGIBLE, PERFECT, STALLED, UNMOVED, succeeded
 from fitting.solvers.options import Solver
 from fitting.solvers.ordered import edges, end_x, start_z
@@ -168,9 +168,7 @@ def confirm_minimum(
 
 
 def _to_fit(problem, cost, costs, drawn, inner):
-    """Return indices of points with a higher cost from which further fits start, none if fits are slow."""
-    if takes_long(problem.structure, problem.numbers):
-        return []
+    """Return indices of points with a higher cost from which further fits start."""
     far = 2 * cost > _FAR * problem.targets.measured.size
     lowest = drawn[np.argsort(costs[drawn])][:_FITS] if far else drawn[:0]
     return [int(i) for i in (*inner, *lowest) if np.isfinite(costs[i])]
