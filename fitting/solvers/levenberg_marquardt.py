@@ -193,8 +193,9 @@ def after_evaluation(
     enough = gain >= SUFFICIENT * promised
     correction = _correction(plan, trial, ahead)
     size, length = jnp.max(jnp.abs(correction)), jnp.max(jnp.abs(plan.moves[i]))
+    # False if the residuals are not finite, because then the correction is NaN.
     useful = (size > SMALL * length) & ~(gain >= GOOD * promised)
-    further = jnp.isfinite(cost) & (trial.count < CORRECTIONS) & useful
+    further = (trial.count < CORRECTIONS) & useful
     last = i == len(TRIALS) - 1
     following = jnp.where(further | last, i, i + 1)
     count = jnp.where(further, trial.count + 1, 0)

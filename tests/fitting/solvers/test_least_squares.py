@@ -205,8 +205,12 @@ def test_vmap_is_a_loop():
             np.testing.assert_allclose(a, b[i], rtol=1e-10, atol=1e-14)
 
 
-def test_corrections_are_steps_of_broyden():
-    """They solve F(m) = J^T (r(x + m) - r(x) - J dx) + lambda (m - dx) = 0, here with the whole matrix."""
+@pytest.mark.parametrize("loss", [SQUARES, Loss("cauchy", 5.0, 3)], ids=["squares", "cauchy"])
+def test_corrections_are_steps_of_broyden(loss):
+    """They solve F(m) = J^T (r(x + m) - r(x) - J dx) + lambda (m - dx) = 0, here with the whole matrix.
+
+    With a robust loss, the rows of r(x + m) - r(x) and J have the factors of the loss.
+    """
 
     def residuals(x):
         bend = x[1] - x[0] ** 2 + 0.3 * jnp.sin(x[0])
@@ -214,14 +218,16 @@ def test_corrections_are_steps_of_broyden():
 
     x = jnp.asarray([-0.5, 0.4, 1.0])
     r, J = both(residuals)(x)
-    iterate = first_iterate(SQUARES.cost(r), x, jnp.asarray(1.0))
-    plan = plan_step(r, J, iterate)
+    iterate = first_iterate(loss.cost(r), x, jnp.asarray(1.0))
+    plan = plan_step(r, J, iterate, loss)
+    of_rows, factor = loss.factors(r)
+    J = factor[:, None] * J
     dx, damping = plan.moves[0], plan.dampings[0] * np.linalg.norm(J, 2) ** 2
     matrix = J.T @ J + damping * np.eye(3)
-    np.testing.assert_allclose(dx, -np.linalg.solve(matrix, J.T @ r), rtol=1e-12)
+    np.testing.assert_allclose(dx, -np.linalg.solve(matrix, J.T @ (of_rows * r)), rtol=1e-12)
 
     def F(m):
-        return J.T @ (residuals(x + m) - r - J @ dx) + damping * (m - dx)
+        return J.T @ (factor * (residuals(x + m) - r) - J @ dx) + damping * (m - dx)
 
     trial, m, left = first_trial(plan), np.zeros(3), [F(np.zeros(3))]
     for count in range(CORRECTIONS + 1):
@@ -232,6 +238,6 @@ def test_corrections_are_steps_of_broyden():
         left.append(F(m))
         matrix = matrix + np.outer(left[-1] - left[-2] - matrix @ s, s) / (s @ s)
         # No decrease of the cost is enough, so that no correction is omitted.
-        trial = after_evaluation(plan, trial, residuals(x + trial.move), iterate._replace(cost=-1e9))
+        trial = after_evaluation(plan, trial, residuals(x + trial.move), iterate._replace(cost=-1e9), loss)
     assert np.linalg.norm(left[-1]) < 1e-2 * np.linalg.norm(left[1])
     assert trial.index == 1 and trial.count == 0 and trial.nfev == CORRECTIONS + 1
