@@ -37,7 +37,7 @@ from fitting.fit import fit
 from fitting.results.hdf5 import save
 from fitting.results.plot import save_plot
 from fitting.results.result import FitResult
-from fitting.uncertainty.design import Design, design, prediction
+from fitting.uncertainty.design import MOST_MEASUREMENTS, Design, design, prediction
 from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 from rubberfric.base import Progress, StrPath, shown
 from rubberfric.commands import Interrupts, complain, write_outputs
@@ -50,7 +50,7 @@ KEYS = (*_POINTS, "n", "criterion", "relative", "draws", "seed")
 # Options in the table [fit] of a job that a calibration uses; the others concern the search.
 _SHARED_OPTIONS = ("key", "discrepancy")
 # Largest numbers of candidates, of measurements to choose, and of draws.
-_MOST = {"candidates": 100_000, "n": 10_000, "draws": 100_000}
+_MOST = {"candidates": 100_000, "n": MOST_MEASUREMENTS, "draws": 100_000}
 
 # Stage of the work, path of a file or None, and function that writes the file.
 Output = tuple[str, Any, Callable[[str], object]]

@@ -292,7 +292,6 @@ def bootstrap_members(
     tolerance : tolerance of the solver, or None for its default
         With 1e-6, a member ends within 1/50 of a standard error of the minimum, in two thirds of the steps.
     """
-    check_options(count=count)
     starts, targets = result.bootstrap_fits(count, key)
     solver = NEAR_MINIMUM if tolerance is None else dataclasses.replace(NEAR_MINIMUM, tolerance=tolerance)
     return Members("bootstrap", result.problem, starts, targets, solver, solver.max_steps, source=result)

@@ -26,6 +26,7 @@ _DRAWS = 16
 # Default relative error of a new measurement.
 _ERROR = 0.05
 _CRITERIA = ("D", "A")
+MOST_MEASUREMENTS = 10_000
 # Greatest number of panels of a figure.
 _PANELS = 4
 
@@ -136,7 +137,8 @@ def design(
     free : for a Scene: dict of key path -> rule, as for `fitting.fit`
     candidates : (velocity, pressure) or (velocity, pressure, temperature), broadcastable [m/s], [Pa], [K]
         Conditions of possible measurements, such as (v[:, None], p) for every combination.
-    n : number of measurements, or their largest total cost; a candidate may be repeated
+    n : number of measurements, or their largest total cost, of at most 10 000 of the cheapest measurements; a
+        candidate may be repeated
     criterion : "D", "A" or `prediction(...)`
         "D" minimises the volume of the ellipsoid of errors, "A" the mean variance of x (relative for
         Positive parameters), `prediction` the mean variance of a prediction.
@@ -158,7 +160,8 @@ def design(
     Raises
     ------
     ValueError : an unknown criterion, candidates or costs that do not broadcast or are <= 0, a budget below
-        the cost of every candidate; and as in `fitting.fit` for `free` and `prior`.
+        the cost of every candidate or beyond 10 000 measurements; and as in `fitting.fit` for `free` and
+        `prior`.
 
     Notes
     -----
@@ -175,6 +178,9 @@ def design(
     price = _cost(cost, at)
     if isinstance(n, bool) or not isinstance(n, int | float) or not n >= price.min():
         raise ValueError(f"n = {shown(n)}: must be >= {price.min():g}, the cost of the cheapest measurement")
+    if n > MOST_MEASUREMENTS * price.min():
+        most = f"{MOST_MEASUREMENTS * price.min():g}, the cost of {MOST_MEASUREMENTS} measurements"
+        raise ValueError(f"n = {shown(n)}: must be <= {most}")
     draws = draws if draws is not None else 1 if isinstance(source, SolvedProblem) else _DRAWS
     if not isinstance(draws, int) or draws < 1:
         raise ValueError(f"draws = {shown(draws)}: must be an integer >= 1")

@@ -261,6 +261,7 @@ class SolvedProblem:
 
     def bootstrap_fits(self, count: int, key: jax.Array | None) -> tuple[np.ndarray, Targets]:
         """Return the start vectors of the fits of a bootstrap, and the targets with the drawn data."""
+        check_options(count=count, key=key)
         key = jax.random.key(0) if key is None else key
         targets = self.problem.targets
         drawn = model_rows(self.problem, self.x) + drawn_errors(self.problem, count, key)

@@ -239,8 +239,11 @@ def same(one: Scene, other: Scene) -> bool:
     """Return True if two scenes have the same parts, options and numbers.
 
     `quadrature` may differ. The operator == compares identity instead, because a comparison of arrays has no
-    single truth value.
+    single truth value. Raise ValueError if an argument is not a Scene.
     """
+    for name, scene in (("one", one), ("other", other)):
+        if not isinstance(scene, Scene):
+            raise ValueError(f"{name} is a {type(scene).__name__}: must be a Scene")
     (left, tree), (right, other_tree) = (
         jax.tree.flatten([getattr(scene, name) for name in fields_of(Scene)]) for scene in (one, other)
     )

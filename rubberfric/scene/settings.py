@@ -19,7 +19,7 @@ import jax
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.checks import POSITIVE, check_values, is_concrete
+from rubberfric.base.checks import NONNEGATIVE, POSITIVE, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.material import Elastic, Rigid
 from rubberfric.materials.prony import Prony
@@ -166,8 +166,7 @@ def tuned(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Scene:
     ----------
     scene : Scene with concrete numbers
     pressure : all pressures that the scene will be computed at [Pa], any shape
-    margin : e-folds by which q1/q0, the moduli and the roughness may grow with errors below 1e-9, as in
-        `default_quadrature`
+    margin : e-folds >= 0 by which q1/q0, the moduli and the roughness may grow with errors below 1e-9
 
     Returns
     -------
@@ -176,14 +175,15 @@ def tuned(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Scene:
 
     Raises
     ------
-    ValueError : if `scene` is not a Scene, if a number of the scene or the pressure is traced, or if a
-        pressure is <= 0.
+    ValueError : if `scene` is not a Scene, if a number of the scene or the pressure is traced, if a pressure
+        is <= 0, or if the margin is < 0.
     """
     if not isinstance(scene, Scene):
         raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
     if not all(is_concrete(x) for x in jax.tree.leaves((scene, pressure))):
         raise ValueError("scene and pressure: must be concrete numbers; call tuned outside jit and vmap")
     check_values("pressure", pressure, POSITIVE)
+    check_values("margin", margin, NONNEGATIVE)
     return dataclasses.replace(scene, quadrature=_chosen(scene, pressure, margin, separation=True))
 
 

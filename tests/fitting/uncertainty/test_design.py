@@ -214,6 +214,7 @@ def test_report_picture_and_file(designed, tmp_path):
         ({"candidates": (-V, 1e5)}, r"candidates: velocity\[0\] = -.*: must be > 0"),
         ({"candidates": (V, [1e5, 2e5])}, "candidates: shapes .* must broadcast"),
         ({"n": 0}, "n = 0: must be >= 1, the cost of the cheapest measurement"),
+        ({"n": 1e9}, "n = 1000000000.0: must be <= 10000, the cost of 10000 measurements"),
         ({"cost": 0.0}, r"cost.* must be > 0"),
         ({"cost": [1.0, 2.0]}, "cost: must be a number, or 51 numbers, one for each candidate"),
         ({"free": None}, "free: must be a dict of key paths"),

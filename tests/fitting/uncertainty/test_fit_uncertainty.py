@@ -427,6 +427,14 @@ def test_profile_of_what_is_not_identified_has_no_end():
 # --- simulated data
 
 
+def test_wrong_options_of_a_bootstrap():
+    result = fit(SCENE, modulus_data(), BOTH)
+    with pytest.raises(ValueError, match="count = 0: must be an integer"):
+        result.bootstrap(0)
+    with pytest.raises(ValueError, match=r"key = 3: must be a jax\.random\.key"):
+        result.bootstrap(4, key=3)
+
+
 def test_bootstrap_agrees_with_the_error_bars():
     result = fit(SCENE, modulus_data(), BOTH)
     count = 200

@@ -99,6 +99,8 @@ def test_a_tuned_scene_is_the_same_and_files_do_not_hold_the_setting(tmp_path):
     assert not rf.same(ready, USUAL.replace("lower.spectrum.hurst", 0.7))
     assert not rf.same(ready, USUAL.replace(area_correction=True))
     assert not rf.same(USUAL, TWO)
+    with pytest.raises(ValueError, match="other is a dict: must be a Scene"):
+        rf.same(USUAL, {})
     for name in ("scene.h5", "scene.toml"):
         rf.save_scene(tmp_path / name, ready)
         back = rf.load_scene(tmp_path / name)
@@ -112,6 +114,8 @@ def test_only_concrete_scenes_are_tuned():
         rf.tuned(1.0, PRESSURE)
     with pytest.raises(ValueError, match="pressure"):
         rf.tuned(USUAL, -1.0)
+    with pytest.raises(ValueError, match="margin = -3: must be >= 0"):
+        rf.tuned(USUAL, PRESSURE, margin=-3)
     with pytest.raises(ValueError, match=r"Scene\.quadrature is a int: must be a Quadrature or None"):
         USUAL.replace(quadrature=13)
 
