@@ -116,10 +116,9 @@ class Plan(NamedTuple):
 
     plain: jax.Array  # residuals, shape (rows,)
     factor: jax.Array  # factors of the rows of the Jacobian, from the loss
-    jacobian: jax.Array  # Jacobian times `factor`
-    U: jax.Array
+    U: jax.Array  # singular value decomposition of the Jacobian times `factor`
     s: jax.Array
-    V: jax.Array  # V^T of the singular value decomposition
+    V: jax.Array  # V^T
     along: jax.Array  # U^T r
     dampings: jax.Array  # shape (3,)
     gains: jax.Array  # s / (s^2 + lambda), shape (3, size)
@@ -165,7 +164,7 @@ def plan_step(
     moves = -(gains * along) @ V
     # The linear model is not valid for large changes of exp or in the tails of the logit.
     moves = moves * _limited(moves, longest)
-    return Plan(plain, factor, jacobian, U, s, V, along, dampings, gains, moves, finite)
+    return Plan(plain, factor, U, s, V, along, dampings, gains, moves, finite)
 
 
 def first_trial(plan: Plan) -> Trial:
@@ -212,9 +211,9 @@ def _correction(plan, trial, ahead):
     """Return the next step of Broyden's method, at most half as long as the move of the linear model."""
     i, first = trial.index, plan.moves[trial.index]
     # Left-hand side of the equation for the move, divided by J^T J + lambda.
-    error = plan.factor * (ahead - plan.plain) - plan.jacobian @ first
+    error = (plan.factor * (ahead - plan.plain)) @ plan.U - plan.s * (plan.V @ first)
     away = (1 - plan.s * plan.gains[i]) * (plan.V @ (trial.move - first))
-    step = -(plan.gains[i] * (error @ plan.U) + away) @ plan.V
+    step = -(plan.gains[i] * error + away) @ plan.V
     # Inverse of Broyden's matrix, which is 1 at first, by its steps. Steps after `count` are of other moves.
     count = trial.count
     for k in range(CORRECTIONS):

@@ -80,7 +80,7 @@ def search(
         spent += np.stack([runs.nfev, runs.njev])
         escaped = _escaped(problem, runs.x, starts).any(1)
         again = np.flatnonzero(escaped & (succeeded(runs.status) | (runs.status == STALLED)))
-        # If there is no array to smooth, all six fits would be equal.
+        # All six fits would be equal without an array to smooth.
         if again.size and smooth_slots(problem.variables):
             second = _smoothed(solver, stage, starts[again], max_steps, callback, min(FIT_BATCH, len(starts)))
             spent[:, again] += np.stack([second.nfev, second.njev])

@@ -133,7 +133,8 @@ def design(
 
     Parameters
     ----------
-    source : FitResult, whose data and priors are the prior information; or a Scene, for a first experiment
+    source : FitResult or Scene
+        The data and priors of a FitResult are the prior information. A Scene is for a first experiment.
     free : for a Scene: dict of key path -> rule, as for `fitting.fit`
     candidates : (velocity, pressure) or (velocity, pressure, temperature), broadcastable [m/s], [Pa], [K]
         Conditions of possible measurements, such as (v[:, None], p) for every combination.

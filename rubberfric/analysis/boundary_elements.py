@@ -32,7 +32,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.analysis.random_roughness import random_surface
-from rubberfric.base.checks import FINITE, POSITIVE, check_values, shown
+from rubberfric.base.checks import FINITE, POSITIVE, check_kind, check_values, shown
 from rubberfric.base.fixed_points import anderson
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.material import (
@@ -310,8 +310,7 @@ def _rough_first(scene):
 
     A ValueError is raised if `boundary_element` does not cover the scene.
     """
-    if not isinstance(scene, Scene):
-        raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
+    check_kind("scene", scene, Scene)
     bodies = scene.lower, scene.upper
     if not any(body.spectrum is not None for body in bodies):
         raise ValueError("boundary_element: both solids are smooth; one must have a spectrum")

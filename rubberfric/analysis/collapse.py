@@ -97,7 +97,8 @@ class Interpolant(NamedTuple):
 
         The arrays have the shape (t, k, v).
         """
-        x = np.maximum(log_speed.reshape(-1), self.edges[0])
+        flat = log_speed.reshape(-1)
+        x = np.maximum(flat, self.edges[0])
         panel = np.clip(np.searchsorted(self.edges, x, "right") - 1, 0, self.edges.size - 2)
         place = 2 * (x - self.edges[panel]) / np.diff(self.edges)[panel] - 1
         order = np.argsort(panel.astype(np.int16), kind="stable")  # short integers are sorted faster
@@ -115,7 +116,7 @@ class Interpolant(NamedTuple):
                 for name, array in found.items():
                     array[:, some] = coefficients[name][:, k] @ basis
         for name, array in found.items():
-            array[:, np.isneginf(log_speed.reshape(-1))] = values[name][:, -1:]
+            array[:, np.isneginf(flat)] = values[name][:, -1:]
         shape = log_pressure.size, *log_speed.shape
         return {name: np.moveaxis(array.reshape(shape), 0, 1) for name, array in found.items()}
 

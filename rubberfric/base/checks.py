@@ -62,6 +62,12 @@ def is_concrete(value: object) -> bool:
     return not isinstance(value, Tracer)
 
 
+def check_kind(name: str, value: object, kind: type) -> None:
+    """Raise ValueError unless a value is an object of a class."""
+    if not isinstance(value, kind):
+        raise ValueError(f"{name} is a {type(value).__name__}: must be a {kind.__name__}")
+
+
 def check_values(name: str, value: Any, rule: Rule) -> None:
     """Raise ValueError if a number or an element of an array is not finite or breaks a rule.
 

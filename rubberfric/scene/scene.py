@@ -17,6 +17,7 @@ from rubberfric.base.checks import (
     UnitWarning,
     as_array,
     between,
+    check_kind,
     is_concrete,
     warn_caller,
 )
@@ -241,9 +242,8 @@ def same(one: Scene, other: Scene) -> bool:
     `quadrature` may differ. The operator == compares identity instead, because a comparison of arrays has no
     single truth value. Raise ValueError if an argument is not a Scene.
     """
-    for name, scene in (("one", one), ("other", other)):
-        if not isinstance(scene, Scene):
-            raise ValueError(f"{name} is a {type(scene).__name__}: must be a Scene")
+    check_kind("one", one, Scene)
+    check_kind("other", other, Scene)
     (left, tree), (right, other_tree) = (
         jax.tree.flatten([getattr(scene, name) for name in fields_of(Scene)]) for scene in (one, other)
     )

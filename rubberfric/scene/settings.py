@@ -19,7 +19,7 @@ import jax
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.checks import NONNEGATIVE, POSITIVE, check_values, is_concrete
+from rubberfric.base.checks import NONNEGATIVE, POSITIVE, check_kind, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.material import Elastic, Rigid
 from rubberfric.materials.prony import Prony
@@ -125,8 +125,7 @@ def default_quadrature(
     ------
     ValueError : if `scene` is not a Scene, or if a concrete pressure is <= 0.
     """
-    if not isinstance(scene, Scene):
-        raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
+    check_kind("scene", scene, Scene)
     check_values("pressure", pressure, POSITIVE)
     return _chosen(scene, pressure, margin, separation) if scene.quadrature is None else scene.quadrature
 
@@ -178,8 +177,7 @@ def tuned(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Scene:
     ValueError : if `scene` is not a Scene, if a number of the scene or the pressure is traced, if a pressure
         is <= 0, or if the margin is < 0.
     """
-    if not isinstance(scene, Scene):
-        raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
+    check_kind("scene", scene, Scene)
     if not all(is_concrete(x) for x in jax.tree.leaves((scene, pressure))):
         raise ValueError("scene and pressure: must be concrete numbers; call tuned outside jit and vmap")
     check_values("pressure", pressure, POSITIVE)

@@ -18,6 +18,7 @@ from rubberfric.base.checks import (
     Rule,
     as_arguments,
     as_leaf,
+    check_kind,
     check_values,
     is_concrete,
     warn_caller,
@@ -103,9 +104,8 @@ def checked_arguments(
 
 def check_kinds(scene: object, quadrature: object) -> None:
     """Raise ValueError unless `scene` is a Scene and `quadrature` is a Quadrature."""
-    for name, value, cls in (("scene", scene, Scene), ("quadrature", quadrature, Quadrature)):
-        if not isinstance(value, cls):
-            raise ValueError(f"{name} is a {type(value).__name__}: must be a {cls.__name__}")
+    check_kind("scene", scene, Scene)
+    check_kind("quadrature", quadrature, Quadrature)
 
 
 def check_heated(scene: Scene, quantities: Iterable[str]) -> None:

@@ -79,7 +79,7 @@ def test_fits_side_by_side_end_as_alone():
     np.testing.assert_allclose(alone.x, together.x[3], rtol=1e-10)
     held = problem.targets._replace(moving=np.array([1.0, 0.0, 1.0, 1.0, 1.0]))
     end = run_fits(LM, problem._replace(targets=held), starts[:1]).row(0)
-    assert end.status == CONVERGED and end.x[1] == starts[0, 1]
+    assert end.status == CONVERGED and end.x[1] == starts[0, 1] and end.nfev <= together.nfev[0] + 2
 
 
 def best(problem, starts, solver=LM):
@@ -344,7 +344,7 @@ def test_callback_sees_every_step_and_a_cost_that_never_rises():
 
 
 def test_an_interrupt_leaves_the_best_so_far():
-    problem = make_problem(SCENE, [modulus_data()], {E: Positive(1e7), "upper.material.E_inf": Positive()})
+    problem = make_problem(SCENE, [modulus_data()], {E: Positive(1e9), "upper.material.E_inf": Positive()})
     start = float(
         objective(problem.structure, problem.numbers, problem.targets).cost(jnp.asarray(problem.start))
     )
@@ -355,12 +355,12 @@ def test_an_interrupt_leaves_the_best_so_far():
         if step == 2:
             raise KeyboardInterrupt
 
-    free = {E: Positive(1e7), "upper.material.E_inf": Positive()}
+    free = {E: Positive(1e9), "upper.material.E_inf": Positive()}
     result = fit(SCENE, modulus_data(), free, callback=interrupt)
     assert result.status == INTERRUPTED and not result.success
     assert result.message.startswith("interrupted") and len(seen) == 2
     whole = fit(SCENE, modulus_data(), free)
-    assert 1.0001 * whole.cost < result.cost == seen[-1] < start
+    assert 1.001 * whole.cost < result.cost == seen[-1] < start
     assert np.isfinite(result.values).all() and np.isfinite(result.redchi)
 
 
@@ -450,7 +450,7 @@ def area_data(scene):
 
 
 def test_in_full_contact_nothing_is_called_reached():
-    """All parameters give full contact, so no step lowers the cost, and there is no minimum."""
+    """All parameters give full contact. No step lowers the cost, because it is constant."""
     truth = rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 1e5, 0.8, 1e-4)), rf.Body(PRONY))
     data = area_data(truth)
     smooth = truth.replace("lower.spectrum.h_rms", 1e-8)

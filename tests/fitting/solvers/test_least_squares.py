@@ -205,6 +205,34 @@ def test_vmap_is_a_loop():
             np.testing.assert_allclose(a, b[i], rtol=1e-10, atol=1e-14)
 
 
+def test_large_residuals_at_the_minimum():
+    """Undamped Gauss-Newton steps would grow here, because the curvature of the residuals outweighs J^T J."""
+    y = np.array([1.0, -4.0, 3.0])
+
+    def residuals(x):
+        return jnp.stack([x[0] - y[0], 0.6 * x[0] ** 2 - y[1], x[0] ** 3 / 6 - y[2]])
+
+    end = minimum(residuals, [2.0], tolerance=1e-16)
+    assert end.status == CONVERGED
+    slope = jax.grad(lambda x: 0.5 * jnp.sum(residuals(x) ** 2))
+    assert abs(float(slope(end.x)[0])) < 1e-7
+
+
+def test_where_the_model_is_no_number_the_way_is_shorter():
+    end = minimum(lambda x: jnp.stack([jnp.log(x[0]), jnp.sqrt(x[0]) - 0.2]), [3.0], tolerance=1e-12)
+    assert end.status == CONVERGED and np.isfinite(end.x).all()
+
+
+def test_a_kink_at_the_minimum():
+    """Like a shift that is linear between the entries of a table."""
+
+    def residuals(x):
+        return jnp.stack([1.0 + jnp.abs(x[0] - 0.3), 0.1 * (x[0] - 5.0), x[1] - x[0]])
+
+    end = minimum(residuals, [2.0, 0.0])
+    assert float(end.cost) == pytest.approx(0.5 * (1 + 0.47**2), rel=1e-2) and end.njev < 80
+
+
 @pytest.mark.parametrize("loss", [SQUARES, Loss("cauchy", 5.0, 3)], ids=["squares", "cauchy"])
 def test_corrections_are_steps_of_broyden(loss):
     """They solve F(m) = J^T (r(x + m) - r(x) - J dx) + lambda (m - dx) = 0, here with the whole matrix.
