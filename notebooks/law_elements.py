@@ -4,7 +4,8 @@
 
 The table is law_elements.csv. In it, the unit of length is 1/q1, the rms slope is 1, the unit of stress is
 E(0)/(1 - nu^2) of the upper solid, and the unit of time is its longest relaxation time. The constants of the
-law are fitted to the cases with `part` "fit". The cases with `part` "test" are drawn in the same way.
+law are fitted to the cases with `part` "fit". The cases with `part` "test" and "fresh" are drawn in the same
+way. The "fresh" cases were computed after the present form of the law had been chosen.
 
 The upper solid has a Prony series with `terms` relaxation times from 1 to 10^-decades, at equal ratios.
 Their moduli are proportional to tau^-slope, and E(infinity) = rise E(0). With no terms it is elastic. With
@@ -175,14 +176,29 @@ def drawn_large(part, count, seed):
         yield case
 
 
+def drawn_wide(part, count, seed):
+    """Yield cases of wide spectra without a long plateau."""
+    random = np.random.default_rng(seed)
+    for k, case in enumerate(drawn("large", part, count, seed, (128,), 0.02)):
+        ratio = float((128, 256)[k % 2])
+        narrow = np.exp(random.uniform(np.log(32), np.log(ratio)))
+        case |= {
+            "ratio": ratio,
+            "rolloff": ratio / narrow,
+            "hurst": float(random.choice([0.7, 0.8, 0.9, 1.0])),
+        }
+        yield case | {"grid": 2048, "periods": 256 / ratio}
+
+
 _RATIOS = 4, 5, 6, 8, 8, 10, 12, 16, 16, 24, 32, 32, 48, 64
 KINDS = "half-space", "slab", "two rough", "anisotropic", "large"
+PARTS = "fit", "test", "fresh"
 
 
 def drawn_cases():
     """Return all cases."""
-    return [
-        case
+    first = [
+        cases
         for part, seed in (("fit", 10), ("test", 20))
         for cases in (
             drawn("half-space", part, 300, seed, _RATIOS),
@@ -191,8 +207,18 @@ def drawn_cases():
             drawn_stretched(part, 40, seed + 3),
             drawn_large(part, 16, seed + 4),
         )
-        for case in cases
     ]
+    later = [
+        drawn_stretched("fit", 60, 33),
+        drawn_twos("fit", 50, 32),
+        drawn_wide("fit", 20, 34),
+        drawn_stretched("fresh", 60, 43),
+        drawn_twos("fresh", 50, 42),
+        drawn_wide("fresh", 30, 44),
+        drawn("half-space", "fresh", 100, 40, _RATIOS),
+        drawn_slabs("fresh", 20, 41),
+    ]
+    return [case for cases in first + later for case in cases]
 
 
 def powers(found, ratio):
@@ -321,7 +347,7 @@ def main():
         "--seconds", type=float, default=np.inf, help="stop after the case at which they are over"
     )
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
-    parser.add_argument("--part", nargs="+", choices=["fit", "test"], default=["fit", "test"])
+    parser.add_argument("--part", nargs="+", choices=PARTS, default=PARTS)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     warnings.simplefilter("ignore", rf.UnitWarning)  # the numbers have no units

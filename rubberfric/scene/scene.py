@@ -50,6 +50,8 @@ _CONDITIONS = {
 }
 # Ratio of the stiffness of a slab and of a half-space up to which notebooks/law_table.md confirms the law.
 _STIFFEST_SLAB = 4.0
+# Largest ratio of the rms slopes across and along the grooves at which it was compared.
+_MOST_ANISOTROPIC = 1.9
 _OFF = 'warnings.simplefilter("ignore", rubberfric.UnitWarning) silences this warning'
 
 
@@ -203,12 +205,29 @@ class Scene(PhysicalObject):
                     'Scene.contact_model: "boundary_elements" requires half-spaces, or Slab and Rigid, '
                     f'but {name}.layer is a {type(body.layer).__name__}; use "paper"'
                 )
-            if body.spectrum is not None and body.spectrum.harmonic_count():
+            if body.spectrum is not None and body.spectrum.harmonics_vary:
+                kind = type(body.spectrum).__name__
                 raise ValueError(
-                    f'Scene.contact_model: "boundary_elements" requires isotropic roughness, but '
-                    f'{name}.spectrum is anisotropic; use "paper"'
+                    'Scene.contact_model: "boundary_elements" requires the same anisotropy at all '
+                    f'wavevectors, but {name}.spectrum is a {kind}; use Anisotropic or "paper"'
                 )
         self._check_slab()
+        self._check_anisotropy()
+
+    def _check_anisotropy(self):
+        """Refuse anisotropy for which the law disagrees with boundary elements, if the numbers are known."""
+        for spectrum, _ in rough_surfaces(self):
+            if not spectrum.harmonic_count() or not all(map(is_concrete, jax.tree.leaves(spectrum))):
+                continue
+            cosine, sine = (float(one[0]) for one in spectrum.harmonics_at(spectrum.power_law().q[0]))
+            e = min(float(np.hypot(cosine, sine)) / 2, 1 - 1e-9)  # few harmonics may give more than 1
+            slopes = np.sqrt((1 + e) / (1 - e))
+            if slopes > _MOST_ANISOTROPIC * (1 + 1e-6):
+                raise ValueError(
+                    'Scene.contact_model: "boundary_elements" was tested for roughness with rms slopes '
+                    f"across the grooves up to {_MOST_ANISOTROPIC:g} times the slopes along them; here they "
+                    f'are {slopes:.3g} times as large. Use a smaller ratio, or "paper"'
+                )
 
     def _check_slab(self):
         """Refuse slabs for which the law disagrees with boundary elements, if the numbers are known."""

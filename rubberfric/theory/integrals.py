@@ -239,6 +239,8 @@ def evaluate(
     if prepared.law is not None:
         by_law = solve_law(prepared.law, velocity, pressure, temperature)
         found |= {"area": by_law.area, "viscoelastic_friction": by_law.mu, "converged": by_law.converged}
+        if by_law.across:
+            found["transverse_friction"] = by_law.across[0]
         wanted = wanted & {"separation"}
     if prepared.integrated is not None:
         contact, temperatures = known or solved(prepared, velocity, pressure, temperature)

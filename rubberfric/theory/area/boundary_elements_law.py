@@ -9,8 +9,9 @@ E / (1 - nu^2) of both solids in series, <> for the mean over phi, and D = dF / 
 .. math:: \ln E_g = \langle\ln|E|\rangle,\qquad E_r^2 = \langle|E|^2\rangle,\qquad
           E_h^{-2} = \langle|E|^{-2}\rangle,\qquad
           E_A = E_g^{B^a} E_r^{1 - B^a},\qquad E_W = E_h^{B^a} E_r^{1 - B^a}
-.. math:: \ln\psi = B^{c_A}\,[c_0 - c_D\ln D + c_f\ln F] + A B\,[h_0 - h_D\ln D + h_F\ln F],\qquad
-          W_m = \big[1 + (A\psi)^{-n/B}\big]^{-B/n}
+.. math:: \ln\psi = B^{c_A}\,[c_0 - c_D\ln D + c_f\ln F - c_n N^2]
+          + A B\,[h_0 - h_D\ln D + h_F\ln F - c_n N^2],
+.. math:: N = \ln(F / D + 1/4),\qquad W_m = \big[1 + (A\psi)^{-n/B}\big]^{-B/n}
 .. math:: T = \frac{c_T\,A B\,D(q_1)^{c_e}}{(1 + c_r A)^2 (1 + c_\alpha\ln\alpha)}
 .. math:: E_\mathrm{eff}^2 = \text{mean of } E_A^2 \text{ with weights per } d\ln q\quad
           D\,W_m\ (q < q_1),\quad k\,D(q_1)\,T\ (q_1 < q < 6 q_1)
@@ -27,6 +28,16 @@ The exponent c_phi = 1.4 means that the stress in light contact depends little o
 would be isotropic. For a slab, E contains the factor by which the slab is stiffer than a half-space, a
 function of q.
 
+Anisotropic roughness has the density g(phi) over the directions, with the mean 1. All means <> and the
+integrals over phi then contain the density g_B, S_0 a factor, and ln(psi) and ln(T) a term:
+
+.. math:: g_B = B\,\frac{g^{1 - c_g}}{\langle g^{1 - c_g}\rangle} + (1 - B)\,g,\qquad
+          e = |\langle g\,e^{2i\varphi}\rangle|
+.. math:: S_0 \to S_0\,(1 - c_{eS}\,e^2),\qquad c_0 \to c_0 - c_{e0}\,e^2,\qquad T \to T\,e^{-c_{eT}\,e^2}
+
+e is the difference of the mean square slopes along the two principal directions over their sum. The
+displacements in light contact are less anisotropic than the roughness.
+
 In full contact W = 1 and T = 0, so that area and friction are the paper's. At light load W and T are
 proportional to A, so that mu does not depend on the load. The constants were fitted in
 `tests/rubberfric/theory/area/test_law_and_boundary_elements.py`, to cases with q1/q0 = 4 to 512 and
@@ -34,6 +45,7 @@ A/A0 = 0.2 to 100 %. Other cases test them (notebooks/law_table.md).
 """
 
 import dataclasses
+import functools
 import math
 from typing import NamedTuple
 
@@ -49,7 +61,7 @@ from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.radial_mesh import Mesh, build_mesh
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio
 from rubberfric.scene.scene import Body
-from rubberfric.theory.area.circle_matrices import circle_matrices
+from rubberfric.theory.area.circle_matrices import CircleMatrices, Directions, circle_matrices
 from rubberfric.theory.paper import E_r
 from rubberfric.theory.structure import RoughSurface
 
@@ -57,26 +69,31 @@ from rubberfric.theory.structure import RoughSurface
 class LawConstants(NamedTuple):
     """Constants of the law, fitted to area and friction of boundary-element cases."""
 
-    c_0: float = -0.6124
-    c_D: float = 0.9050
-    c_f: float = 0.5651
-    c_A: float = 9.5260
-    h_0: float = 0.9118
-    h_D: float = 0.3025
-    h_F: float = 0.7263
+    c_0: float = -0.5612
+    c_D: float = 1.3603
+    c_f: float = 0.9126
+    c_A: float = 10.3965
+    h_0: float = 0.8383
+    h_D: float = 0.8062
+    h_F: float = 0.9096
     c_T: float = 1.7475
-    c_r: float = 4.1818
-    c_alpha: float = 0.2768
-    c_e: float = -0.3130
-    k: float = 0.1278
-    s: float = 0.8233
-    s_0: float = 1.6634
-    s_alpha: float = 0.1504
-    a: float = 12.3903
-    c_v: float = 1.3750
-    c_w: float = 5.1665
-    c_phi: float = 1.4386
-    c_b: float = 1.0301
+    c_r: float = 4.1060
+    c_alpha: float = 0.3293
+    c_e: float = -0.3533
+    k: float = 0.1313
+    s: float = 0.8171
+    s_0: float = 1.5632
+    s_alpha: float = 0.2101
+    a: float = 13.5378
+    c_v: float = 1.2951
+    c_w: float = 5.3132
+    c_phi: float = 1.3741
+    c_b: float = 1.2164
+    c_n: float = 0.5253
+    c_g: float = 0.3356  # this and the next three: anisotropic roughness
+    c_eS: float = 0.3779
+    c_e0: float = 0.5298
+    c_eT: float = 0.5582
     n: float = 32.0  # sharpness of the bound W_m < 1, not fitted
 
 
@@ -95,6 +112,7 @@ class Shape(NamedTuple):
     weight: jax.Array  # q^4 C / height2 times d ln q, (panels, order)
     log_F: jax.Array  # at the nodes, (nodes,)
     log_D: jax.Array  # (nodes,)
+    N2: jax.Array  # N^2 (nodes,)
     log_D_end: jax.Array  # ln D(q1)
     height2: jax.Array  # scale of the roughness [m^2]
     total: jax.Array  # integral of q^3 C / height2 over q
@@ -102,9 +120,8 @@ class Shape(NamedTuple):
     log_alpha: jax.Array
     beyond: jax.Array  # ln(q / q1) above q1, (nodes beyond,)
     step: jax.Array  # d ln q above q1, (nodes beyond,)
-    grid: jax.Array  # q cos(phi) [1/m] at which E is evaluated, (grid,)
-    mean: jax.Array  # weights of means over the circle at the nodes and beyond, (all nodes, grid)
-    along: jax.Array  # weights of integrals over the circle with the factor cos(phi), (all nodes, grid)
+    circle: CircleMatrices  # at the nodes and beyond; rows for g, and for the light contact if anisotropic
+    e2: jax.Array | None  # e^2, None if isotropic
     log_slab: jax.Array  # ln of slab over half-space stiffness, or 0, (all nodes,)
 
 
@@ -123,16 +140,18 @@ class State(NamedTuple):
     area: jax.Array
     mu: jax.Array  # viscoelastic friction, with the part beyond q1
     mu_of_q: jax.Array  # part from every node, (points, all nodes)
+    across: list[jax.Array]  # friction across the sliding; empty if isotropic
     share: jax.Array  # W where abs(E) = E_W, (points, nodes)
     converged: jax.Array
 
 
 def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawConstants = CONSTANTS) -> Law:
     """Prepare the law for two solids with one rough surface."""
-    # W is smooth near q0, so fewer nodes than in the theory suffice.
-    quadrature = dataclasses.replace(
-        quadrature, order=min(quadrature.order, 10), panels=max(3, -(-3 * quadrature.panels // 4)), graded=2
-    )
+    # W is smooth near q0, so fewer nodes than in the theory suffice. The rounded kinks of a tabulated modulus
+    # need a finer grid of frequencies, but not more nodes, because means over phi are smooth over q.
+    share = 0.75 if surface.detail is None else 0.45
+    panels = max(3, math.ceil(share * quadrature.panels))
+    quadrature = dataclasses.replace(quadrature, order=min(quadrature.order, 10), panels=panels, graded=2)
     law = surface.law._replace(height2=jnp.ones_like(surface.law.height2))
     mesh = build_mesh([law], quadrature, graded=True)
     weight = mesh.roughness[0]
@@ -149,7 +168,11 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
     log_q = jnp.concatenate([jnp.log(mesh.q).reshape(-1), jnp.log(q1) + beyond])
     log_D = jnp.log(roughness_density(law, jnp.append(mesh.q, q1)) / total)
     panels = quadrature.panels if surface.relaxes else None
-    grid, mean, along = circle_matrices(log_q, panels, surface.detail)
+    densities, e2 = None, None
+    if surface.spectrum.harmonic_count():
+        cosines, sines = surface.spectrum.harmonics_at(q1)
+        densities = functools.partial(_densities, constants.c_g, cosines, sines)
+        e2 = (cosines[0] ** 2 + sines[0] ** 2) / 4
     body = surface.strained if surface.strained.material.deforms else surface.rough
     log_slab = jnp.zeros_like(log_q)
     if body.layer is not None:
@@ -160,6 +183,7 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
             weight=weight,
             log_F=jnp.log(F).reshape(-1),
             log_D=log_D[:-1],
+            N2=jnp.log(F.reshape(-1) / jnp.exp(log_D[:-1]) + 0.25) ** 2,
             log_D_end=log_D[-1],
             height2=surface.law.height2,
             total=total,
@@ -167,9 +191,8 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
             log_alpha=jnp.log(m0 / total) + jnp.log(m4 / total),
             beyond=beyond,
             step=math.log(END) * dln,
-            grid=grid,
-            mean=mean,
-            along=along,
+            circle=circle_matrices(log_q, panels, surface.detail, densities),
+            e2=e2,
             log_slab=log_slab,
         ),
         surface.strained,
@@ -178,10 +201,32 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
     )
 
 
+def _densities(c_g, cosines, sines, phi):
+    """Return the directions of g and of light contact, for roughness with these harmonics."""
+    m = 2 * jnp.arange(1, cosines.size + 1)[:, None]
+
+    def light_and_full(phi):
+        # The sum of few harmonics may be negative.
+        g = jnp.maximum(1 + cosines @ jnp.cos(m * phi) + sines @ jnp.sin(m * phi), 1e-3)
+        return jnp.stack([g, g ** (1 - c_g)])
+
+    whole = jnp.mean(light_and_full(typed(np.pi * np.arange(256) / 256, phi)), 1, keepdims=True)
+    left, right = light_and_full(phi) / whole, light_and_full(-phi) / whole
+    return Directions(0.5 * (left + right), 0.5 * (left - right))
+
+
 def roughness_density(law: BrokenPowerLaw, q: jax.Array) -> jax.Array:
     """Return q^4 C / height2 [1/m^2]."""
     piece = jnp.clip(jnp.searchsorted(law.q, q, side="left") - 1, 0, law.exponent.shape[0] - 1)
     return q**2 * jnp.exp(law.log_value[piece] + law.exponent[piece] * jnp.log(q / law.q[piece]))
+
+
+class Means(NamedTuple):
+    """Logarithms of means over phi, with the factor of the slab, (points, all nodes)."""
+
+    log_E_g: jax.Array
+    log_E_r: jax.Array
+    log_E_h: jax.Array
 
 
 class Moduli(NamedTuple):
@@ -189,9 +234,10 @@ class Moduli(NamedTuple):
 
     loss: jax.Array  # Im E of the half-space, (points, grid)
     log_E: jax.Array  # ln |E| of the half-space, (points, grid)
-    log_E_g: jax.Array  # with the factor of the slab, as the other means, (points, all nodes)
-    log_E_r: jax.Array
-    log_E_h: jax.Array
+    softest: jax.Array  # smallest log_E, (points, 1)
+    circle: list[
+        jax.Array
+    ]  # means of log_E, E^2 and (softest / E)^2 for each density, (3, points, all nodes)
 
 
 def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None) -> State:
@@ -202,7 +248,7 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     """
     shape = law.shape
     T = None if temperature is None else temperature[:, None]
-    E = _modulus(law, jnp.abs(velocity)[:, None] * shape.grid, T)  # (points, grid) [Pa]
+    E = _modulus(law, jnp.abs(velocity)[:, None] * shape.circle.grid, T)  # (points, grid) [Pa]
     scale = jax.lax.stop_gradient(jnp.max(jnp.abs(E), 1))
     moduli = _moduli(E / scale[:, None], shape)
     log_load = jnp.log(math.sqrt(2) * pressure / scale) - jnp.log(shape.slope)
@@ -218,30 +264,35 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     log_E_eff = log_load - y - _log_slope(A, law)
     share, here = _below_q1(A, B, log_E_eff, moduli, law)
     there = _beyond_q1(A, B, log_E_eff, moduli, law)
-    factor = shape.height2 * shape.total * scale / (2 * pressure)
-    mu_of_q = (jnp.sign(velocity) * factor)[:, None] * jnp.concatenate([here, there], -1)
-    return State(A, jnp.sum(mu_of_q, -1), mu_of_q, share, converged)
+    factor = jnp.sign(velocity) * shape.height2 * shape.total * scale / (2 * pressure)
+    mu_of_q, *across = (factor[:, None] * jnp.concatenate(both, -1) for both in zip(here, there, strict=True))
+    return State(A, jnp.sum(mu_of_q, -1), mu_of_q, [jnp.sum(one, -1) for one in across], share, converged)
 
 
 def _moduli(E, shape):
     log_E = 0.5 * jnp.log(jnp.real(E) ** 2 + jnp.imag(E) ** 2)
     softest = jax.lax.stop_gradient(jnp.min(log_E, 1, keepdims=True))
-    E2 = jnp.exp(2 * log_E) @ shape.mean.T
-    over_E2 = jnp.exp(2 * (softest - log_E)) @ shape.mean.T
-    return Moduli(
-        jnp.imag(E),
-        log_E,
-        log_E @ shape.mean.T + shape.log_slab,
+    powers = jnp.stack([log_E, jnp.exp(2 * log_E), jnp.exp(2 * (softest - log_E))])
+    return Moduli(jnp.imag(E), log_E, softest, [powers @ mean.T for mean in shape.circle.mean])
+
+
+def _means(B, moduli, shape):
+    log_E, E2, over_E2 = _at(B, moduli.circle)
+    return Means(
+        log_E + shape.log_slab,
         0.5 * jnp.log(E2) + shape.log_slab,
-        softest - 0.5 * jnp.log(over_E2) + shape.log_slab,
+        moduli.softest - 0.5 * jnp.log(over_E2) + shape.log_slab,
     )
 
 
 def _log_W_m(A, B, law):
     shape, c = law.shape, law.constants
     A, B = A[:, None], B[:, None]
-    light = c.c_0 - c.c_D * shape.log_D + c.c_f * shape.log_F
-    heavy = c.h_0 - c.h_D * shape.log_D + c.h_F * shape.log_F
+    N2 = c.c_n * shape.N2
+    light = c.c_0 - c.c_D * shape.log_D + c.c_f * shape.log_F - N2
+    heavy = c.h_0 - c.h_D * shape.log_D + c.h_F * shape.log_F - N2
+    if shape.e2 is not None:
+        light = light - c.c_e0 * shape.e2
     # ln(A psi) / B is finite in full contact.
     some = B > 1e-8
     log_A = jnp.where(some, jnp.log(jnp.where(some, A, 0.5)) / jnp.where(some, B, 0.5), -1.0)
@@ -250,14 +301,17 @@ def _log_W_m(A, B, law):
 
 def _T(A, B, law):
     shape, c = law.shape, law.constants
+    log_T = c.c_e * shape.log_D_end
+    if shape.e2 is not None:
+        log_T = log_T - c.c_eT * shape.e2
     below = (1 + c.c_r * A) ** 2 * (1 + c.c_alpha * shape.log_alpha)
-    return c.c_T * A * B * jnp.exp(c.c_e * shape.log_D_end) / below
+    return c.c_T * A * B * jnp.exp(log_T) / below
 
 
 def _log_E_eff(A, B, moduli, law):
     shape, c = law.shape, law.constants
-    partial = B[:, None] ** c.a
-    log_E_A = partial * moduli.log_E_g + (1 - partial) * moduli.log_E_r
+    partial, means = B[:, None] ** c.a, _means(B, moduli, shape)
+    log_E_A = partial * means.log_E_g + (1 - partial) * means.log_E_r
     here = _weight(shape) * jnp.exp(_log_W_m(A, B, law))
     there = (c.k * jnp.exp(shape.log_D_end) * _T(A, B, law))[:, None] * shape.step
     weights = jnp.concatenate([here, there], -1)
@@ -266,44 +320,67 @@ def _log_E_eff(A, B, moduli, law):
 
 def _log_slope(A, law):
     # ln of the square root in the equation for A
-    c = law.constants
-    S_0 = 1 - 1 / (c.s_0 + c.s_alpha * law.shape.log_alpha)
+    shape, c = law.shape, law.constants
+    S_0 = 1 - 1 / (c.s_0 + c.s_alpha * shape.log_alpha)
+    if shape.e2 is not None:
+        S_0 = S_0 * (1 - c.c_eS * shape.e2)
     return 0.5 * jnp.log(S_0 + (1 - S_0) * A**c.s)
 
 
 def _below_q1(A, B, log_E_eff, moduli, law):
-    """Return W where |E| = E_W, and the integral of Im E cos(phi) D W at the nodes; (points, nodes)."""
+    """Return W where |E| = E_W, and the integrals of D W Im E cos(phi), and sin(phi) if anisotropic.
+
+    All have the shape (points, nodes).
+    """
     shape, c = law.shape, law.constants
     inside = shape.weight.size
-    partial = B[:, None] ** c.a
-    log_E_W = (partial * moduli.log_E_h + (1 - partial) * moduli.log_E_r)[:, :inside]
+    partial, means = B[:, None] ** c.a, _means(B, moduli, shape)
+    log_E_W = (partial * means.log_E_h + (1 - partial) * means.log_E_r)[:, :inside]
     odds = jnp.expm1(-_log_W_m(A, B, law))  # (1 - W) / W
     odds = odds * jnp.exp((c.c_v * B + c.c_w * A)[:, None] * (log_E_W - log_E_eff[:, None]))
     slab = shape.log_slab[:inside]
     # |E| of the half-space in the factor that depends on phi.
     around = odds * jnp.exp(-c.c_phi * B[:, None] * (log_E_W - slab))
     stiff = jnp.exp(c.c_phi * B[:, None] * moduli.log_E)
-    along = shape.along[:inside]
+    kinds = _along_and_across(shape, slice(inside))
 
     # Point by point, because W has an entry for every node and grid point; computed again in reverse mode.
     @jax.checkpoint
     def ring(point):
         loss, odds, stiff = point
-        return jnp.sum(along * (loss / (1 + odds[:, None] * stiff)), -1)
+        heat = loss / (1 + odds[:, None] * stiff)
+        return [[jnp.sum(weights * heat, -1) for weights in kind] for kind in kinds]
 
-    heat = _weight(shape) * jnp.exp(slab) * jax.lax.map(ring, (moduli.loss, around, stiff))
-    return 1 / (1 + odds), heat
+    heat = [_at(B, kind) for kind in jax.lax.map(ring, (moduli.loss, around, stiff))]
+    return 1 / (1 + odds), [_weight(shape) * jnp.exp(slab) * one for one in heat]
 
 
 def _beyond_q1(A, B, log_E_eff, moduli, law):
-    """Return the integral of Im E cos(phi) times the power beyond q1; (points, nodes beyond)."""
+    """Return the integrals of the power beyond q1 times Im E cos(phi), and sin(phi) if anisotropic.
+
+    They have the shape (points, nodes beyond).
+    """
     shape, c = law.shape, law.constants
     inside = shape.weight.size
-    slab, log_E_h = shape.log_slab[inside:], moduli.log_E_h[:, inside:]
-    around = (moduli.loss * jnp.exp(-c.c_phi * moduli.log_E)) @ shape.along[inside:].T
+    slab, log_E_h = shape.log_slab[inside:], _means(B, moduli, shape).log_E_h[:, inside:]
+    loss = moduli.loss * jnp.exp(-c.c_phi * moduli.log_E)
     log_factor = c.c_b * (log_E_eff[:, None] - log_E_h) + c.c_phi * (log_E_h - slab) + slab
     height = jnp.exp(shape.log_D_end) * _T(A, B, law)
-    return height[:, None] * around * jnp.exp(log_factor - 3 * shape.beyond) * shape.step
+    factor = height[:, None] * jnp.exp(log_factor - 3 * shape.beyond) * shape.step
+    kinds = _along_and_across(shape, slice(inside, None))
+    return [factor * _at(B, [loss @ weights.T for weights in kind]) for kind in kinds]
+
+
+def _along_and_across(shape, nodes):
+    """Return the weights with cos(phi), and with sin(phi) if anisotropic, as lists over the densities."""
+    kinds = shape.circle.along, shape.circle.across
+    return [[weights[nodes] for weights in kind] for kind in kinds if len(kind)]
+
+
+def _at(B, values):
+    """Return the value with the density g_B from the values with each density, (..., points, nodes)."""
+    full, *light = values
+    return full + B[:, None] * (light[0] - full) if light else full
 
 
 def _weight(shape):

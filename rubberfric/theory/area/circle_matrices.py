@@ -5,6 +5,8 @@ wavevector q is a weighted sum of its values. The weights do not depend on the v
 """
 
 import functools
+from collections.abc import Callable
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -20,29 +22,48 @@ _STEP, _LAST = 0.45, 15.0
 _GRID, _POINTS, _ENTRIES, _PER_PANEL = 0.22, 16, 110, 7
 
 
+class Directions(NamedTuple):
+    """Densities over phi relative to their means; a row for each density, shape (rows, angles)."""
+
+    even: jax.Array  # part with g(phi) = g(-phi)
+    odd: jax.Array  # part with g(phi) = -g(-phi); without rows if all densities are even
+
+
+class CircleMatrices(NamedTuple):
+    """Weights of integrals over the circle from values on a grid, shape (rows, nodes, grid)."""
+
+    grid: jax.Array  # q cos(phi) [1/m], (grid,)
+    mean: jax.Array  # of the mean over phi
+    along: jax.Array  # of the integral with the factor cos(phi)
+    across: jax.Array  # of the integral with the factor sin(phi)
+
+
 def circle_matrices(
-    log_q: jax.Array, panels: int | None, detail: float | None
-) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Return a grid of q cos(phi) [1/m], and weights of integrals over the circle from values on this grid.
+    log_q: jax.Array,
+    panels: int | None,
+    detail: float | None,
+    densities: Callable[[jax.Array], Directions] | None = None,
+) -> CircleMatrices:
+    """Return a grid of q cos(phi), and weights of integrals over the circle from values on this grid.
 
     Parameters
     ----------
     log_q : logarithms of the wavevectors of the integrals; the last one is the largest, shape (nodes,)
     panels : panels of the mesh over q; None if the modulus does not depend on the frequency
     detail : width in ln(omega) over which the modulus has kinks; None for smooth moduli
-
-    Returns
-    -------
-    The grid (grid,), the weights of the mean over phi, and the weights of the integral over phi with the
-    factor cos(phi), both of the shape (nodes, grid).
+    densities : function that returns the `Directions` at angles phi between 0 and pi/2; None: the density 1
     """
     if panels is None:  # nothing depends on the frequency
-        one = jnp.ones((log_q.size, 1), log_q.dtype)
-        return jnp.exp(log_q[-1:]), one, 0 * one
-    finer = 1.0 if detail is None else min(4.0, max(1.0, _GRID / detail))
+        even, odd = _directions(densities, jnp.zeros(1, log_q.dtype))
+        shape = log_q.size, 1
+        one, none = (jnp.ones((len(x), *shape), log_q.dtype) for x in (even, odd))
+        return CircleMatrices(jnp.exp(log_q[-1:]), one, 0 * one, 0 * none)
+    finer = 1.0 if detail is None else min(8.0, max(1.0, 2 * _GRID / detail))
     count = round(finer * (_ENTRIES + _PER_PANEL * panels))
-    t = _STEP / finer * np.arange(int(finer * _LAST / _STEP))
-    dphi = 4 * _STEP / finer / np.cosh(t)
+    # A density that is stretched by r has poles at sin(Im t) = 1/r, so its rule needs smaller steps.
+    angular_step = _STEP / (finer if densities is None else 3 * finer)
+    t = angular_step * np.arange(int(_LAST / angular_step))
+    dphi = 4 * angular_step / np.cosh(t)
     dphi[0] /= 2
     dphi[-1] += 2 * np.pi - dphi.sum()  # the rest of the circle is at rest
     s = np.log(np.cosh(t))
@@ -52,11 +73,20 @@ def circle_matrices(
     step = jax.lax.stop_gradient(step)
     to_nodes = _interpolation((top - log_q) / step + _POINTS, count)
     to_angles = _interpolation(typed(s, top) / step + _POINTS, count + _POINTS)
-    at_zero = typed(np.stack([dphi / (2 * np.pi), dphi / np.cosh(t)]), top) @ to_angles
+    dphi, cosine, sine = (typed(x, top) for x in (dphi, 1 / np.cosh(t), np.tanh(t)))
+    even, odd = _directions(densities, jnp.arctan2(sine, cosine))
+    at_zero = jnp.concatenate([dphi / (2 * np.pi) * even, dphi * cosine * even, dphi * sine * odd])
+    at_zero = at_zero @ to_angles
     # Entries of the grid, from the high to the low frequencies, relative to the position of the integral.
     later = np.arange(count) - np.arange(count)[:, None] + _POINTS
-    mean, along = to_nodes @ jnp.where(later >= 0, at_zero[:, np.maximum(later, 0)], 0.0)
-    return jnp.exp(top + step * (_POINTS - np.arange(count))), mean, along
+    found = to_nodes @ jnp.where(later >= 0, at_zero[:, np.maximum(later, 0)], 0.0)
+    mean, along, across = jnp.split(found, [len(even), 2 * len(even)])
+    return CircleMatrices(jnp.exp(top + step * (_POINTS - np.arange(count))), mean, along, across)
+
+
+def _directions(densities, phi):
+    one = jnp.ones((1, phi.size), phi.dtype)
+    return Directions(one, one[:0]) if densities is None else densities(phi)
 
 
 def _interpolation(position, count):

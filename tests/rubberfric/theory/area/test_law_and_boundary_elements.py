@@ -116,19 +116,27 @@ def column(chosen, name):
     return np.array([case.get(name, np.nan) for case in chosen])
 
 
+def padded(body):
+    """Return a body whose series has 17 terms, so that scenes share compiled functions."""
+    series = body.material
+    if not isinstance(series, rf.Prony):
+        return body
+    E, tau = np.zeros(17), np.ones(17)
+    E[: series.tau.size], tau[: series.tau.size] = series.E, series.tau
+    return body.replace(material=series.replace(E=E, tau=tau))
+
+
 def ratios(chosen, models=tuple(CONTACT_MODELS)):
     """Return ln(model / boundary elements) of area and friction of these cases, for every model.
 
-    The law does not have anisotropic roughness, so its mean over the directions is used. For two rough
-    surfaces, the result of the law is NaN.
+    For two rough surfaces, the result of the law is NaN.
     """
-    logs, scenes = {}, [scene_of(case) for case in chosen]
-    measured = np.array([[case["area"], case["friction"]] for case in chosen]).T
+    scenes = [scene_of(case) for case in chosen]
+    scenes = [scene.replace(lower=padded(scene.lower), upper=padded(scene.upper)) for scene in scenes]
+    measured, logs = np.array([[case["area"], case["friction"]] for case in chosen]).T, {}
     for model in models:
         found = np.full((2, len(chosen)), np.nan)
         for i, (scene, case) in enumerate(zip(scenes, chosen, strict=True)):
-            if model == "law" and "stretch" in case:
-                scene = scene_of({name: x for name, x in case.items() if name not in ("stretch", "angle")})
             if model != "law" or case.get("kind") != "two rough":
                 found[:, i] = computed(scene, case["velocity"], case["pressure"], model)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -162,9 +170,11 @@ true is the theory?](how_true.md) explains the law. This command generates the p
 
 Each cell gives the share of the cases in which the model is within 10 % of boundary elements, and the root
 mean square of ln(model / boundary elements). n is the number of cases, including elastic cases, which have no
-friction. Only the cases of the lines that begin with "fitted" were used for the form and the constants of the
-law. The law refuses anisotropic roughness. In the line of these cases, it has the roughness averaged over all
-directions.
+friction. Only the cases of the lines that begin with "fitted" were used for the constants of the law. The
+cases of the lines that begin with "fresh" were computed after the form of the law had been chosen. The other
+lines of the random cases contain them too. The law refuses two rough surfaces, slabs that are over 4 times as
+stiff as a half-space at q_r, and roughness with rms slopes across the grooves over 1.9 times the slopes along
+them.
 
 ## Random cases
 
@@ -192,8 +202,8 @@ relaxation time of most series.
 
 def parts_of(chosen):
     """Return True for the cases of each line of the table of random cases."""
-    kind, sure, fit = (column(chosen, name) for name in ("kind", "sure", "part"))
-    sure, fit = sure.astype(bool), fit == "fit"
+    kind, sure, part = (column(chosen, name) for name in ("kind", "sure", "part"))
+    sure, fit, fresh = sure.astype(bool), part == "fit", part == "fresh"
     area, hurst, ratio = (column(chosen, name) for name in ("area", "hurst", "ratio"))
     narrowness, rise, material = (
         ratio / column(chosen, "rolloff"),
@@ -202,6 +212,7 @@ def parts_of(chosen):
     )
     stiff = np.array([_stiffness(case) for case in chosen])
     good, heavy = (kind == "half-space") & sure & ~fit, area > 0.01
+    grooved, slopes = (kind == "anisotropic") & sure & heavy, np.array([_slopes(case) for case in chosen])
     slab = np.array([_stiffening(case) for case in chosen])
     both = good & heavy
 
@@ -214,6 +225,8 @@ def parts_of(chosen):
         "half-spaces": good,
         "A/A0 > 1 %": both,
         "A/A0 < 1 %": good & ~heavy,
+        "fresh: half-spaces, A/A0 > 1 %": both & fresh,
+        "fresh: half-spaces, A/A0 < 1 %": good & ~heavy & fresh,
         **dict(ranges("A/A0 [%]", 100 * area, (0, 0.5, 1, 3, 10, 30, 100), good)),
         **{f"A/A0 > 1 %, {name}": both & (material == name) for name in np.unique(material)},
         **dict(ranges("A/A0 > 1 %, H", hurst, (0.45, 0.65, 0.85, 1.05), both)),
@@ -223,9 +236,13 @@ def parts_of(chosen):
         **dict(ranges("A/A0 > 1 %, E", stiff, (1, 1.2, 5, 50, 1200), both)),
         "fitted: q1/q0 = 128 to 512": (kind == "large") & sure & fit,
         "q1/q0 = 128 to 512": (kind == "large") & sure & ~fit,
+        "fresh: q1/q0 = 128 to 256": (kind == "large") & sure & fresh,
         "slabs, stiffening < 4": (kind == "slab") & sure & ~fit & heavy & (slab < 4),
         "slabs, stiffening > 4": (kind == "slab") & sure & ~fit & heavy & (slab > 4),
-        "anisotropic": (kind == "anisotropic") & sure & heavy,
+        "fitted: anisotropic, slopes up to 1.9": grooved & fit & (slopes < 1.9),
+        "anisotropic, slopes up to 1.9": grooved & ~fit & (slopes < 1.9),
+        "fresh: anisotropic, slopes up to 1.9": grooved & fresh & (slopes < 1.9),
+        "anisotropic, slopes over 1.9": grooved & ~fit & (slopes > 1.9),
         "two rough": (kind == "two rough") & sure & heavy,
     }
 
@@ -234,6 +251,15 @@ def _stiffness(case):
     return abs(complex(rf.complex_modulus(material_of(case), 0.3 * case["velocity"]))) / abs(
         complex(rf.complex_modulus(material_of(case), 0.0))
     )
+
+
+def _slopes(case):
+    """Return the rms slope across the grooves over the rms slope along them."""
+    if "stretch" not in case:
+        return 1.0
+    cosine, sine = scene_of(case).lower.spectrum.harmonics_at(1.0)
+    e = min(np.hypot(cosine[0], sine[0]) / 2, 0.999)
+    return float(np.sqrt((1 + e) / (1 - e)))
 
 
 def _stiffening(case):
@@ -284,14 +310,18 @@ def test_all_cases():
         for name, (area, friction) in zip(("A/A0 > 1 %", "A/A0 < 1 %"), least, strict=True):
             assert share(found["law"][0][parts[name]]) > area
             assert share(found["law"][1][parts[name] & sliding]) > friction
-    # This limit for slabs was set before the first slab was computed.
+    # The limit of the error was set before the first slab was computed.
     found, parts, sliding = tables[0]
-    slabs, errors = parts["slabs, stiffening < 4"], []
-    for logs, part in ((found["law"], parts["A/A0 > 1 %"]), *((one, slabs) for one in found.values())):
-        errors.append(np.sqrt(np.mean(logs[1][part & sliding] ** 2)))
-    half_space, *papers, law = errors
-    print(f"friction of slabs: {law:.3f}, of half-spaces {half_space:.3f}, by the paper {papers}")
-    assert law < 1.5 * half_space and law < min(papers)
+    for name in ("slabs, stiffening < 4", "anisotropic, slopes up to 1.9"):
+        errors = []
+        for logs, part in (
+            (found["law"], parts["A/A0 > 1 %"]),
+            *((one, parts[name]) for one in found.values()),
+        ):
+            errors.append(np.sqrt(np.mean(logs[1][part & sliding] ** 2)))
+        half_space, *papers, law = errors
+        print(f"friction, {name}: {law:.3f}, of half-spaces {half_space:.3f}, by the paper {papers}")
+        assert law < 1.5 * half_space and law < min(papers)
 
 
 @pytest.mark.slow
@@ -299,7 +329,7 @@ def test_the_stated_errors_of_a_scene_are_these():
     """5 % and 95 % quantiles over intervals of the area by the law, of the cases that were not fitted."""
     chosen = [case for case in older() if not case["period"]]
     chosen += [case for case in cases() if case["sure"] and case["kind"] in ("half-space", "large")]
-    chosen = [case for case in chosen if case["part"] == "test" and case["terms"]]
+    chosen = [case for case in chosen if case["part"] != "fit" and case["terms"]]
     area, friction = ratios(chosen, ("law",))["law"]
     times = [np.asarray(material_of(case).tau) for case in chosen]
     narrow = np.array([tau.max() / tau.min() < 1e3 for tau in times])
@@ -314,11 +344,12 @@ def test_the_stated_errors_of_a_scene_are_these():
         np.testing.assert_allclose(found, RATIOS["boundary_elements", relaxation], atol=0.01, rtol=0)
 
 
-# Start of the fit; the prior about it has 1.5 times the size of each constant, and at least 0.5.
+# Start of the fits; the prior about it has 1.5 times the size of each constant, and at least 0.5. DIRECTIONS
+# are fitted to anisotropic roughness, with the other constants fixed.
 START = {"c_0": -0.72, "c_D": 1.0, "c_f": 0.56, "c_A": 9.0, "h_0": 0.82, "h_D": 0.35, "h_F": 0.65, "c_T": 1.8}
 START |= {"c_r": 4.0, "c_alpha": 0.3, "c_e": -0.33, "k": 0.13, "s": 0.8, "s_0": 1.645, "s_alpha": 0.16}
-START |= {"a": 11.0, "c_v": 1.38, "c_w": 5.0, "c_phi": 1.5, "c_b": 1.0}
-START = np.array([START[name] for name in CONSTANTS._fields[:-1]])
+START |= {"a": 11.0, "c_v": 1.38, "c_w": 5.0, "c_phi": 1.5, "c_b": 1.0, "c_n": 0.5}
+DIRECTIONS = {"c_g": 0.3, "c_eS": 0.3, "c_e0": 0.5, "c_eT": 0.5}
 FLOORS = 0.035, 0.05  # error of the law: ln of area and of friction
 ROBUST = 3.0  # errors beyond which a case has less weight [Charbonnier, pseudo-Huber]
 
@@ -335,17 +366,18 @@ def columns(chosen):
         height = 1 / float(rf.rms_slope(rf.SelfAffine(q0, qr, 1.0, hurst, h_rms=1.0)))
         rest = series.E_inf if series.relaxes else 1.0
         poisson = series.poisson if series.relaxes else 0.0
-        found.append((rest, E, tau, poisson, q0, qr, hurst, height, case["velocity"], case["pressure"]))
+        grooves = case.get("stretch", 1.0), case.get("angle", 0.0)
+        conditions = case["velocity"], case["pressure"]
+        found.append((rest, E, tau, poisson, q0, qr, hurst, height, *grooves, *conditions))
     return tuple(jnp.asarray(np.array(entry)) for entry in zip(*found, strict=True))
 
 
-def logs_by_law(values, scene, velocity, pressure, by):
-    """Return ln of area and friction by the law with these constants.
+def logs_by_law(constants, scene, velocity, pressure, by="alpha"):
+    """Return ln of area and friction by the law with these constants, a dict.
 
     With `by` = "range", ln(q1/q0) / 2 replaces ln(alpha).
     """
-    constants = CONSTANTS._replace(**dict(zip(CONSTANTS._fields[:-1], values, strict=True)))
-    law = prepare_law(rough_surfaces_of(scene)[0], SETTING, constants)
+    law = prepare_law(rough_surfaces_of(scene)[0], SETTING, CONSTANTS._replace(**constants))
     if by == "range":
         mesh = law.shape.mesh
         law = law._replace(shape=law.shape._replace(log_alpha=0.5 * jnp.log(mesh.last / mesh.first)))
@@ -353,16 +385,19 @@ def logs_by_law(values, scene, velocity, pressure, by):
     return jnp.log(jnp.stack([found.area, jnp.where(found.mu > 0, found.mu, 1.0)])[:, 0])
 
 
-@functools.partial(jax.jit, static_argnames="by")
-def logs_and_slopes(values, columns, by):
+@functools.partial(jax.jit, static_argnames=("names", "by"))
+def logs_and_slopes(values, fixed, columns, names, by):
     def of_case(case):
-        rest, E, tau, poisson, q0, qr, hurst, height, *conditions = case
+        rest, E, tau, poisson, q0, qr, hurst, height, stretch, angle, *conditions = case
         body = rf.Body(rf.Prony(rest, E, tau, poisson=poisson))
         road = rf.SelfAffine(q0, qr, 1.0, hurst, h_rms=height)
+        if "c_g" in names:
+            road = rf.Anisotropic(road, stretch, angle)
         scene = rf.Scene(body, rf.Body(rf.Rigid(), road), **CONTACT_MODELS["law"])
 
         def logs(values):
-            return logs_by_law(values, scene, *conditions, by)
+            constants = fixed | dict(zip(names, values, strict=True))
+            return logs_by_law(constants, scene, *conditions, by)
 
         return logs(values), jax.jacfwd(logs)(values)
 
@@ -372,28 +407,36 @@ def logs_and_slopes(values, columns, by):
 @functools.cache
 def fit(by="alpha", widest=np.inf):
     """Fit the constants to the cases of `fitted` with q1/q0 < widest; return them and their covariance."""
-    chosen = [case for case in fitted() if case["ratio"] < widest]
+    return fitted_constants(START, {}, [case for case in fitted() if case["ratio"] < widest], by)
+
+
+def fitted_constants(start, fixed, chosen, by="alpha"):
+    """Fit the constants in `start` to these cases; return an array of them and their covariance."""
+    names, start = tuple(start), np.array(list(start.values()))
     sliding = column(chosen, "terms") > 0
     data = np.log([column(chosen, "area"), np.where(sliding, column(chosen, "friction"), 1.0)]).T
     errors = np.stack(
         [column(chosen, "area_error"), np.where(sliding, column(chosen, "friction_error"), 0)], -1
     )
     weight = np.stack([np.ones(sliding.size), sliding], -1) / np.hypot(errors, FLOORS)
-    prior, given, x = np.maximum(1.5 * np.abs(START), 0.5), columns(chosen), START
+    prior, given, x = np.maximum(1.5 * np.abs(start), 0.5), columns(chosen), start
 
     def cost(residual, x):
         large = np.sqrt(1 + (residual / ROBUST) ** 2)
-        return 2 * ROBUST**2 * np.sum(large - 1) + np.sum(((x - START) / prior) ** 2)
+        return 2 * ROBUST**2 * np.sum(large - 1) + np.sum(((x - start) / prior) ** 2)
 
-    logs, slopes = (np.asarray(y) for y in logs_and_slopes(x, given, by))
+    def evaluated(x):
+        return (np.asarray(y) for y in logs_and_slopes(x, fixed, given, names, by))
+
+    logs, slopes = evaluated(x)
     residual, damping = ((logs - data) * weight).ravel(), 1e-3
     for _ in range(40):
         robust = (1 + (residual / ROBUST) ** 2) ** -0.25
         slope = (slopes * weight[..., None]).reshape(-1, x.size) * robust[:, None]
         normal = slope.T @ slope + np.diag(1 / prior**2)
-        downhill = slope.T @ (residual * robust) + (x - START) / prior**2
+        downhill = slope.T @ (residual * robust) + (x - start) / prior**2
         step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), downhill)
-        logs, slopes_there = (np.asarray(y) for y in logs_and_slopes(x + step, given, by))
+        logs, slopes_there = evaluated(x + step)
         after = ((logs - data) * weight).ravel()
         change = cost(residual, x) - cost(after, x + step)
         if not change > 0:
@@ -409,10 +452,14 @@ def fit(by="alpha", widest=np.inf):
 
 @pytest.mark.slow
 def test_constants_are_those_of_the_fit():
-    found, covariance = fit()
-    for name, value, error in zip(CONSTANTS._fields, found, np.sqrt(np.diag(covariance)), strict=False):
-        print(f"    {name}: float = {value:.4f}  # +- {error:.4f}")
-    np.testing.assert_allclose(found, CONSTANTS[:-1], atol=1e-3, rtol=2e-3)
+    grooved = [case for case in cases() if case["kind"] == "anisotropic" and case["part"] == "fit"]
+    for start, (found, covariance) in (
+        (START, fit()),
+        (DIRECTIONS, fitted_constants(DIRECTIONS, {}, [case for case in grooved if case["sure"]])),
+    ):
+        for name, value, error in zip(start, found, np.sqrt(np.diag(covariance)), strict=True):
+            print(f"    {name}: float = {value:.4f}  # +- {error:.4f}")
+        np.testing.assert_allclose(found, [getattr(CONSTANTS, x) for x in start], atol=1e-3, rtol=2e-3)
 
 
 FORMS = {"law": ("alpha", np.inf), "narrow": ("alpha", 100.0), "range": ("range", np.inf)}
@@ -434,7 +481,8 @@ replaces ln(alpha), and the constants were fitted again.
 @functools.partial(jax.jit, static_argnames="by")
 def law_over_paper(values, scene, velocity, by):
     def logs(values):
-        return logs_by_law(values, scene.replace(CONTACT_MODELS["law"]), velocity, jnp.asarray(0.15e6), by)
+        constants = dict(zip(START, values, strict=True))
+        return logs_by_law(constants, scene.replace(CONTACT_MODELS["law"]), velocity, jnp.asarray(0.15e6), by)
 
     paper = rf.solve(scene, velocity, 0.15e6, quantities=("friction", "area"))
     return logs(values) - jnp.log(jnp.stack([paper.area, paper.friction])), jax.jacfwd(logs)(values)
@@ -474,6 +522,6 @@ def test_extrapolation():
     logs, errors = extrapolated()
     for (_, ratio, velocity), found in logs.items():
         # Near the cases the error of the cases themselves is larger.
-        growth = np.maximum([0.05, 0.07], np.array(GROWTH) * np.log10(ratio / WIDEST))
+        growth = np.maximum([0.06, 0.07], np.array(GROWTH) * np.log10(ratio / WIDEST))
         assert np.all(np.abs(found - logs["law", ratio, velocity]) < growth)
         assert np.all(1.645 * errors["law", ratio, velocity] < growth)
