@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
+from rubberfric.base.atomic import is_number
 from rubberfric.base.units import ZERO_CELSIUS, hertz
 
 
@@ -288,15 +289,6 @@ def known_unit(unit: str | None, name: str | None) -> str:
 def plain_unit(unit: str) -> str:
     """Return a unit in plain spelling, with u for micro, digits for exponents and single blanks."""
     return " ".join(unit.translate(_PLAIN).split())
-
-
-def is_number(field: str) -> bool:
-    """Return True if a text is a number with a decimal point or comma."""
-    try:
-        float(field.replace(",", ".", 1))
-    except ValueError:
-        return False
-    return True
 
 
 def _is_unit(text: str) -> bool:

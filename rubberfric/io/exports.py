@@ -21,12 +21,11 @@ import re
 from collections.abc import Callable, Collection
 from typing import NamedTuple
 
-from rubberfric.base.atomic import StrPath
+from rubberfric.base.atomic import StrPath, is_number
 from rubberfric.io.columns import (
     COLUMNS,
     SET_VALUES,
     is_foreign,
-    is_number,
     known_name,
     known_unit,
     quantities_of,

@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from rubberfric.base.atomic import StrPath, read_text
+from rubberfric.base.atomic import StrPath, is_number, read_text
 from rubberfric.base.checks import closest, shown, warn_caller
-from rubberfric.io.columns import is_number, plain_unit
+from rubberfric.io.columns import plain_unit
 from rubberfric.io.exports import above_numbers, has_fields, headless
 
 # A spectrum of interpolated heights is too low. Above this share of holes it says little about the surface.

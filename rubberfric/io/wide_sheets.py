@@ -14,7 +14,8 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from rubberfric.io.columns import COLUMNS, LONGEST_TITLE, is_number, known_name, known_unit, quantities_of
+from rubberfric.base.atomic import is_number
+from rubberfric.io.columns import COLUMNS, LONGEST_TITLE, known_name, known_unit, quantities_of
 
 # Quantities that a label can state, by the unit of the label.
 _LABELLED = {unit: COLUMNS[name] for name in ("v", "p", "omega", "f", "T") for unit in COLUMNS[name].units}
