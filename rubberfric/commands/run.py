@@ -17,7 +17,7 @@ from rubberfric.analysis.validity import (
     theory_error,
 )
 from rubberfric.base.compilation import quick_options
-from rubberfric.base.progress import Phases, Progress
+from rubberfric.base.progress import Progress
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.base.release import cores
 from rubberfric.base.units import to_celsius
@@ -250,7 +250,7 @@ def summary(result: Result) -> Iterator[str]:
 # --- accuracy
 
 
-def run_accuracy(arguments: argparse.Namespace, show: Phases) -> tuple[str, OSError | None]:
+def run_accuracy(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
     """Run `rubberfric accuracy`, and return the text to print and the error of a file or None."""
     from rubberfric.analysis.reference import check_error
     from rubberfric.analysis.sweep import accuracy

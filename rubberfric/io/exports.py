@@ -18,7 +18,7 @@ columns may follow below, or side by side (`rubberfric.io.wide_sheets`). Names a
 import csv
 import json
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
 from rubberfric.base.atomic import StrPath, is_number
@@ -50,6 +50,11 @@ class TextTable(NamedTuple):
     names: list[str | None]  # in `COLUMNS` or `SET_VALUES`; None: unknown
     units: list[str]
     rows: TextRows  # numbers with decimal points
+
+    def with_columns(self, places: Sequence[int]) -> "TextTable":
+        """Return the table with only the columns at `places`."""
+        parts = ([values[i] for i in places] for values in (self.titles, self.names, self.units))
+        return TextTable(self.where, *parts, [(line, [row[i] for i in places]) for line, row in self.rows])
 
 
 def find_table(path: StrPath, text: str, generic: str = "E", incomplete: bool = False) -> TextTable | None:
@@ -180,9 +185,7 @@ def pick(table: TextTable, quantities: tuple[str, ...]) -> TextTable:
                 " or write what differs, such as 20 °C or run 1, above the columns of each block"
             )
     places, names = zip(*(columns[0] for columns in found.values()), strict=True) if found else ((), ())
-    titles, units = ([values[i] for i in places] for values in (table.titles, table.units))
-    rows = [(line, [row[i] for i in places]) for line, row in table.rows]
-    return TextTable(table.where, titles, list(names), units, rows)
+    return table.with_columns(places)._replace(names=list(names))
 
 
 def _agree(table: TextTable, places: list[tuple[int, str]]) -> bool:

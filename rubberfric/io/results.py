@@ -74,11 +74,10 @@ def default_conditions(scene: Scene) -> Conditions:
 
 def conditions_text(conditions: Conditions) -> str:
     """Return the ranges of conditions as one line of text."""
-    units = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
-    given = {name: x for name, x in conditions._asdict().items() if x is not None}
     return ", ".join(
-        f"{name} {x.min():.6g}" + (f" ... {x.max():.6g}" if x.size > 1 else "") + f" {units[name]}"
-        for name, x in given.items()
+        f"{name} {x.min():.6g}" + (f" ... {x.max():.6g}" if x.size > 1 else "") + f" {CONDITION_UNITS[name]}"
+        for name, x in conditions._asdict().items()
+        if x is not None
     )
 
 

@@ -167,12 +167,6 @@ def several_axes(
     return ax
 
 
-def check_instance(name: str, value: object, kind: type) -> None:
-    """Raise ValueError unless a value is an instance of a class."""
-    if not isinstance(value, kind):
-        raise ValueError(f"{name} must be of class {kind.__name__}, got {type(value).__name__}")
-
-
 def legend(
     axes: Axes, handles: Iterable[Handle] | None = None, scale_right: bool = False, inside: str = "best"
 ) -> None:

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rubberfric.base.checks import shown
+from rubberfric.base.checks import check_choice, shown
 from rubberfric.roughness.measured import MeasuredSpectrum
 
 WINDOWS = ("hann", "none")
@@ -120,8 +120,7 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
 
     `heights` has the shape (samples, *grid). `q` holds the absolute wavevector of every mode.
     """
-    if not isinstance(window, str) or window not in WINDOWS:
-        raise ValueError(f"window = {shown(window)}: must be one of {', '.join(WINDOWS)}")
+    check_choice("window", window, WINDOWS)
     if isinstance(detrend, bool) or detrend not in _DEGREES:
         raise ValueError(f"detrend = {shown(detrend)}: must be 0, 1, 2 or None")
     if per_decade is not None and not (isinstance(per_decade, int | float) and 0 < per_decade <= 1e4):
@@ -310,6 +309,5 @@ def _scale(own, given):
     if own is not None and given is not None and own != given:
         raise ValueError(f"unit = {shown(given)}: leave it out; the topography has {shown(own)}")
     unit = given if own is None else own
-    if not isinstance(unit, str) or unit not in LENGTH_UNITS:
-        raise ValueError(f"unit = {shown(unit)}: must be one of {', '.join(LENGTH_UNITS)}")
+    check_choice("unit", unit, LENGTH_UNITS)
     return LENGTH_UNITS[unit]

@@ -21,7 +21,7 @@ import jax
 import numpy as np
 
 from rubberfric.base.checks import UnitWarning
-from rubberfric.base.progress import Phases
+from rubberfric.base.progress import Progress
 from rubberfric.commands.explorer.curves import (
     BESIDE,
     EVERY,
@@ -51,7 +51,7 @@ class Download(NamedTuple):
     content: bytes
 
 
-def run_explorer(arguments: argparse.Namespace, show: Phases) -> tuple[str, None]:
+def run_explorer(arguments: argparse.Namespace, show: Progress) -> tuple[str, None]:
     """Serve the page of `rubberfric explore` until a signal ends the command."""
     show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene, default=True)
