@@ -10,7 +10,7 @@ from rubberfric.base.checks import is_concrete, shown
 from rubberfric.base.objects.html import count, folded, short, table, with_unit
 from rubberfric.base.objects.physical import object_html
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.scene import Scene, check_background, doubts_of_conditions, shifts, takes_temperature
+from rubberfric.scene.scene import Scene, check_background, shifts, takes_temperature
 from rubberfric.theory.structure import Solution
 
 
@@ -156,11 +156,6 @@ def check_plausible(where: str, doubts: Iterable[str]) -> None:
     """Raise ValueError with the first text about a value that is probably not in SI units."""
     for text in doubts:
         raise ValueError(f"{where}{text} plausible = false at the top of the file accepts it")
-
-
-def check_plausible_conditions(where: str, conditions: Conditions) -> None:
-    """Raise ValueError if conditions are probably not in SI units."""
-    check_plausible(where, doubts_of_conditions(**conditions._asdict()))
 
 
 def curves_of(

@@ -22,10 +22,10 @@ from rubberfric.base.atomic import StrPath, as_path
 from rubberfric.base.checks import shown
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.commands.explorer.sliders import changes, moved, sliders_of, with_cutoffs
-from rubberfric.io.results import Conditions, check_conditions, check_plausible_conditions
+from rubberfric.io.results import Conditions, check_conditions, check_plausible
 from rubberfric.io.tables import read_table
 from rubberfric.materials.material import Material, complex_modulus
-from rubberfric.scene.scene import Scene, cast, dissipates, takes_temperature
+from rubberfric.scene.scene import Scene, cast, dissipates, doubts_of_conditions, takes_temperature
 from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import solve
 from rubberfric.theory.structure import quantities_of
@@ -317,7 +317,7 @@ def read_points(path: StrPath, scene: Scene, conditions: Conditions) -> Measured
         table["v"], conditions.pressure if p is None else p, conditions.temperature if T is None else T
     )
     check_conditions(f"{path}: ", at, scene)
-    check_plausible_conditions(f"{path}: ", at)
+    check_plausible(f"{path}: ", doubts_of_conditions(**at._asdict()))
     error = table.get("sigma")
     if error is None and "relative_sigma" in table:
         error = table["relative_sigma"] * np.abs(table["mu"])
