@@ -195,7 +195,11 @@ def _rows(path, text):
     titles: list[str] = []
     for separator in ("\t", ";", ",", None):
         split = [(k, [field.strip() for field in line.split(separator)]) for k, line in lines]
-        rows = [(k, fields) for k, fields in split if len(fields) > 1 and all(map(_is_value, fields))]
+        rows = [
+            (k, fields)
+            for k, fields in split
+            if len(fields) > 1 and all(field.lower() in _HOLES or is_number(field) for field in fields)
+        ]
         rows = [(k, fields) for k, fields in rows if any(field.lower() not in _HOLES for field in fields)]
         if len(rows) > len(best):
             best = rows
@@ -204,10 +208,6 @@ def _rows(path, text):
     if not best:
         raise ValueError(f"{path}: must have rows of numbers")
     return titles, best
-
-
-def _is_value(field):
-    return field.lower() in _HOLES or is_number(field)
 
 
 def _numbers(path, rows):

@@ -84,7 +84,7 @@ def routes(explorer: Explorer) -> dict[str, Callable[[Any], Answer]]:
         return lambda content: work(slider_values(explorer.sliders, content))
 
     def sensitivities(values):
-        if not explorer.is_ready:
+        if not explorer.compiled.is_set():
             return _json({"pending": True})
         if explorer.failure:
             raise ValueError(f"sensitivities cannot be computed: {explorer.failure}")

@@ -102,13 +102,8 @@ class Explorer:
         self._slopes = jax.jit(self._all_slopes)
         self.has_drafts = False  # set when the curves are compiled, before the first request
         # Set by the thread that compiles sensitivities: end, and reason of a failure.
-        self._compiled = threading.Event()
+        self.compiled = threading.Event()
         self.failure = ""
-
-    @property
-    def is_ready(self) -> bool:
-        """Return True if the compilation of the sensitivities has succeeded or failed."""
-        return self._compiled.is_set()
 
     @property
     def count(self) -> int:
@@ -177,7 +172,7 @@ class Explorer:
         except Exception as error:  # a thread cannot raise it
             self.failure = str(error) or type(error).__name__
         finally:
-            self._compiled.set()
+            self.compiled.set()
 
     def conditions_at(self, values: CurveValues) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Return velocity, pressure and temperature of all computed points as arrays of shape (count,).
