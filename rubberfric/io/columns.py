@@ -214,11 +214,6 @@ def quantities_of(names: Iterable[str | None]) -> list[str]:
     return [COLUMNS[SET_VALUES.get(name, name)].name for name in names if name is not None]
 
 
-def si_unit(name: str) -> str:
-    """Return the SI unit of a column."""
-    return next(iter(COLUMNS[name].units))
-
-
 def is_foreign(title: str, name: str | None) -> bool:
     """Return True if only other programs, and not this project, write a column title.
 

@@ -29,9 +29,8 @@ from rubberfric.io.columns import (
     known_name,
     known_unit,
     quantities_of,
-    si_unit,
 )
-from rubberfric.io.wide_sheets import Label, LabelledTitle, blocks_of, labels_above, long_rows, read_title
+from rubberfric.io.wide_sheets import Label, LabelledTitle, blocks_of, labels_above, read_title
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 
@@ -246,25 +245,28 @@ def _export(path, lines, separator, titles, known, incomplete):
 
 
 def _long(table: TextTable, blocks: dict[Label, list[int]]) -> TextTable:
-    """Return a table with blocks of columns below each other, and the label as a column."""
+    """Return a table with blocks of columns below each other, and the label as a column.
+
+    Rows of a block without any cell are left out.
+    """
     inside = {place for places in blocks.values() for place in places}
     shared = [i for i, name in enumerate(table.names) if name is not None and i not in inside]
-    (label, places), *others = blocks.items()
-    for _, other in others:
-        if [table.units[i] for i in other] != [table.units[i] for i in places]:
-            raise ValueError(f"{table.where}: all blocks of columns must have the same units")
-    columns = [*shared, *places]
-    names = [table.names[i] for i in columns]
-    units = [table.units[i] for i in columns]
-    titles = [table.titles[i] for i in columns]
-    own = label.name is not None and label.name not in quantities_of(names)
-    if label.name is not None and own:
-        titles, names, units = (
-            [*titles, f"label [{si_unit(label.name)}]"],
-            [*names, label.name],
-            [*units, si_unit(label.name)],
-        )
-    return TextTable(table.where, titles, names, units, long_rows(table.rows, shared, blocks, own))
+    if len({tuple(table.units[i] for i in places) for places in blocks.values()}) > 1:
+        raise ValueError(f"{table.where}: all blocks of columns must have the same units")
+    name, places = next((label.name, places) for label, places in blocks.items())
+    long = table.with_columns([*shared, *places])
+    labelled = name is not None and name not in quantities_of(long.names)
+    rows = [
+        (line, [row[i] for i in (*shared, *places)] + [label.value] * labelled)
+        for label, places in blocks.items()
+        for line, row in table.rows
+        if any(row[i] for i in places)
+    ]
+    if not labelled:
+        return long._replace(rows=rows)
+    unit = next(iter(COLUMNS[name].units))  # SI
+    titles, names, units = [*long.titles, f"label [{unit}]"], [*long.names, name], [*long.units, unit]
+    return TextTable(table.where, titles, names, units, rows)
 
 
 def _checked(path: StrPath, count: int, rows: TextRows, unread: Collection[int] = ()) -> TextRows:

@@ -93,21 +93,6 @@ def blocks_of(titles: Sequence[LabelledTitle]) -> dict[Label, list[int]]:
     return blocks if len(columns) == len(kinds) == 1 and set(shared) <= set(_CONDITIONS) else {}
 
 
-def long_rows(
-    rows: list[tuple[int, list[str]]], shared: Sequence[int], blocks: dict[Label, list[int]], with_label: bool
-) -> list[tuple[int, list[str]]]:
-    """Return a row for each row of each block: shared cells, cells of the block, and the label.
-
-    Rows of a block without any cell are left out.
-    """
-    return [
-        (line, [row[i] for i in (*shared, *places)] + [label.value] * with_label)
-        for label, places in blocks.items()
-        for line, row in rows
-        if any(row[i] for i in places)
-    ]
-
-
 def _split_label(text: str) -> tuple[str, Label | None]:
     """Return a text without its label, and the label or None."""
     if len(text) > LONGEST_TITLE:

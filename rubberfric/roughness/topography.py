@@ -234,17 +234,8 @@ def _spacing(x, n, name="x"):
 
 
 # Units of lengths and heights [m].
-LENGTH_UNITS = {
-    "m": 1.0,
-    "cm": 1e-2,
-    "mm": 1e-3,
-    "um": 1e-6,
-    "\u00b5m": 1e-6,
-    "\u03bcm": 1e-6,
-    "nm": 1e-9,
-    "\u00c5": 1e-10,
-    "pm": 1e-12,
-}
+LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "pm": 1e-12}
+LENGTH_UNITS |= {"\u00b5m": 1e-6, "\u03bcm": 1e-6, "\u00c5": 1e-10}
 _NEEDED = ("heights", "physical_sizes", "nb_grid_pts")
 
 

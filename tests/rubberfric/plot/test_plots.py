@@ -343,22 +343,10 @@ def test_correlation_matrix_of_many():
 
 
 def test_all_plots_are_public():
-    names = {name for name in plot.__all__ if name.startswith("plot_")}
+    names = {name.removeprefix("plot_") for name in plot.__all__ if name.startswith("plot_")}
     assert names == {
-        f"plot_{what}"
-        for what in [
-            "accuracy",
-            "area",
-            "curve",
-            "friction",
-            "map",
-            "modulus",
-            "profile",
-            "result",
-            "sensitivity",
-            "separation",
-            "spectrum",
-        ]
+        *("accuracy", "area", "curve", "friction", "map", "modulus", "profile", "result", "sensitivity"),
+        *("separation", "spectrum"),
     }
     assert rf.plot is plot and fitting.plot.plot_correlation is plot_correlation
 
