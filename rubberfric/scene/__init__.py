@@ -21,4 +21,4 @@ if TYPE_CHECKING:
     from rubberfric.scene.settings import tuned as tuned
     from rubberfric.scene.softening import Softening as Softening
 
-lazily(__name__, __file__)
+lazily(__name__, __file__, load=True)

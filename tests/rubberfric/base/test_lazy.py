@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from support.folders import PYTHONPATH, ROOT
 
-ROOMS = ("base", "scene", "io", "analysis", "plot", "commands")
+ROOMS = ("base", "materials", "roughness", "scene", "io", "analysis", "plot", "commands")
 PACKAGES = ("rubberfric", *(f"rubberfric.{room}" for room in ROOMS), "fitting")
 
 
