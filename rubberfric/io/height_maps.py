@@ -175,8 +175,7 @@ def filled(heights: np.ndarray) -> np.ndarray:
     number = np.pad(np.where(hole, np.cumsum(hole).reshape(hole.shape) - 1, -1), 1, constant_values=-2)
     x, y = np.nonzero(number >= 0)
     neighbours = (x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)
-    beside = np.array([number[place] for place in neighbours])
-    height = np.array([np.pad(heights, 1)[place] for place in neighbours])
+    beside, height = (np.array([x[place] for place in neighbours]) for x in (number, np.pad(heights, 1)))
     known, count = np.sum(np.where(beside == -1, height, 0.0), 0), np.sum(beside >= -1, 0, dtype=float)
     own, other = np.nonzero(beside >= 0)[1], beside[beside >= 0]
     linked = scipy.sparse.coo_matrix((np.ones(own.size), (own, other)), (count.size, count.size))
@@ -195,11 +194,7 @@ def _rows(path, text):
     titles: list[str] = []
     for separator in ("\t", ";", ",", None):
         split = [(k, [field.strip() for field in line.split(separator)]) for k, line in lines]
-        rows = [
-            (k, fields)
-            for k, fields in split
-            if len(fields) > 1 and all(field.lower() in _HOLES or is_number(field) for field in fields)
-        ]
+        rows = [(k, fields) for k, fields in split if len(fields) > 1 and all(map(_is_value, fields))]
         rows = [(k, fields) for k, fields in rows if any(field.lower() not in _HOLES for field in fields)]
         if len(rows) > len(best):
             best = rows
@@ -208,6 +203,10 @@ def _rows(path, text):
     if not best:
         raise ValueError(f"{path}: must have rows of numbers")
     return titles, best
+
+
+def _is_value(field):
+    return field.lower() in _HOLES or is_number(field)
 
 
 def _numbers(path, rows):
