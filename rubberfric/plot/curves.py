@@ -151,18 +151,15 @@ def plot_curve(
     """
     check_choice("quantity", quantity, PANELS)
     velocity = vector("velocity", velocity)
-    curves = values if isinstance(values, Mapping) else {None: values}
-    names = [f"values[{name!r}]" if isinstance(values, Mapping) else "values" for name in curves]
-    curves = {
-        label: vector(name, curve, velocity.size)
-        for name, (label, curve) in zip(names, curves.items(), strict=True)
-    }
+    several = isinstance(values, Mapping)
+    curves = {f"values[{label!r}]": x for label, x in values.items()} if several else {"values": values}
+    curves = [vector(name, curve, velocity.size) for name, curve in curves.items()]
     shown = _some_velocities(velocity)
     axes = one_axes(ax)
-    _lines(axes, velocity, list(curves.values()), curves, shown, quantity)
+    _lines(axes, velocity, curves, list(values) if several else [None], shown, quantity)
     _from_zero(axes, quantity)
     axes.set_xlabel(LOG_V)
-    if isinstance(values, Mapping):
+    if several:
         legend(axes)
     return axes
 
