@@ -192,10 +192,11 @@ def either(names: Collection[str]) -> str:
     return f"{', '.join(first)} or {last}" if first else last
 
 
-def check_choice(name: str, value: object, allowed: Collection[str]) -> None:
-    """Raise ValueError unless a value is one of the allowed texts."""
+def check_choice(name: str, value: object, allowed: Collection[str]) -> str:
+    """Return a value, or raise ValueError unless it is one of the allowed texts."""
     if not isinstance(value, str) or value not in allowed:
         raise ValueError(f"{name} = {shown(value)}: {closest(value, allowed)}")
+    return value
 
 
 def closest(name: object, allowed: Collection[str]) -> str:

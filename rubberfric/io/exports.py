@@ -52,8 +52,9 @@ class TextTable(NamedTuple):
 
     def with_columns(self, places: Sequence[int]) -> "TextTable":
         """Return the table with only the columns at `places`."""
-        parts = ([values[i] for i in places] for values in (self.titles, self.names, self.units))
-        return TextTable(self.where, *parts, [(line, [row[i] for i in places]) for line, row in self.rows])
+        titles, units = ([values[i] for i in places] for values in (self.titles, self.units))
+        rows = [(line, [row[i] for i in places]) for line, row in self.rows]
+        return TextTable(self.where, titles, [self.names[i] for i in places], units, rows)
 
 
 def find_table(path: StrPath, text: str, generic: str = "E", incomplete: bool = False) -> TextTable | None:
@@ -262,7 +263,7 @@ def _long(table: TextTable, blocks: dict[Label, list[int]]) -> TextTable:
         for line, row in table.rows
         if any(row[i] for i in places)
     ]
-    if not labelled:
+    if name is None or not labelled:
         return long._replace(rows=rows)
     unit = next(iter(COLUMNS[name].units))  # SI
     titles, names, units = [*long.titles, f"label [{unit}]"], [*long.names, name], [*long.units, unit]

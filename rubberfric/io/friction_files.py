@@ -141,8 +141,7 @@ def _program(path: Path, program: str | None) -> str:
             known = ", ".join(suffixes)
             raise ValueError(f"{path}: suffix {path.suffix!r}: must be {known} unless program is given")
         return suffixes[path.suffix.lower()]
-    check_choice(f"{path}: program", program, PROGRAMS)
-    return program
+    return check_choice(f"{path}: program", program, PROGRAMS)
 
 
 # --- units and rows of a file

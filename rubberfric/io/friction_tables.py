@@ -76,5 +76,6 @@ def _from_curves(result: Curves) -> FrictionTable:
     v, p, T = result.conditions
     at = v, p[None, :, None], None if T is None else T[:, None, None]
     found = curves_of(Solution(area=result.solution.area, friction=result.solution.friction), *at)  # sorted
-    friction, area = np.asarray(found.solution.friction, float), found.solution.area
+    area = None if found.solution.area is None else np.asarray(found.solution.area, float)
+    friction = np.asarray(found.solution.friction, float)
     return FrictionTable(*found.conditions, friction, area=area, title=result.title)

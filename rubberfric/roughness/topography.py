@@ -299,6 +299,4 @@ def _scale(own, given):
         raise ValueError(f"unit is missing and the topography has none; pass one of {names}")
     if own is not None and given is not None and own != given:
         raise ValueError(f"unit = {shown(given)}: leave it out; the topography has {shown(own)}")
-    unit = given if own is None else own
-    check_choice("unit", unit, LENGTH_UNITS)
-    return LENGTH_UNITS[unit]
+    return LENGTH_UNITS[check_choice("unit", given if own is None else own, LENGTH_UNITS)]
