@@ -25,7 +25,6 @@ from jax.typing import ArrayLike
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature, gauss, typed
-from rubberfric.scene.interface import Adhesion
 from rubberfric.scene.scene import Scene, rough_surfaces
 from rubberfric.theory.adhesive_contact import relative_attraction, work_of_separation
 from rubberfric.theory.area.partial_contact import contact_argument
@@ -47,13 +46,6 @@ _BEYOND = 3.0
 
 # Panels and nodes per panel over ln p; loads of a search interval, and number of searches.
 _PANELS, _NODES, _LOADS, _ROUNDS = 24, 8, 32, 6
-
-
-def adhesion_of(scene: Scene) -> Adhesion:
-    """Return the adhesion of a scene, or raise ValueError if the scene has no adhesion."""
-    if scene.adhesion is None:
-        raise ValueError("scene.adhesion is None; it must be an Adhesion")
-    return scene.adhesion
 
 
 def pull_off_force(
@@ -92,7 +84,9 @@ def pull_off_force(
     below at 0.3. The error is largest if W is a small part of the work of adhesion
     (tests/rubberfric/theory/area/test_adhesive_elements.py).
     """
-    adhesion = adhesion_of(scene)
+    adhesion = scene.adhesion
+    if adhesion is None:
+        raise ValueError("scene.adhesion is None; it must be an Adhesion")
     radius = as_leaf("radius", radius, 0)
     check_values("radius", radius, POSITIVE)
     scene, conditions = checked_arguments(scene, 0.0, pressure, temperature, quadrature)

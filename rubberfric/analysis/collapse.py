@@ -19,7 +19,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.polynomial import chebyshev
+from numpy.polynomial.chebyshev import chebpts1, chebvander
 
 from rubberfric.base.compilation import quick_jit
 from rubberfric.io.results import Conditions, Interpolation, result_shape
@@ -80,8 +80,8 @@ class PressureSeries(NamedTuple):
         if self.exponents is None:
             return self.values[np.argmin(np.abs(self.nodes[:, None] - log_pressure), 0)]
         size, middle = self.nodes.size, 0.5 * (self.nodes[0] + self.nodes[-1])
-        place = (log_pressure - middle) / (0.5 * (self.nodes[-1] - self.nodes[0])) * _roots(size)[-1]
-        basis = chebyshev.chebvander(place, size - 1) @ _series(size)
+        place = (log_pressure - middle) / (0.5 * (self.nodes[-1] - self.nodes[0])) * chebpts1(size)[-1]
+        basis = chebvander(place, size - 1) @ _series(size)
         return basis @ self.values * np.exp(np.multiply.outer(log_pressure - middle, self.exponents))
 
 
@@ -112,7 +112,7 @@ class Interpolant(NamedTuple):
         for k, (first, last) in enumerate(itertools.pairwise(ends)):
             for begin in range(first, last, _AT_ONCE):
                 some = order[begin : min(begin + _AT_ONCE, last)]
-                basis = chebyshev.chebvander(place[some], _NODES - 1).T
+                basis = chebvander(place[some], _NODES - 1).T
                 for name, array in found.items():
                     array[:, some] = coefficients[name][:, k] @ basis
         for name, array in found.items():
@@ -280,7 +280,7 @@ def _over_panels(waiting, nodes, in_series, budget, evaluate):
     rest: Quantities = {}
     evaluations = 0
     for _ in range(_HALVINGS + 1):
-        x = np.concatenate([start + 0.5 * width * (1 + _roots(_NODES)) for start, width in waiting])
+        x = np.concatenate([start + 0.5 * width * (1 + chebpts1(_NODES)) for start, width in waiting])
         evaluations += (x.size + 1) * nodes.size
         if evaluations > budget:
             return None
@@ -321,7 +321,7 @@ def _pressure_nodes(log_pressure):
     count = math.ceil(_PRESSURES + _PRESSURES_EACH * (high - low))
     if log_pressure.size <= 1.3 * count:
         return None
-    return low + 0.5 * (high - low) * (1 + _roots(count))
+    return low + 0.5 * (high - low) * (1 + chebpts1(count))
 
 
 def _difference(found, exact):
@@ -349,15 +349,9 @@ def _a_few(values):
 
 
 @functools.cache
-def _roots(count):
-    """Return the Chebyshev nodes of the first kind on (-1, 1), ascending, shape (count,)."""
-    return -np.cos(np.pi * (np.arange(count) + 0.5) / count)
-
-
-@functools.cache
 def _series(count):
     """Return the matrix from values at the nodes to Chebyshev coefficients, of shape (count, count)."""
-    matrix = 2 / count * chebyshev.chebvander(_roots(count), count - 1).T
+    matrix = 2 / count * chebvander(chebpts1(count), count - 1).T
     matrix[0] /= 2
     return matrix
 

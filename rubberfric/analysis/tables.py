@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rubberfric.analysis.maps import friction_map
-from rubberfric.base.checks import POSITIVE, as_leaf, check_values, shown
+from rubberfric.base.checks import POSITIVE, as_leaf, between, check_values, shown
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.friction_tables import AXES, FrictionTable
 from rubberfric.scene.scene import Scene
@@ -61,7 +61,7 @@ def friction_table(
         as `friction_map`; a range that is not (lowest, highest); no friction; temperatures of a heated scene
         that do not converge; an error that 2049 points per axis do not reach, for example across a jump.
     """
-    check_values("error", as_leaf("error", error, 0), ("must be between 1e-5 and 0.5", _between))
+    check_values("error", as_leaf("error", error, 0), between(1e-5, 0.5))
     given = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
     ends = [_ends(name, x) for name, x in given.items() if x is not None]
     counts = [1 if low == high else _AT_FIRST for low, high in ends]
@@ -89,12 +89,8 @@ def friction_table(
         coarse, area = (np.take(values, keep, 2 - k) for values in (coarse, area))
     v, p, *T = (axis[keep] for axis, keep in zip(axes, kept, strict=True))
     table = FrictionTable(v, p, T[0] if T else None, coarse, area=area, title=title)
-    between = table.at(*(axis.reshape(-1, *[1] * k) for k, axis in enumerate(axes)))
-    return table._replace(error=float(np.max(np.abs(between / mu - 1))) + sum(own))
-
-
-def _between(x):
-    return (x >= 1e-5) & (x <= 0.5)
+    interpolated = table.at(*(axis.reshape(-1, *[1] * k) for k, axis in enumerate(axes)))
+    return table._replace(error=float(np.max(np.abs(interpolated / mu - 1))) + sum(own))
 
 
 def _ends(name, given):
@@ -106,10 +102,7 @@ def _ends(name, given):
 
 
 def _points(name: str, ends: tuple[float, float], count: int) -> np.ndarray:
-    low, high = ends
-    if count == 1:
-        return np.array([low])
-    return np.linspace(low, high, count) if name == "temperature" else np.geomspace(low, high, count)
+    return (np.linspace if name == "temperature" else np.geomspace)(*ends, count)
 
 
 def _computed(scene, axes, quadrature):
@@ -141,8 +134,6 @@ def _halved(axis, mu, place):
 
 def _kept(axis, mu, place, share):
     """Return the indices of kept points of an axis, each as far from the previous as `share` allows."""
-    if axis.size == 1:
-        return [0]
     values = np.moveaxis(mu, place, 0).reshape(axis.size, -1)
     kept = [0]
     while kept[-1] < axis.size - 1:

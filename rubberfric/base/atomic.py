@@ -257,13 +257,13 @@ def _titles(rows: Rows, start: int | None) -> Rows:
 
 def _first_numbers(rows: Rows, count: int) -> int | None:
     """Return the index of the first row with at least `count` numbers, or None."""
-    return next((i for i, row in enumerate(rows) if sum(map(_is_number, row)) >= count), None)
+    return next((i for i, row in enumerate(rows) if sum(map(is_number, row)) >= count), None)
 
 
-def _is_number(cell: object) -> bool:
-    """Return True for a number, which may be stored as text."""
+def is_number(cell: object) -> bool:
+    """Return True for a number, and for the text of a number with a decimal point or comma."""
     try:
-        float(str(cell).replace(",", "."))
+        float(str(cell).replace(",", ".", 1))
     except ValueError:
         return False
     return True

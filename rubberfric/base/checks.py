@@ -165,6 +165,15 @@ def check_lengths(owner: str, **vectors: jax.Array) -> None:
         raise ValueError(f"{owner}: lengths differ ({shown}); they must be equal")
 
 
+def check_table(owner: str, **vectors: jax.Array) -> None:
+    """Raise ValueError unless vectors have one length >= 2, and the first vector increases strictly."""
+    check_lengths(owner, **vectors)
+    name, first = next(iter(vectors.items()))
+    if first.shape[0] < 2:
+        raise ValueError(f"{owner}.{name} has {first.shape[0]} entries: must have at least 2")
+    check_increasing(f"{owner}.{name}", first)
+
+
 def check_increasing(name: str, vector: Any) -> None:
     """Raise ValueError unless a vector increases strictly; tracers are not checked."""
     if is_concrete(vector):
@@ -181,6 +190,13 @@ def either(names: Collection[str]) -> str:
     """Join names to a text such as "A, B or C"."""
     *first, last = names
     return f"{', '.join(first)} or {last}" if first else last
+
+
+def check_choice(name: str, value: object, allowed: Collection[str]) -> str:
+    """Return a value, or raise ValueError unless it is one of the allowed texts."""
+    if not isinstance(value, str) or value not in allowed:
+        raise ValueError(f"{name} = {shown(value)}: {closest(value, allowed)}")
+    return value
 
 
 def closest(name: object, allowed: Collection[str]) -> str:

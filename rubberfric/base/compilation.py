@@ -13,7 +13,7 @@ import platform
 import shutil
 import stat
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -172,10 +172,8 @@ def _known() -> dict[str, bool | int]:
     return found
 
 
-def quick_jit(
-    *, static_argnums: Sequence[int] = (), static_argnames: Sequence[str] = ()
-) -> Callable[[Callable[_Given, _Found]], Callable[_Given, _Found]]:
-    """Return a decorator that applies jax.jit with `quick_options`.
+def quick_jit(**options: Any) -> Callable[[Callable[_Given, _Found]], Callable[_Given, _Found]]:
+    """Return a decorator that applies jax.jit with `options` and with `quick_options`.
 
     The decorator is for functions that are not called within another trace. The options are evaluated at each
     call. They are not evaluated when the function is decorated, because this would start JAX, and because
@@ -187,12 +185,7 @@ def quick_jit(
         def compiled(is_quick: bool) -> Callable[_Given, _Found]:
             import jax
 
-            return jax.jit(
-                function,
-                static_argnums=static_argnums,
-                static_argnames=static_argnames,
-                compiler_options=quick_options() if is_quick else None,
-            )
+            return jax.jit(function, compiler_options=quick_options() if is_quick else None, **options)
 
         @functools.wraps(function)
         def called(*given: _Given.args, **named: _Given.kwargs) -> _Found:

@@ -66,7 +66,7 @@ class LazyPackage(ModuleType):
         return sorted(self._places)
 
 
-def lazily(package: str, path: str, elsewhere: str | None = None) -> None:
+def lazily(package: str, path: str, elsewhere: str | None = None, load: bool = False) -> None:
     """Let a package import its public names when they are first used, and set its `__all__`.
 
     Parameters
@@ -75,6 +75,7 @@ def lazily(package: str, path: str, elsewhere: str | None = None) -> None:
         The file has a line `from module import name as name` for every public name.
     elsewhere : another package that users may confuse with this package
         If the other package has a missing name, the AttributeError says so.
+    load : True imports all modules with the package, so that `kinds` knows the classes that they define
     """
     places = {}
     with open(path, encoding="utf-8") as file:
@@ -86,3 +87,5 @@ def lazily(package: str, path: str, elsewhere: str | None = None) -> None:
     module = sys.modules[package]
     vars(module).update(_places=places, _elsewhere=elsewhere, __all__=sorted(places))
     module.__class__ = LazyPackage
+    for place in dict.fromkeys(places.values()) if load else ():
+        importlib.import_module(place)

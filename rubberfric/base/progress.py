@@ -68,6 +68,11 @@ class Progress:
         text, part = describe(done, of, self._clock() - self._begin)
         self._place.show(f"{self._label}: {text}" if self._label else text, part)
 
+    def line(self, text: str) -> None:
+        """Show a line that stays above the progress line of a command."""
+        if isinstance(self._place, TerminalLine | Lines):
+            self._place.line(text)
+
     def __enter__(self) -> Self:
         return self
 
@@ -221,25 +226,12 @@ def _place() -> "Place | None":
     return None
 
 
-class Phases(Progress):
-    """Progress of a command: a line that each phase replaces, and lines that stay in the output."""
-
-    def __init__(self, place: TerminalLine | Lines | None) -> None:
-        super().__init__("", place)
-        self._lines = place
-
-    def line(self, text: str) -> None:
-        """Show a line that stays above the progress line."""
-        if self._lines is not None:
-            self._lines.line(text)
-
-
-def command_progress(verbose: bool = False) -> Phases:
+def command_progress(verbose: bool = False) -> Progress:
     """Return a function that shows the phases of a command on stderr until the end of a `with` block.
 
     A terminal shows one line with a clock, because JAX may compile for a minute. If `verbose` is True, any
     output gets a line for each text; otherwise other outputs show nothing.
     """
     if verbose:
-        return Phases(Lines(sys.stderr))
-    return Phases(TerminalLine(sys.stderr, clock=True) if sys.stderr.isatty() else None)
+        return Progress("", Lines(sys.stderr))
+    return Progress("", TerminalLine(sys.stderr, clock=True) if sys.stderr.isatty() else None)

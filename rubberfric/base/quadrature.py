@@ -57,13 +57,8 @@ class Quadrature:
     heat: int = 176
 
     def __post_init__(self) -> None:
-        limits = {
-            "order": (4, 64),
-            "panels": (2, 200),
-            "graded": (0, 40),
-            "angular_order": (4, 64),
-            "heat": (40, 2000),
-        }
+        limits = {"order": (4, 64), "panels": (2, 200), "graded": (0, 40)}
+        limits |= {"angular_order": (4, 64), "heat": (40, 2000)}
         for name, (low, high) in limits.items():
             value = getattr(self, name)
             if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:

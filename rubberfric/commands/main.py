@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Sequence
 
-    from rubberfric.base.progress import Phases
+    from rubberfric.base.progress import Progress
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -47,7 +47,7 @@ def _run(argv: Sequence[str] | None) -> int:
     return 0
 
 
-def _work(command: str) -> Callable[[argparse.Namespace, Phases], tuple[str, OSError | None]]:
+def _work(command: str) -> Callable[[argparse.Namespace, Progress], tuple[str, OSError | None]]:
     if command == "explore":
         from rubberfric.commands.explorer.command import run_explorer as work
     elif command == "doctor":

@@ -17,7 +17,7 @@ from rubberfric.analysis.validity import (
     theory_error,
 )
 from rubberfric.base.compilation import quick_options
-from rubberfric.base.progress import Phases, Progress
+from rubberfric.base.progress import Progress
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.base.release import cores
 from rubberfric.base.units import to_celsius
@@ -167,8 +167,8 @@ def convergence_line(result: Result) -> str:
 def run_map(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
     """Run `rubberfric map`, and return the text to print and the error of a file or None."""
     from rubberfric.analysis.maps import DEFAULT_QUANTITIES, friction_map
-    from rubberfric.plot.choice import save_map_plot
-    from rubberfric.plot.maps import check_map
+    from rubberfric.plot.choice import save_figure
+    from rubberfric.plot.maps import check_map, figure_of_map
 
     make_devices(arguments.devices)  # before reading the scene, which starts JAX
     show(f"reading {arguments.scene}")
@@ -197,7 +197,9 @@ def run_map(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError
     result = friction_map(
         scene, *conditions, quantities=quantities, progress=computed, path=arguments.out, title=title
     )
-    failure = write_outputs(show, ("drawing", arguments.plot, lambda path: save_map_plot(path, result)))
+    failure = write_outputs(
+        show, ("drawing", arguments.plot, lambda path: save_figure(path, figure_of_map(result)))
+    )
     lines = [*summary(result)]
     if line := convergence_line(result):
         lines += ["", line]
@@ -250,7 +252,7 @@ def summary(result: Result) -> Iterator[str]:
 # --- accuracy
 
 
-def run_accuracy(arguments: argparse.Namespace, show: Phases) -> tuple[str, OSError | None]:
+def run_accuracy(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
     """Run `rubberfric accuracy`, and return the text to print and the error of a file or None."""
     from rubberfric.analysis.reference import check_error
     from rubberfric.analysis.sweep import accuracy

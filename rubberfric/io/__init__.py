@@ -1,53 +1,38 @@
 """Files: scenes, results, tables, and the formats of other programs."""
 
-from rubberfric.io import hdf5, toml
-from rubberfric.io.columns import COLUMNS, known_name, known_unit
-from rubberfric.io.files import (
-    load_result,
-    load_scene,
-    read_quadrature,
-    save_result,
-    save_scene,
-    write_quadrature,
-)
-from rubberfric.io.friction_files import read_friction, write_friction
-from rubberfric.io.friction_tables import FrictionTable
-from rubberfric.io.hdf5 import read_object, write_object
-from rubberfric.io.height_maps import HeightMap, read_heights, read_traces
-from rubberfric.io.prony_cards import read_prony, write_prony
-from rubberfric.io.results import Curves, Result, curves_of
-from rubberfric.io.tables import column_hint, read_columns, read_names, read_table, write_table
-from rubberfric.io.toml import read_conditions
+from rubberfric.base.lazy import lazily
 
-__all__ = [
-    "COLUMNS",
-    "Curves",
-    "FrictionTable",
-    "HeightMap",
-    "Result",
-    "column_hint",
-    "curves_of",
-    "hdf5",
-    "known_name",
-    "known_unit",
-    "load_result",
-    "load_scene",
-    "read_columns",
-    "read_conditions",
-    "read_friction",
-    "read_heights",
-    "read_names",
-    "read_object",
-    "read_prony",
-    "read_quadrature",
-    "read_table",
-    "read_traces",
-    "save_result",
-    "save_scene",
-    "toml",
-    "write_friction",
-    "write_object",
-    "write_prony",
-    "write_quadrature",
-    "write_table",
-]
+TYPE_CHECKING = False  # for type checkers it is true
+if TYPE_CHECKING:
+    from rubberfric.io import hdf5 as hdf5
+    from rubberfric.io import toml as toml
+    from rubberfric.io.columns import COLUMNS as COLUMNS
+    from rubberfric.io.columns import known_name as known_name
+    from rubberfric.io.columns import known_unit as known_unit
+    from rubberfric.io.files import load_result as load_result
+    from rubberfric.io.files import load_scene as load_scene
+    from rubberfric.io.files import read_quadrature as read_quadrature
+    from rubberfric.io.files import save_result as save_result
+    from rubberfric.io.files import save_scene as save_scene
+    from rubberfric.io.files import write_quadrature as write_quadrature
+    from rubberfric.io.friction_files import read_friction as read_friction
+    from rubberfric.io.friction_files import write_friction as write_friction
+    from rubberfric.io.friction_tables import FrictionTable as FrictionTable
+    from rubberfric.io.hdf5 import read_object as read_object
+    from rubberfric.io.hdf5 import write_object as write_object
+    from rubberfric.io.height_maps import HeightMap as HeightMap
+    from rubberfric.io.height_maps import read_heights as read_heights
+    from rubberfric.io.height_maps import read_traces as read_traces
+    from rubberfric.io.prony_cards import read_prony as read_prony
+    from rubberfric.io.prony_cards import write_prony as write_prony
+    from rubberfric.io.results import Curves as Curves
+    from rubberfric.io.results import Result as Result
+    from rubberfric.io.results import curves_of as curves_of
+    from rubberfric.io.tables import column_hint as column_hint
+    from rubberfric.io.tables import read_columns as read_columns
+    from rubberfric.io.tables import read_names as read_names
+    from rubberfric.io.tables import read_table as read_table
+    from rubberfric.io.tables import write_table as write_table
+    from rubberfric.io.toml import read_conditions as read_conditions
+
+lazily(__name__, __file__)

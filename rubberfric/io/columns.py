@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
+from rubberfric.base.atomic import is_number
 from rubberfric.base.units import ZERO_CELSIUS, hertz
 
 
@@ -213,11 +214,6 @@ def quantities_of(names: Iterable[str | None]) -> list[str]:
     return [COLUMNS[SET_VALUES.get(name, name)].name for name in names if name is not None]
 
 
-def si_unit(name: str) -> str:
-    """Return the SI unit of a column."""
-    return next(iter(COLUMNS[name].units))
-
-
 def is_foreign(title: str, name: str | None) -> bool:
     """Return True if only other programs, and not this project, write a column title.
 
@@ -288,15 +284,6 @@ def known_unit(unit: str | None, name: str | None) -> str:
 def plain_unit(unit: str) -> str:
     """Return a unit in plain spelling, with u for micro, digits for exponents and single blanks."""
     return " ".join(unit.translate(_PLAIN).split())
-
-
-def is_number(field: str) -> bool:
-    """Return True if a text is a number with a decimal point or comma."""
-    try:
-        float(field.replace(",", ".", 1))
-    except ValueError:
-        return False
-    return True
 
 
 def _is_unit(text: str) -> bool:

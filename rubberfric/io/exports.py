@@ -18,21 +18,19 @@ columns may follow below, or side by side (`rubberfric.io.wide_sheets`). Names a
 import csv
 import json
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
-from rubberfric.base.atomic import StrPath
+from rubberfric.base.atomic import StrPath, is_number
 from rubberfric.io.columns import (
     COLUMNS,
     SET_VALUES,
     is_foreign,
-    is_number,
     known_name,
     known_unit,
     quantities_of,
-    si_unit,
 )
-from rubberfric.io.wide_sheets import Label, LabelledTitle, blocks_of, labels_above, long_rows, read_title
+from rubberfric.io.wide_sheets import Label, LabelledTitle, blocks_of, labels_above, read_title
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 
@@ -51,6 +49,12 @@ class TextTable(NamedTuple):
     names: list[str | None]  # in `COLUMNS` or `SET_VALUES`; None: unknown
     units: list[str]
     rows: TextRows  # numbers with decimal points
+
+    def with_columns(self, places: Sequence[int]) -> "TextTable":
+        """Return the table with only the columns at `places`."""
+        titles, units = ([values[i] for i in places] for values in (self.titles, self.units))
+        rows = [(line, [row[i] for i in places]) for line, row in self.rows]
+        return TextTable(self.where, titles, [self.names[i] for i in places], units, rows)
 
 
 def find_table(path: StrPath, text: str, generic: str = "E", incomplete: bool = False) -> TextTable | None:
@@ -181,9 +185,7 @@ def pick(table: TextTable, quantities: tuple[str, ...]) -> TextTable:
                 " or write what differs, such as 20 °C or run 1, above the columns of each block"
             )
     places, names = zip(*(columns[0] for columns in found.values()), strict=True) if found else ((), ())
-    titles, units = ([values[i] for i in places] for values in (table.titles, table.units))
-    rows = [(line, [row[i] for i in places]) for line, row in table.rows]
-    return TextTable(table.where, titles, list(names), units, rows)
+    return table.with_columns(places)._replace(names=list(names))
 
 
 def _agree(table: TextTable, places: list[tuple[int, str]]) -> bool:
@@ -244,25 +246,28 @@ def _export(path, lines, separator, titles, known, incomplete):
 
 
 def _long(table: TextTable, blocks: dict[Label, list[int]]) -> TextTable:
-    """Return a table with blocks of columns below each other, and the label as a column."""
+    """Return a table with blocks of columns below each other, and the label as a column.
+
+    Rows of a block without any cell are left out.
+    """
     inside = {place for places in blocks.values() for place in places}
     shared = [i for i, name in enumerate(table.names) if name is not None and i not in inside]
-    (label, places), *others = blocks.items()
-    for _, other in others:
-        if [table.units[i] for i in other] != [table.units[i] for i in places]:
-            raise ValueError(f"{table.where}: all blocks of columns must have the same units")
-    columns = [*shared, *places]
-    names = [table.names[i] for i in columns]
-    units = [table.units[i] for i in columns]
-    titles = [table.titles[i] for i in columns]
-    own = label.name is not None and label.name not in quantities_of(names)
-    if label.name is not None and own:
-        titles, names, units = (
-            [*titles, f"label [{si_unit(label.name)}]"],
-            [*names, label.name],
-            [*units, si_unit(label.name)],
-        )
-    return TextTable(table.where, titles, names, units, long_rows(table.rows, shared, blocks, own))
+    if len({tuple(table.units[i] for i in places) for places in blocks.values()}) > 1:
+        raise ValueError(f"{table.where}: all blocks of columns must have the same units")
+    name, places = next((label.name, places) for label, places in blocks.items())
+    long = table.with_columns([*shared, *places])
+    labelled = name is not None and name not in quantities_of(long.names)
+    rows = [
+        (line, [row[i] for i in (*shared, *places)] + [label.value] * labelled)
+        for label, places in blocks.items()
+        for line, row in table.rows
+        if any(row[i] for i in places)
+    ]
+    if name is None or not labelled:
+        return long._replace(rows=rows)
+    unit = next(iter(COLUMNS[name].units))  # SI
+    titles, names, units = [*long.titles, f"label [{unit}]"], [*long.names, name], [*long.units, unit]
+    return TextTable(table.where, titles, names, units, rows)
 
 
 def _checked(path: StrPath, count: int, rows: TextRows, unread: Collection[int] = ()) -> TextRows:

@@ -1,7 +1,6 @@
 """Reading and writing of friction tables in the formats of other programs."""
 
 import json
-import math
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.atomic import StrPath, as_path, read_text, write_text
-from rubberfric.base.checks import POSITIVE, check_values, closest, shown
+from rubberfric.base.checks import POSITIVE, check_choice, check_values, shown
 from rubberfric.io.card_text import (
     STRESS,
     TEMPERATURE,
@@ -142,9 +141,7 @@ def _program(path: Path, program: str | None) -> str:
             known = ", ".join(suffixes)
             raise ValueError(f"{path}: suffix {path.suffix!r}: must be {known} unless program is given")
         return suffixes[path.suffix.lower()]
-    if not isinstance(program, str) or program not in PROGRAMS:
-        raise ValueError(f"{path}: program = {shown(program)}: {closest(program, tuple(PROGRAMS))}")
-    return program
+    return check_choice(f"{path}: program", program, PROGRAMS)
 
 
 # --- units and rows of a file
@@ -174,8 +171,7 @@ def _units(text: str, velocity: str | None, pressure: str | None, temperature: s
     for name, unit, known in zip(AXES, given, (_SPEED, STRESS, TEMPERATURE), strict=True):
         message = f"unit_{name} is missing: must be given because the file does not name it"
         need(unit is not None, message)
-        valid = isinstance(unit, str) and unit in known
-        need(valid, f"unit_{name} = {shown(unit)}: {closest(unit, tuple(known))}")
+        check_choice(f"unit_{name}", unit, known)
     return TableUnits(*map(str, given))
 
 
@@ -187,16 +183,9 @@ def _file_axes(table: FrictionTable, units: TableUnits) -> list[np.ndarray]:
 
 def _from_rows(rows: Any, units: TableUnits) -> FrictionTable:
     """Return the table from rows (mu, v, p, T) in any order, with T = NaN for no temperatures."""
-    mu, v, p, T = np.array(rows, float).T
-    axes, places = zip(*(np.unique(x, return_inverse=True) for x in (T, p, v)), strict=True)
-    temperatures, pressures, velocities = shape = tuple(axis.size for axis in axes)
-    once = mu.size == math.prod(shape) and np.unique(np.ravel_multi_index(places, shape)).size == mu.size
-    message = f"has {mu.size} points over {velocities} velocities, {pressures} pressures and {temperatures}"
-    need(once, f"{message} temperatures: must have every combination once")
-    friction = np.empty(shape)
-    friction[places] = mu
-    v, p, T = (axis * factor + zero for axis, (factor, zero) in zip(axes[::-1], units.scales(), strict=True))
-    return FrictionTable(v, p, None if np.isnan(T).any() else T, friction)
+    mu, *axes = np.array(rows, float).T
+    v, p, T = (axis * factor + zero for axis, (factor, zero) in zip(axes, units.scales(), strict=True))
+    return as_friction_table(mu, v, p, None if np.isnan(T).all() else T)
 
 
 # --- Abaqus: data lines mu, slip rate, contact pressure, temperature; the slip rate changes first, all rise
@@ -296,16 +285,13 @@ def _read_columns(path: Path, pressure: float | None) -> FrictionTable:
     need("p" not in columns or pressure is None, message)
     message = "pressure is missing: must be given because the file does not have it [Pa]"
     need("p" in columns or pressure is not None, message)
-    size = columns["v"].size
-    full = {"p": np.full(size, pressure), "T": np.full(size, np.nan)} | columns
-    mu, sigma, area = (
-        _from_rows(np.stack([columns[name], full["v"], full["p"], full["T"]], 1), _SI)
+    at = columns["v"], columns.get("p", pressure), columns.get("T")
+    tables = {
+        field: as_friction_table(columns[name], *at)
+        for field, name in (("friction", "mu"), ("sigma", "sigma"), ("area", "A_over_A0"))
         if name in columns
-        else None
-        for name in ("mu", "sigma", "A_over_A0")
-    )
-    assert mu is not None
-    return mu._replace(sigma=sigma and sigma.friction, area=area and area.friction)
+    }
+    return tables["friction"]._replace(**{field: table.friction for field, table in tables.items()})
 
 
 def _write_json(table: FrictionTable, _units: TableUnits, _name: str) -> list[str]:

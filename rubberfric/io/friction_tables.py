@@ -11,6 +11,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.checks import NONNEGATIVE, check_increasing, check_values
 from rubberfric.io.results import Curves, curves_of
+from rubberfric.theory.structure import Solution
 
 AXES = ("velocity", "pressure", "temperature")
 
@@ -73,13 +74,8 @@ def _from_curves(result: Curves) -> FrictionTable:
     if result.solution.friction is None:
         raise ValueError("result must have friction; compute it first")
     v, p, T = result.conditions
-    orders = [np.array([0]) if axis is None else np.argsort(axis) for axis in (T, p, v)]
-    grid, area = np.ix_(*orders), result.solution.area
-    return FrictionTable(
-        np.asarray(v, float)[orders[2]],
-        np.asarray(p, float)[orders[1]],
-        None if T is None else np.asarray(T, float)[orders[0]],
-        np.asarray(result.solution.friction, float)[grid],
-        area=None if area is None else np.asarray(area, float)[grid],
-        title=result.title,
-    )
+    at = v, p[None, :, None], None if T is None else T[:, None, None]
+    found = curves_of(Solution(area=result.solution.area, friction=result.solution.friction), *at)  # sorted
+    area = None if found.solution.area is None else np.asarray(found.solution.area, float)
+    friction = np.asarray(found.solution.friction, float)
+    return FrictionTable(*found.conditions, friction, area=area, title=result.title)

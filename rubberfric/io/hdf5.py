@@ -23,6 +23,7 @@ import jax
 import numpy as np
 from jax.typing import ArrayLike
 
+import rubberfric.scene.scene  # noqa: F401 (defines all classes that a file can contain)
 from rubberfric.base.atomic import StrPath, check_readable
 from rubberfric.base.checks import closest, shown
 from rubberfric.base.objects.fields import Child, Leaf, Static
@@ -31,12 +32,11 @@ from rubberfric.base.release import VERSION
 
 # Largest number of values in a dataset of an object or of conditions. A file can claim any number.
 MOST_VALUES = 10**8
+_VERSION = 1  # of every format
 
 
 @contextlib.contextmanager
-def creating(
-    path: StrPath | io.BytesIO, form: str, version: int = 1, *, in_place: bool = False
-) -> Iterator[h5py.File]:
+def creating(path: StrPath | io.BytesIO, form: str, *, in_place: bool = False) -> Iterator[h5py.File]:
     """Open a new HDF5 file, or a file object, of the format `form` for writing.
 
     HDF5 may segfault on a full disk, so the file is written in memory first, unless `in_place` is True.
@@ -45,7 +45,7 @@ def creating(
     # Since 1.10 the file format has checksums on its structure.
     with h5py.File(place, "x", libver=("v110", "v110")) as file:
         file.attrs["format"] = form
-        file.attrs["format_version"] = version
+        file.attrs["format_version"] = _VERSION
         file.attrs["rubberfric_version"] = VERSION
         yield file
     if isinstance(place, io.BytesIO) and not isinstance(path, io.BytesIO):
@@ -53,12 +53,15 @@ def creating(
 
 
 @contextlib.contextmanager
-def reading(path: Any, form: str, version: int = 1) -> Iterator[h5py.File]:
+def reading(path: Any, form: str) -> Iterator[h5py.File]:
     """Open an HDF5 file of the format `form`; every fault raises a ValueError that names the file."""
     check_readable(path)  # names a missing file as such
     try:
         with h5py.File(path, "r") as file:
-            _check_format(file, form, version)
+            for name, value in {"format": form, "format_version": _VERSION}.items():
+                found = plain(file.attrs.get(name))
+                if type(found) is not type(value) or found != value:
+                    raise ValueError(f"{name} = {found!r}: must be {value!r}")
             _check_own_data(file, set())
             yield file
     except ValueError as error:
@@ -239,11 +242,3 @@ def plain(attribute: Any) -> Any:
 
 def _path(group: h5py.Group, name: object) -> str:
     return f"{(group.name or '').rstrip('/')}/{name}"
-
-
-def _check_format(file, form, version):
-    if file.attrs.get("format") != form:
-        raise ValueError(f"format = {file.attrs.get('format')!r}: must be {form!r}")
-    found = file.attrs.get("format_version")
-    if not isinstance(found, np.integer) or found != version:
-        raise ValueError(f"format_version = {plain(found)!r}: must be {version}")

@@ -16,9 +16,9 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from rubberfric.base.atomic import StrPath, read_text
+from rubberfric.base.atomic import StrPath, is_number, read_text
 from rubberfric.base.checks import closest, shown, warn_caller
-from rubberfric.io.columns import is_number, plain_unit
+from rubberfric.io.columns import plain_unit
 from rubberfric.io.exports import above_numbers, has_fields, headless
 
 # A spectrum of interpolated heights is too low. Above this share of holes it says little about the surface.
@@ -171,22 +171,14 @@ def filled(heights: np.ndarray) -> np.ndarray:
     hole = ~np.isfinite(heights)
     if not hole.any():
         return heights
-    number = np.full(heights.shape, -1)
-    number[hole] = np.arange(hole.sum())
-    own, other, known, count = [], [], np.zeros(hole.sum()), np.zeros(hole.sum())
-    for axis in (0, 1):
-        for step in (-1, 1):
-            inside = np.moveaxis(np.ones_like(hole), axis, 0).copy()
-            inside[0 if step == -1 else -1] = False  # its neighbour lies outside the map
-            at = hole & np.moveaxis(inside, 0, axis)
-            beside = np.roll(number, -step, axis)[at]
-            here, height = number[at], np.roll(heights, -step, axis)[at]
-            count[here] += 1
-            known[here[beside < 0]] += height[beside < 0]
-            own.append(here[beside >= 0])
-            other.append(beside[beside >= 0])
-    rows, columns = np.concatenate(own), np.concatenate(other)
-    linked = scipy.sparse.coo_matrix((np.ones(rows.size), (rows, columns)), (count.size, count.size))
+    # Numbers of the holes; -1 for known heights, -2 outside the map.
+    number = np.pad(np.where(hole, np.cumsum(hole).reshape(hole.shape) - 1, -1), 1, constant_values=-2)
+    x, y = np.nonzero(number >= 0)
+    neighbours = (x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)
+    beside, height = (np.array([x[place] for place in neighbours]) for x in (number, np.pad(heights, 1)))
+    known, count = np.sum(np.where(beside == -1, height, 0.0), 0), np.sum(beside >= -1, 0, dtype=float)
+    own, other = np.nonzero(beside >= 0)[1], beside[beside >= 0]
+    linked = scipy.sparse.coo_matrix((np.ones(own.size), (own, other)), (count.size, count.size))
     found = heights.copy()
     found[hole] = scipy.sparse.linalg.spsolve((scipy.sparse.diags(count) - linked).tocsc(), known)
     return found

@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from rubberfric.base.atomic import read_text, write_text
-from rubberfric.base.checks import POSITIVE, as_leaf, check_values, closest, shown
+from rubberfric.base.checks import POSITIVE, as_leaf, check_choice, check_values, shown
 from rubberfric.base.units import shear_from_young, young_from_shear
 from rubberfric.io.card_text import STRESS, TEMPERATURE, format_number, need
 from rubberfric.io.prony_formats import FORMATS, CardOptions, Cards, CardSeries, glassy_bulk
@@ -76,10 +76,10 @@ def read_prony(
             found = [name for name, form in FORMATS.items() if re.search(form.sign, text, re.I | re.M)]
             need(found, f"is not recognised: must have a Prony series of {', '.join(FORMATS)}")
             program = found[0]
-        _check("program", program, FORMATS)
+        check_choice("program", program, FORMATS)
         if unit_stress is not None:
-            _check("unit_stress", unit_stress, STRESS)
-        _check("unit_temperature", unit_temperature, TEMPERATURE)
+            check_choice("unit_stress", unit_stress, STRESS)
+        check_choice("unit_temperature", unit_temperature, TEMPERATURE)
         message = "unit_stress is missing: must be the stress unit of the cards, for example 'MPa'"
         need(unit_stress is not None or program == "pyvisco", message)
         options = CardOptions(unit_stress, TEMPERATURE[unit_temperature], poisson, shift)
@@ -133,9 +133,9 @@ def write_prony(
     ------
     ValueError : the material is not a Prony series, or the cards of the program cannot represent the material
     """
-    _check("program", program, FORMATS)
-    _check("unit_stress", unit_stress, STRESS)
-    _check("unit_temperature", unit_temperature, TEMPERATURE)
+    check_choice("program", program, FORMATS)
+    check_choice("unit_stress", unit_stress, STRESS)
+    check_choice("unit_temperature", unit_temperature, TEMPERATURE)
     mass, form = None, FORMATS[program]
     if density is not None:
         message = f"unit_stress = {unit_stress!r}: must be Pa or MPa if a density is given"
@@ -154,11 +154,6 @@ def write_prony(
     if path is not None:
         write_text(path, text)
     return text
-
-
-def _check(name: str, value: object, allowed: dict) -> None:
-    known = isinstance(value, str) and value in allowed
-    need(known, f"{name} = {shown(value)}: {closest(value, tuple(allowed))}")
 
 
 def _material(cards: Cards, options: CardOptions) -> Prony | PronyShear:

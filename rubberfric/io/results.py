@@ -10,7 +10,7 @@ from rubberfric.base.checks import is_concrete, shown
 from rubberfric.base.objects.html import count, folded, short, table, with_unit
 from rubberfric.base.objects.physical import object_html
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.scene import Scene, check_background, doubts_of_conditions, shifts, takes_temperature
+from rubberfric.scene.scene import Scene, check_background, shifts, takes_temperature
 from rubberfric.theory.structure import Solution
 
 
@@ -74,11 +74,10 @@ def default_conditions(scene: Scene) -> Conditions:
 
 def conditions_text(conditions: Conditions) -> str:
     """Return the ranges of conditions as one line of text."""
-    units = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
-    given = {name: x for name, x in conditions._asdict().items() if x is not None}
     return ", ".join(
-        f"{name} {x.min():.6g}" + (f" ... {x.max():.6g}" if x.size > 1 else "") + f" {units[name]}"
-        for name, x in given.items()
+        f"{name} {x.min():.6g}" + (f" ... {x.max():.6g}" if x.size > 1 else "") + f" {CONDITION_UNITS[name]}"
+        for name, x in conditions._asdict().items()
+        if x is not None
     )
 
 
@@ -157,11 +156,6 @@ def check_plausible(where: str, doubts: Iterable[str]) -> None:
     """Raise ValueError with the first text about a value that is probably not in SI units."""
     for text in doubts:
         raise ValueError(f"{where}{text} plausible = false at the top of the file accepts it")
-
-
-def check_plausible_conditions(where: str, conditions: Conditions) -> None:
-    """Raise ValueError if conditions are probably not in SI units."""
-    check_plausible(where, doubts_of_conditions(**conditions._asdict()))
 
 
 def curves_of(

@@ -21,7 +21,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.atomic import StrPath, read_text, write_text
-from rubberfric.base.checks import as_leaf, between, check_values, closest, shown, warn_caller
+from rubberfric.base.checks import as_leaf, between, check_choice, check_values, closest, shown, warn_caller
 from rubberfric.base.units import young_from_shear
 from rubberfric.io.columns import COLUMNS, MODULUS_COLUMNS, SET_VALUES
 from rubberfric.io.exports import TextRows, TextTable, find_table, headless, pick, suggested_columns
@@ -67,7 +67,9 @@ def read_table(
         fields, and a value that is not a number, not finite, of the wrong sign or out of order. Shear moduli
         without Poisson's ratio, and Poisson's ratio without shear moduli, are faults too.
     """
-    _check_options((needed, optional), bad_rows)
+    check_choice("bad_rows", bad_rows, BAD_ROWS)
+    if isinstance(needed, str) or isinstance(optional, str):
+        raise ValueError(f"needed, optional = {shown((needed, optional))}: must be lists of names")
     text, drop = read_text(path, exports=True), bad_rows == "drop"
     export = _export(path, text, columns, generic or ("E" if poisson is None else "G"), drop)
     if export is None:
@@ -94,14 +96,6 @@ def read_table(
             if quantity not in table:
                 raise ValueError(_missing(found.where, quantity) + ("" if columns else column_hint(path)))
     return _ordered(path, found, table, needed[0], export is not None) if increasing else table
-
-
-def _check_options(names, bad_rows):
-    """Raise ValueError if an argument of `read_table` is invalid."""
-    if bad_rows not in BAD_ROWS:
-        raise ValueError(f"bad_rows = {shown(bad_rows)}: must be one of {', '.join(BAD_ROWS)}")
-    if any(isinstance(each, str) for each in names):
-        raise ValueError(f"needed, optional = {shown(names)}: must be lists of names")
 
 
 def _ordered(path, found, table, quantity, either):
@@ -267,13 +261,8 @@ def _without_redundant(table: TextTable) -> TextTable:
     """
     if not any({f"{m}_stor", f"{m}_loss"} <= set(table.names) for m in "EG"):
         return table
-    kept = [i for i, name in enumerate(table.names) if name not in ("tan_del", "E_comp", "G_comp")]
-    return table._replace(
-        titles=[table.titles[i] for i in kept],
-        names=[table.names[i] for i in kept],
-        units=[table.units[i] for i in kept],
-        rows=[(line, [row[i] for i in kept]) for line, row in table.rows],
-    )
+    names = enumerate(table.names)
+    return table.with_columns([i for i, name in names if name not in ("tan_del", "E_comp", "G_comp")])
 
 
 def _without_bad_rows(path: StrPath, table: TextTable) -> TextTable:

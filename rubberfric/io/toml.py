@@ -30,6 +30,7 @@ includes both ends, and is spaced evenly in temperature or in the logarithm of v
 """
 
 import dataclasses
+import json
 import math
 import tomllib
 import warnings
@@ -50,7 +51,6 @@ from rubberfric.io.results import (
     SceneFile,
     check_conditions,
     check_plausible,
-    check_plausible_conditions,
 )
 from rubberfric.io.tables import read_directions, read_table, table_text
 from rubberfric.materials.prony import Prony, PronyShear
@@ -137,7 +137,7 @@ def read_scene_toml(path: StrPath, table: str = "run") -> SceneFile:
     if plausible:
         check_plausible(f"{path}: ", doubts_of_scene(scene))
         for name, found in conditions.items():
-            check_plausible_conditions(f"{path}: {name}.", found)
+            check_plausible(f"{path}: {name}.", doubts_of_conditions(**found._asdict()))
     return SceneFile(scene, conditions.get(table, conditions.get("run")), title)
 
 
@@ -364,16 +364,11 @@ def _table(columns: dict[str, np.ndarray]) -> str:
 
 
 def _literal(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        return string(value)
-    if isinstance(value, int):
-        return repr(value)  # an option
+    if isinstance(value, bool | int | str):  # an option
+        return json.dumps(value, ensure_ascii=False)
     return repr(np.asarray(value, float).tolist())
 
 
 def string(text: str) -> str:
-    """Return a text as a basic string of TOML."""
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
+    """Return a text as a basic string of TOML, which has the escapes of JSON."""
+    return json.dumps(text, ensure_ascii=False)

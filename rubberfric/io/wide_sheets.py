@@ -14,7 +14,8 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from rubberfric.io.columns import COLUMNS, LONGEST_TITLE, is_number, known_name, known_unit, quantities_of
+from rubberfric.base.atomic import is_number
+from rubberfric.io.columns import COLUMNS, LONGEST_TITLE, known_name, known_unit, quantities_of
 
 # Quantities that a label can state, by the unit of the label.
 _LABELLED = {unit: COLUMNS[name] for name in ("v", "p", "omega", "f", "T") for unit in COLUMNS[name].units}
@@ -90,21 +91,6 @@ def blocks_of(titles: Sequence[LabelledTitle]) -> dict[Label, list[int]]:
     columns = {tuple(titles[place].name for place in places) for places in blocks.values()}
     kinds = {label.name for label in blocks}
     return blocks if len(columns) == len(kinds) == 1 and set(shared) <= set(_CONDITIONS) else {}
-
-
-def long_rows(
-    rows: list[tuple[int, list[str]]], shared: Sequence[int], blocks: dict[Label, list[int]], with_label: bool
-) -> list[tuple[int, list[str]]]:
-    """Return a row for each row of each block: shared cells, cells of the block, and the label.
-
-    Rows of a block without any cell are left out.
-    """
-    return [
-        (line, [row[i] for i in (*shared, *places)] + [label.value] * with_label)
-        for label, places in blocks.items()
-        for line, row in rows
-        if any(row[i] for i in places)
-    ]
 
 
 def _split_label(text: str) -> tuple[str, Label | None]:

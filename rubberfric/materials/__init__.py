@@ -1,36 +1,25 @@
 """Materials: moduli over frequency, their shift with temperature, and layered materials."""
 
-from rubberfric.materials.coating import Coating
-from rubberfric.materials.material import Elastic, Material, Rigid, complex_modulus
-from rubberfric.materials.prony import Prony, PronyShear
-from rubberfric.materials.shifts import (
-    WLF,
-    Arrhenius,
-    Entropic,
-    Shift,
-    TabulatedShift,
-    TabulatedVertical,
-    VerticalShift,
-)
-from rubberfric.materials.slab import Layer, Slab
-from rubberfric.materials.tabulated_modulus import TabulatedModulus
+from rubberfric.base.lazy import lazily
 
-__all__ = [
-    "WLF",
-    "Arrhenius",
-    "Coating",
-    "Elastic",
-    "Entropic",
-    "Layer",
-    "Material",
-    "Prony",
-    "PronyShear",
-    "Rigid",
-    "Shift",
-    "Slab",
-    "TabulatedModulus",
-    "TabulatedShift",
-    "TabulatedVertical",
-    "VerticalShift",
-    "complex_modulus",
-]
+TYPE_CHECKING = False  # for type checkers it is true
+if TYPE_CHECKING:
+    from rubberfric.materials.coating import Coating as Coating
+    from rubberfric.materials.material import Elastic as Elastic
+    from rubberfric.materials.material import Material as Material
+    from rubberfric.materials.material import Rigid as Rigid
+    from rubberfric.materials.material import complex_modulus as complex_modulus
+    from rubberfric.materials.prony import Prony as Prony
+    from rubberfric.materials.prony import PronyShear as PronyShear
+    from rubberfric.materials.shifts import WLF as WLF
+    from rubberfric.materials.shifts import Arrhenius as Arrhenius
+    from rubberfric.materials.shifts import Entropic as Entropic
+    from rubberfric.materials.shifts import Shift as Shift
+    from rubberfric.materials.shifts import TabulatedShift as TabulatedShift
+    from rubberfric.materials.shifts import TabulatedVertical as TabulatedVertical
+    from rubberfric.materials.shifts import VerticalShift as VerticalShift
+    from rubberfric.materials.slab import Layer as Layer
+    from rubberfric.materials.slab import Slab as Slab
+    from rubberfric.materials.tabulated_modulus import TabulatedModulus as TabulatedModulus
+
+lazily(__name__, __file__, load=True)

@@ -7,7 +7,7 @@ chapter 11]
 
 import dataclasses
 import math
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import jax
 import jax.numpy as jnp
@@ -20,8 +20,7 @@ from rubberfric.base.checks import (
     NONNEGATIVE,
     PLAUSIBLE_TEMPERATURE,
     POSITIVE,
-    check_increasing,
-    check_lengths,
+    check_table,
     check_values,
     is_concrete,
 )
@@ -184,8 +183,45 @@ def saturated(log_factor: jax.Array) -> jax.Array:
     return jnp.clip(log_factor, -limit, limit)
 
 
+class _Table(Kind):
+    """Base class of laws from a table of factors, in the field named `factor`, over the temperatures T."""
+
+    factor: ClassVar[str]
+
+    T: Vector
+
+    def check_temperature(self, temperature: ArrayLike) -> None:
+        """Raise ValueError for concrete temperatures outside the table."""
+        self._check_inside("temperature", temperature)
+        super().check_temperature(temperature)  # pyright: ignore[reportAttributeAccessIssue] (of the law)
+
+    def padded(self) -> Self:
+        """Return the law with a table that is extended to a standard length.
+
+        The added entries lie on the line of the logarithm through the last two entries.
+        """
+        T, factor = np.asarray(self.T), np.asarray(getattr(self, self.factor))
+        added = recurring_length(T.size) - T.size
+        slope = np.diff(np.log(factor[-2:]))[0] / np.diff(T[-2:])[0]
+        # Factors must not overflow single precision.
+        step = min(1.0, 10.0 / (1e-9 + added * abs(slope)))
+        above = step * np.arange(1, added + 1)
+        longer = np.append(factor, (factor[-1] * np.exp(slope * above)).astype(factor.dtype))
+        return self.replace({"T": np.append(T, (T[-1] + above).astype(T.dtype)), self.factor: longer})
+
+    def _check(self):
+        check_table(type(self).__name__, T=self.T, **{self.factor: getattr(self, self.factor)})
+
+    def _check_inside(self, name, temperature):
+        if is_concrete(temperature) and is_concrete(self.T):
+            # Within a trace, entries of a concrete JAX array are not concrete; those of a NumPy array are.
+            low, high = np.asarray(self.T)[[0, -1]].tolist()
+            rule = (f"must be inside the table, {low:g} to {high:g} K", lambda T: (low <= T) & (high >= T))
+            check_values(name, temperature, rule)
+
+
 @physical
-class TabulatedShift(Shift):
+class TabulatedShift(_Table, Shift):
     r"""Shift factors from a table, where ln a_T is a monotone cubic in T between the entries.
 
     The slope of ln a_T is continuous and depends continuously on the entries. Extrema of ln a_T occur only at
@@ -204,6 +240,7 @@ class TabulatedShift(Shift):
     """
 
     file_kind: ClassVar[str] = "table"
+    factor: ClassVar[str] = "aT"
     rising: ClassVar = ("T",), ("T[0]", "T_ref", "T[-1]")
 
     T: Vector = leaf(POSITIVE, unit="K", column="T")
@@ -211,27 +248,16 @@ class TabulatedShift(Shift):
     T_ref: Number = leaf(POSITIVE, unit="K", plausible=PLAUSIBLE_TEMPERATURE)
 
     def _check(self):
-        _check_table(self, "aT", self.T_ref)
-
-    def check_temperature(self, temperature: ArrayLike) -> None:
-        """Raise ValueError for concrete temperatures outside the table."""
-        _check_inside("temperature", temperature, self.T)
-        super().check_temperature(temperature)
+        super()._check()
+        self._check_inside("TabulatedShift.T_ref", self.T_ref)
 
     def log_factor(self, temperature: ArrayLike) -> jax.Array:
         """Return ln a_T at temperature [K]."""
         return _log_interpolated(temperature, self.T, self.aT, self.T_ref)
 
-    def padded(self) -> "TabulatedShift":
-        """Return the law with a table that is extended to a standard length.
-
-        The added entries lie on the line of ln a_T through the last two entries.
-        """
-        return _padded(self, "aT")
-
 
 @physical
-class TabulatedVertical(VerticalShift):
+class TabulatedVertical(_Table, VerticalShift):
     r"""Vertical shift factors from a table, where ln b_T is a monotone cubic in T between the entries.
 
     ln b_T is interpolated like ln a_T in `TabulatedShift`. The table is divided by its value at the T_ref of
@@ -246,47 +272,15 @@ class TabulatedVertical(VerticalShift):
     """
 
     file_kind: ClassVar[str] = "table"
+    factor: ClassVar[str] = "bT"
     rising: ClassVar = (("T",),)
 
     T: Vector = leaf(POSITIVE, unit="K", column="T")
     bT: Vector = leaf(POSITIVE, unit="-", column="bT", over="T")
 
-    def _check(self):
-        _check_table(self, "bT")
-
-    def check_temperature(self, temperature: ArrayLike) -> None:
-        """Raise ValueError for concrete temperatures outside the table."""
-        _check_inside("temperature", temperature, self.T)
-        super().check_temperature(temperature)
-
     def log_factor(self, temperature: ArrayLike, T_ref: ArrayLike) -> jax.Array:
         """Return ln b_T at temperature [K]."""
         return _log_interpolated(temperature, self.T, self.bT, T_ref)
-
-    def padded(self) -> "TabulatedVertical":
-        """Return the law with a table that is extended to a standard length.
-
-        The added entries lie on the line of ln b_T through the last two entries.
-        """
-        return _padded(self, "bT")
-
-
-def _check_table(law, name, T_ref=None):
-    kind = type(law).__name__
-    check_lengths(kind, T=law.T, **{name: getattr(law, name)})
-    if law.T.shape[0] < 2:
-        raise ValueError(f"{kind}.T has {law.T.shape[0]} entries: must have at least 2")
-    check_increasing(f"{kind}.T", law.T)
-    if T_ref is not None and is_concrete(T_ref):
-        _check_inside(f"{kind}.T_ref", T_ref, law.T)
-
-
-def _check_inside(name, temperature, T):
-    if is_concrete(temperature) and is_concrete(T):
-        # Within a trace, entries of a concrete JAX array are not concrete; those of a NumPy array are.
-        low, high = np.asarray(T)[[0, -1]].tolist()
-        rule = (f"must be inside the table, {low:g} to {high:g} K", lambda T: (low <= T) & (high >= T))
-        check_values(name, temperature, rule)
 
 
 def _log_interpolated(temperature, T, factor, T_ref):
@@ -337,14 +331,3 @@ def _at(x, nodes, pieces):
     value, slope, second, third = map(taken, pieces)
     away = x - taken(jnp.concatenate([nodes[:1], nodes]))
     return value + away * (slope + away * (second + away * third))
-
-
-def _padded(law, name):
-    T, factor = np.asarray(law.T), np.asarray(getattr(law, name))
-    added = recurring_length(T.size) - T.size
-    slope = np.diff(np.log(factor[-2:]))[0] / np.diff(T[-2:])[0]
-    # Factors must not overflow single precision.
-    step = min(1.0, 10.0 / (1e-9 + added * abs(slope)))
-    above = step * np.arange(1, added + 1)
-    longer = np.append(factor, (factor[-1] * np.exp(slope * above)).astype(factor.dtype))
-    return law.replace({"T": np.append(T, (T[-1] + above).astype(T.dtype)), name: longer})

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE, check_increasing, check_lengths, is_concrete
+from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE, check_table, is_concrete
 from rubberfric.base.objects.fields import Number, Vector, child, leaf, static
 from rubberfric.base.objects.physical import physical
 from rubberfric.base.quadrature import typed
@@ -71,12 +71,7 @@ class TabulatedModulus(Material):
     smoothing: float = static(default=0.1)
 
     def _check(self):
-        check_lengths("TabulatedModulus", omega=self.omega, storage=self.storage, loss=self.loss)
-        if self.omega.shape[0] < 2:
-            raise ValueError(
-                f"TabulatedModulus.omega has {self.omega.shape[0]} entries: must have at least 2"
-            )
-        check_increasing("TabulatedModulus.omega", self.omega)
+        check_table("TabulatedModulus", omega=self.omega, storage=self.storage, loss=self.loss)
         if not 0.02 <= self.smoothing <= 1:
             raise ValueError(f"TabulatedModulus.smoothing = {self.smoothing!r}: must be 0.02 to 1")
         if is_concrete(self.omega):

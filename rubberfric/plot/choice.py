@@ -16,7 +16,7 @@ from rubberfric.io.results import Conditions, Curves, Result, curves_of
 from rubberfric.materials.material import Material
 from rubberfric.plot.curves import plot_accuracy, plot_profile, plot_result
 from rubberfric.plot.ingredients import plot_modulus, plot_spectrum
-from rubberfric.plot.maps import figure_of_map, plot_map
+from rubberfric.plot.maps import plot_map
 from rubberfric.plot.style import Axes, FigureBase, Panels
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.model import solve
@@ -115,11 +115,6 @@ def save_figure(path: StrPath, figure: FigureBase | Axes | Panels) -> None:
 def save_plot(path: StrPath, result: Result) -> None:
     """Plot a result, and save the figure to a file."""
     save_figure(path, plot_result(result)[0].figure)
-
-
-def save_map_plot(path: StrPath, result: Result) -> None:
-    """Plot all quantities of a map in rows of panels, and save the figure to a file."""
-    save_figure(path, figure_of_map(result))
 
 
 def save_accuracy_plot(path: StrPath, accuracy: Accuracy, title: str = "") -> None:

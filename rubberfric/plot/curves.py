@@ -9,7 +9,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.analysis.profiles import Profile
 from rubberfric.analysis.sweep import Accuracy, Row
-from rubberfric.base.checks import closest
+from rubberfric.base.checks import check_choice, check_kind
 from rubberfric.base.units import to_celsius
 from rubberfric.io.results import Conditions, Curves, curves_of
 from rubberfric.plot.style import (
@@ -18,7 +18,6 @@ from rubberfric.plot.style import (
     Axes,
     Line2D,
     Panels,
-    check_instance,
     legend,
     looks,
     one_axes,
@@ -150,21 +149,17 @@ def plot_curve(
     ValueError : if the shapes differ, if the quantity is unknown, if no velocity is > 0, or if `ax` is not
         axes.
     """
-    if quantity not in PANELS:
-        raise ValueError(f"quantity = {quantity!r}: {closest(quantity, tuple(PANELS))}")
+    check_choice("quantity", quantity, PANELS)
     velocity = vector("velocity", velocity)
-    curves = values if isinstance(values, Mapping) else {None: values}
-    names = [f"values[{name!r}]" if isinstance(values, Mapping) else "values" for name in curves]
-    curves = {
-        label: vector(name, curve, velocity.size)
-        for name, (label, curve) in zip(names, curves.items(), strict=True)
-    }
+    several = isinstance(values, Mapping)
+    curves = {f"values[{label!r}]": x for label, x in values.items()} if several else {"values": values}
+    curves = [vector(name, curve, velocity.size) for name, curve in curves.items()]
     shown = _some_velocities(velocity)
     axes = one_axes(ax)
-    _lines(axes, velocity, list(curves.values()), curves, shown, quantity)
+    _lines(axes, velocity, curves, list(values) if several else [None], shown, quantity)
     _from_zero(axes, quantity)
     axes.set_xlabel(LOG_V)
-    if isinstance(values, Mapping):
+    if several:
         legend(axes)
     return axes
 
@@ -286,7 +281,7 @@ def plot_profile(profile: Profile, ax: Panels | None = None, labels: Sequence[st
     ------
     ValueError : if `labels` or `ax` has the wrong length.
     """
-    check_instance("profile", profile, Profile)
+    check_kind("profile", profile, Profile)
     count = int(np.prod(np.shape(profile.area)[:-1]))
     if labels is not None and len(labels) != count:
         raise ValueError(f"labels has {len(labels)} names: must have {count}, one for each condition")
@@ -342,7 +337,7 @@ def plot_accuracy(accuracy: Accuracy, ax: Axes | None = None, *, unit: Row | Non
     ------
     ValueError : if `accuracy` or `ax` has the wrong type.
     """
-    check_instance("accuracy", accuracy, Accuracy)
+    check_kind("accuracy", accuracy, Accuracy)
     ax = one_axes(ax, (8.0, 4.2))
     second = 1e3 if unit is None else 1 / unit.forward
     for (method, dtype, what), (line, marker, filled, colour, label) in _SWEEPS.items():

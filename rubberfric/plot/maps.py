@@ -1,5 +1,6 @@
 """Plots of friction maps and of sensitivities as heat maps. They need matplotlib."""
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -171,7 +172,7 @@ def _as_one(panels: list[tuple], conditions: Conditions, fields: dict[str, Any])
 def _axis(scale: Callable[[np.ndarray], np.ndarray], values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the indices of at most `_DRAWN` distinct values > 0 in increasing order, and their `scale`."""
     unique, index = np.unique(values, return_index=True)
-    index = index[unique > 0]
+    index = index[(unique > 0) & np.isfinite(unique)]
     if index.size > _DRAWN:
         index = index[np.linspace(0, index.size - 1, _DRAWN).round().astype(int)]
     return index, scale(np.asarray(values)[index])
@@ -192,17 +193,24 @@ def _draw(drawn, x, label, logarithmic):
     # Large cells would be visible as stripes: interpolate their colours.
     few = max(values.size for _, _, values in drawn) <= _SHADED
     # cividis is perceptually uniform, also in grey and for colour-blind readers.
-    look = {"cmap": "cividis", "norm": norm, "rasterized": True, "shading": "gouraud" if few else "nearest"}
-    for axes, y, values in drawn:
-        mesh = axes.pcolormesh(x, y, values, **look)
-        axes.grid(False)  # a notebook may have switched it on
-        levels = [level for level in locator.tick_values(low, high) if values.min() < level < values.max()]
-        if levels:
-            colours = ["white" if norm(level) < 0.55 else "black" for level in levels]
-            lines = axes.contour(x, y, values, levels, colors=colours, linewidths=0.7)
-            label_contours(axes, lines)
-    bar = drawn[0][0].figure.colorbar(mesh, ax=[axes for axes, _, _ in drawn])
+    look = {"cmap": "cividis", "norm": norm, "shading": "gouraud" if few else "nearest"}
+    levels = locator.tick_values(low, high)
+    colours = ["white" if norm(level) < 0.55 else "black" for level in levels]
+    style = {"colors": colours, "linewidths": [0.7] * len(levels)}
+    meshes = [_heat_map(axes, x, y, values, look, levels, style) for axes, y, values in drawn]
+    bar = drawn[0][0].figure.colorbar(meshes[-1], ax=[axes for axes, _, _ in drawn])
     bar.set_label(label)
+
+
+def _heat_map(axes, x, y, values, look, levels, style):
+    """Draw colours and labelled contours, with a list in `style` for all levels, and return the mesh."""
+    mesh = axes.pcolormesh(x, y, values, rasterized=True, **look)
+    axes.grid(False)  # a notebook may have switched it on
+    inside = (values.min() < levels) & (levels < values.max())
+    if inside.any():
+        own = {name: list(itertools.compress(of_levels, inside)) for name, of_levels in style.items()}
+        label_contours(axes, axes.contour(x, y, values, levels[inside], **own))
+    return mesh
 
 
 def _size(columns: int, rows: int) -> tuple[float, float]:
@@ -239,52 +247,32 @@ def plot_sensitivity(
     ValueError : if shapes are wrong, if there are too few velocities or times, if values are not finite, or
         if `ax` is not axes.
     """
-    columns, x = _log_axis("velocity", vector("velocity", velocity))
-    rows, y = _log_axis("tau", vector("tau", tau, positive=True))
-    if rows.size < np.size(tau):
+    velocity, tau = vector("velocity", velocity), vector("tau", tau, positive=True)
+    columns, x = _axis(np.log10, velocity)
+    rows, y = _axis(np.log10, tau)
+    for name, index in (("velocity", columns), ("tau", rows)):
+        if index.size < 2:
+            raise ValueError(f"{name} has {index.size} different values > 0: must have 2 or more for a map")
+    if np.unique(tau).size < tau.size:
         raise ValueError("tau has equal entries; all must be different")
-    shape, table = (np.size(tau), np.size(velocity)), np.asarray(values, float)
+    shape, table = (tau.size, velocity.size), np.asarray(values, float)
     if table.shape != shape:
         raise ValueError(f"values has shape {table.shape}: must be {shape}, (tau, velocity)")
-    table = table[rows][:, columns]
-    if not np.isfinite(table).all():
+    if not np.isfinite(table[:, velocity > 0]).all():
         raise ValueError("values has a number that is not finite; it must be finite where v > 0")
-    axes = one_axes(ax, (6.8, 4.2))
-    _draw_sensitivity(axes, x, y, table, label)
+    table = table[rows][:, columns]
+    from matplotlib.ticker import MaxNLocator
+
+    axes, largest = one_axes(ax, (6.8, 4.2)), float(np.abs(table).max()) or 1.0
+    look = {"cmap": diverging(), "vmin": -largest, "vmax": largest, "shading": "nearest"}
+    levels = MaxNLocator(9, symmetric=True).tick_values(-largest, largest)
+    style = {
+        "colors": ["black"] * len(levels),
+        "linestyles": ["dashed" if level < 0 else "solid" for level in levels],
+        "linewidths": [1.6 if level == 0 else 0.7 for level in levels],
+    }
+    mesh = _heat_map(axes, x, y, table, look, levels, style)
+    axes.figure.colorbar(mesh, ax=axes).set_label(label)
     axes.set_xlabel(LOG_V)
     axes.set_ylabel("$\\log_{10}(\\tau_i\\;/\\;\\mathrm{s})$")
     return axes
-
-
-def _log_axis(name: str, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the indices of the distinct values > 0 in increasing order, and log10 of these values."""
-    unique, index = np.unique(values, return_index=True)
-    index = index[(unique > 0) & np.isfinite(unique)]
-    if index.size < 2:
-        raise ValueError(f"{name} has {index.size} different values > 0: must have 2 or more for a map")
-    return index, np.log10(values[index])
-
-
-def _draw_sensitivity(axes: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, label: str) -> None:
-    from matplotlib.ticker import MaxNLocator
-
-    largest = float(np.abs(values).max()) or 1.0
-    look: dict[str, Any] = {
-        "cmap": diverging(),
-        "vmin": -largest,
-        "vmax": largest,
-        "shading": "nearest",
-        "rasterized": True,
-    }
-    mesh = axes.pcolormesh(x, y, values, **look)
-    axes.grid(False)  # a notebook may have switched it on
-    levels = MaxNLocator(9, symmetric=True).tick_values(-largest, largest)
-    levels = [level for level in levels if values.min() < level < values.max()]
-    if levels:
-        style: dict[str, Any] = {
-            "linestyles": ["dashed" if level < 0 else "solid" for level in levels],
-            "linewidths": [1.6 if level == 0 else 0.7 for level in levels],
-        }
-        lines = axes.contour(x, y, values, levels, colors="black", **style)
-        label_contours(axes, lines)
-    axes.figure.colorbar(mesh, ax=axes).set_label(label)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jax.typing import ArrayLike
 
+from rubberfric.base.checks import POSITIVE, check_values
 from rubberfric.base.units import ZERO_CELSIUS
 
 if TYPE_CHECKING:
@@ -167,12 +168,6 @@ def several_axes(
     return ax
 
 
-def check_instance(name: str, value: object, kind: type) -> None:
-    """Raise ValueError unless a value is an instance of a class."""
-    if not isinstance(value, kind):
-        raise ValueError(f"{name} must be of class {kind.__name__}, got {type(value).__name__}")
-
-
 def legend(
     axes: Axes, handles: Iterable[Handle] | None = None, scale_right: bool = False, inside: str = "best"
 ) -> None:
@@ -213,7 +208,6 @@ def vector(name: str, values: ArrayLike, size: int | None = None, positive: bool
     if array.ndim != 1 or array.size == 0 or (size is not None and array.size != size):
         rule = "one number or more" if size is None else f"{size} numbers"
         raise ValueError(f"{name} has shape {array.shape}: must be one-dimensional, {rule}")
-    if positive and not (np.isfinite(array) & (array > 0)).all():
-        bad = int(np.argmin(np.isfinite(array) & (array > 0)))
-        raise ValueError(f"{name}[{bad}] = {array[bad]:g}: must be > 0 and finite")
+    if positive:
+        check_values(name, array, POSITIVE)
     return array

@@ -1,50 +1,37 @@
 """Roughness: power spectra, their moments and normalisations, and spectra of measured heights."""
 
-from rubberfric.roughness.anisotropy import Anisotropic, TabulatedAnisotropic, from_grid, harmonics_left_out
-from rubberfric.roughness.joining import JoinedSpectra, Joint, join_spectra, resample
-from rubberfric.roughness.measured import MeasuredSpectrum, ResolvedRange
-from rubberfric.roughness.moments import cutoff, moment, rms_height, rms_slope, with_cutoff
-from rubberfric.roughness.normalisation import (
-    LINES,
-    NORMALISATION_RULE,
-    areal_spectrum,
-    check_normalisation,
-    line_spectrum,
-    spectrum_as,
-    spectrum_from,
-)
-from rubberfric.roughness.spectra import SelfAffine, log_power_spectrum, power_spectrum
-from rubberfric.roughness.tabulated import TabulatedSpectrum
-from rubberfric.roughness.topography import spectrum_of_profile, spectrum_of_surface, spectrum_of_topography
+from rubberfric.base.lazy import lazily
 
-__all__ = [
-    "LINES",
-    "NORMALISATION_RULE",
-    "Anisotropic",
-    "JoinedSpectra",
-    "Joint",
-    "MeasuredSpectrum",
-    "ResolvedRange",
-    "SelfAffine",
-    "TabulatedAnisotropic",
-    "TabulatedSpectrum",
-    "areal_spectrum",
-    "check_normalisation",
-    "cutoff",
-    "from_grid",
-    "harmonics_left_out",
-    "join_spectra",
-    "line_spectrum",
-    "log_power_spectrum",
-    "moment",
-    "power_spectrum",
-    "resample",
-    "rms_height",
-    "rms_slope",
-    "spectrum_as",
-    "spectrum_from",
-    "spectrum_of_profile",
-    "spectrum_of_surface",
-    "spectrum_of_topography",
-    "with_cutoff",
-]
+TYPE_CHECKING = False  # for type checkers it is true
+if TYPE_CHECKING:
+    from rubberfric.roughness.anisotropy import Anisotropic as Anisotropic
+    from rubberfric.roughness.anisotropy import TabulatedAnisotropic as TabulatedAnisotropic
+    from rubberfric.roughness.anisotropy import from_grid as from_grid
+    from rubberfric.roughness.anisotropy import harmonics_left_out as harmonics_left_out
+    from rubberfric.roughness.joining import JoinedSpectra as JoinedSpectra
+    from rubberfric.roughness.joining import Joint as Joint
+    from rubberfric.roughness.joining import join_spectra as join_spectra
+    from rubberfric.roughness.joining import resample as resample
+    from rubberfric.roughness.measured import MeasuredSpectrum as MeasuredSpectrum
+    from rubberfric.roughness.measured import ResolvedRange as ResolvedRange
+    from rubberfric.roughness.moments import cutoff as cutoff
+    from rubberfric.roughness.moments import moment as moment
+    from rubberfric.roughness.moments import rms_height as rms_height
+    from rubberfric.roughness.moments import rms_slope as rms_slope
+    from rubberfric.roughness.moments import with_cutoff as with_cutoff
+    from rubberfric.roughness.normalisation import LINES as LINES
+    from rubberfric.roughness.normalisation import NORMALISATION_RULE as NORMALISATION_RULE
+    from rubberfric.roughness.normalisation import areal_spectrum as areal_spectrum
+    from rubberfric.roughness.normalisation import check_normalisation as check_normalisation
+    from rubberfric.roughness.normalisation import line_spectrum as line_spectrum
+    from rubberfric.roughness.normalisation import spectrum_as as spectrum_as
+    from rubberfric.roughness.normalisation import spectrum_from as spectrum_from
+    from rubberfric.roughness.spectra import SelfAffine as SelfAffine
+    from rubberfric.roughness.spectra import log_power_spectrum as log_power_spectrum
+    from rubberfric.roughness.spectra import power_spectrum as power_spectrum
+    from rubberfric.roughness.tabulated import TabulatedSpectrum as TabulatedSpectrum
+    from rubberfric.roughness.topography import spectrum_of_profile as spectrum_of_profile
+    from rubberfric.roughness.topography import spectrum_of_surface as spectrum_of_surface
+    from rubberfric.roughness.topography import spectrum_of_topography as spectrum_of_topography
+
+lazily(__name__, __file__, load=True)

@@ -18,7 +18,7 @@ from rubberfric.base.checks import FINITE, PLAUSIBLE_WAVEVECTOR, POSITIVE, check
 from rubberfric.base.objects.fields import Matrix, Number, OptionalNumber, Vector, child, leaf, static
 from rubberfric.base.objects.physical import check_kind, physical
 from rubberfric.roughness.spectra import BrokenPowerLaw, SelfAffine, Spectrum, log_ratio
-from rubberfric.roughness.tabulated import check_ends, cut_law, padded_table, tabulated_law, within_table
+from rubberfric.roughness.tabulated import Table, check_ends
 
 # Number of directions for the harmonics of a stretched surface; exact to rounding up to ratios of 30.
 _DIRECTIONS = 1024
@@ -92,7 +92,7 @@ class Anisotropic(Spectrum):
 
 
 @physical
-class TabulatedAnisotropic(Spectrum):
+class TabulatedAnisotropic(Table):
     r"""Anisotropic spectrum from a table over wavevector and direction.
 
     Between the entries, two quantities are linear in ln q: the logarithm of the mean over the directions, and
@@ -127,18 +127,6 @@ class TabulatedAnisotropic(Spectrum):
         check_increasing("TabulatedAnisotropic.q", self.q)
         check_ends("TabulatedAnisotropic", self.q, self.q0, self.q1)
 
-    def power_law(self) -> BrokenPowerLaw:
-        """Return the power law of the mean over all directions."""
-        return cut_law(tabulated_law(self.q, jnp.mean(self.C, 1)), self.q0, self.q1)
-
-    def uncut_law(self) -> BrokenPowerLaw:
-        """Return the power law from q0 to the end of the table."""
-        return cut_law(tabulated_law(self.q, jnp.mean(self.C, 1)), self.q0, None)
-
-    def cut(self, q1: jax.Array) -> "TabulatedAnisotropic":
-        """Return the spectrum with a new q1 [1/m], which is limited to the last wavevector of the table."""
-        return self.replace(q1=within_table(self.q, q1))
-
     def harmonic_count(self) -> int:
         """Return the number of harmonics of the table."""
         return (self.C.shape[1] - 1) // 2
@@ -163,14 +151,6 @@ class TabulatedAnisotropic(Spectrum):
         """Return the largest amplitude of the highest harmonic, relative to the mean, over all q [-]."""
         cosine, sine = self.harmonics_at(self.q)
         return jnp.max(jnp.hypot(cosine[-1], sine[-1]))
-
-    def entries(self) -> jax.Array:
-        """Return C [m^4]."""
-        return self.C
-
-    def padded(self) -> "TabulatedAnisotropic":
-        """Return the spectrum with a table that is extended to a standard length beyond q1."""
-        return self.replace(padded_table(self.q, self.C, self.q0, self.q1))
 
 
 def harmonics_left_out(spectrum: Spectrum) -> jax.Array:

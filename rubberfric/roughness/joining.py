@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.checks import is_concrete, shown
+from rubberfric.base.checks import check_choice, is_concrete, shown
 from rubberfric.roughness.moments import moment
 from rubberfric.roughness.spectra import Spectrum, log_power_spectrum, log_ratio, mean_growth, power_law_of
 from rubberfric.roughness.tabulated import TabulatedSpectrum
@@ -97,8 +97,7 @@ def join_spectra(
     """
     if len(spectra) < 2:
         raise ValueError(f"join_spectra got {len(spectra)} spectra: must be at least two")
-    if not isinstance(method, str) or method not in METHODS:
-        raise ValueError(f"method = {shown(method)}: must be one of {', '.join(METHODS)}")
+    check_choice("method", method, METHODS)
     both = np.asarray(weights, float)
     if both.shape != (2,) or not (np.isfinite(both).all() and (both >= 0).all() and both.sum() > 0):
         raise ValueError(f"weights = {shown(both.tolist())}: must be two numbers >= 0, not both 0")

@@ -1,6 +1,6 @@
 """Tabulated spectra C(q), with a first and last wavevector within the table."""
 
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import jax
 import jax.numpy as jnp
@@ -8,21 +8,63 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import recurring_length
-from rubberfric.base.checks import (
-    PLAUSIBLE_WAVEVECTOR,
-    POSITIVE,
-    check_increasing,
-    check_lengths,
-    is_concrete,
-    shown,
-)
-from rubberfric.base.objects.fields import OptionalNumber, Vector, leaf
+from rubberfric.base.checks import PLAUSIBLE_WAVEVECTOR, POSITIVE, check_table, is_concrete, shown
+from rubberfric.base.objects.fields import Matrix, OptionalNumber, Vector, leaf
 from rubberfric.base.objects.physical import physical
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, doubts_of_roughness, log_ratio
 
 
+class Table(Spectrum):
+    """Base class of tables of C over q, and over directions in a second dimension of C."""
+
+    q: Vector
+    C: Vector | Matrix
+    q0: OptionalNumber
+    q1: OptionalNumber
+
+    def power_law(self) -> BrokenPowerLaw:
+        """Return a power law with one piece between any two neighbouring entries.
+
+        It is the mean over all directions. Pieces outside q0 ... q1 have zero width and lie at q1.
+        """
+        return cut_law(self._whole_law(), self.q0, self.q1)
+
+    def uncut_law(self) -> BrokenPowerLaw:
+        """Return the power law from q0 to the end of the table."""
+        return cut_law(self._whole_law(), self.q0, None)
+
+    def _whole_law(self):
+        mean = self.C if self.C.ndim == 1 else jnp.mean(self.C, 1)
+        log_C = jnp.log(mean)
+        exponent = jnp.diff(log_C) / log_ratio(self.q[1:], self.q[:-1]) + 2
+        return BrokenPowerLaw(self.q, log_C + 2 * jnp.log(self.q), exponent, jnp.ones_like(self.q[0]))
+
+    def cut(self, q1: jax.Array) -> Self:
+        """Return the spectrum with a new q1 [1/m], which is limited to the last wavevector of the table."""
+        return self.replace(q1=jnp.where(q1 < self.q[-1], q1, self.q[-1]))
+
+    def entries(self) -> jax.Array:
+        """Return C [m^4]."""
+        return self.C
+
+    def padded(self) -> Self:
+        """Return the spectrum with a table that is extended to a standard length beyond q1.
+
+        q0 and q1 keep the range of the original table.
+        """
+        at, values = np.asarray(self.q), np.asarray(self.C)
+        added = recurring_length(at.size) - at.size
+        beyond = at[-1] * 2.0 ** np.arange(1, added + 1, dtype=at.dtype)
+        return self.replace(
+            q=np.concatenate([at, beyond]),
+            C=np.concatenate([values, np.repeat(values[-1:], added, 0)]),
+            q0=at[0] if self.q0 is None else self.q0,
+            q1=at[-1] if self.q1 is None else self.q1,
+        )
+
+
 @physical
-class TabulatedSpectrum(Spectrum):
+class TabulatedSpectrum(Table):
     """Power spectrum from a table, where ln C is linear in ln q between the entries.
 
     C is 0 outside q0 ... q1. A power law is reproduced exactly. Every entry is a border of the radial
@@ -51,10 +93,7 @@ class TabulatedSpectrum(Spectrum):
     q1: OptionalNumber = leaf(POSITIVE, unit="1/m", plausible=PLAUSIBLE_WAVEVECTOR, default=None)
 
     def _check(self):
-        check_lengths("TabulatedSpectrum", q=self.q, C=self.C)
-        if self.q.shape[0] < 2:
-            raise ValueError(f"TabulatedSpectrum.q has {self.q.shape[0]} entries: must have at least 2")
-        check_increasing("TabulatedSpectrum.q", self.q)
+        check_table("TabulatedSpectrum", q=self.q, C=self.C)
         check_ends("TabulatedSpectrum", self.q, self.q0, self.q1)
 
     def doubts(self) -> list[str]:
@@ -64,36 +103,6 @@ class TabulatedSpectrum(Spectrum):
         high = log_q[-1] if self.q1 is None else np.log(float(self.q1))
         at = np.union1d(log_q[(log_q > low) & (log_q < high)], [low, high])
         return doubts_of_roughness(at, np.interp(at, log_q, log_C))
-
-    def power_law(self) -> BrokenPowerLaw:
-        """Return a power law with one piece between any two neighbouring entries.
-
-        Pieces outside q0 ... q1 have zero width and lie at q1.
-        """
-        return cut_law(tabulated_law(self.q, self.C), self.q0, self.q1)
-
-    def uncut_law(self) -> BrokenPowerLaw:
-        """Return the power law from q0 to the end of the table."""
-        return cut_law(tabulated_law(self.q, self.C), self.q0, None)
-
-    def cut(self, q1: jax.Array) -> "TabulatedSpectrum":
-        """Return the spectrum with a new q1 [1/m], which is limited to the last wavevector of the table."""
-        return self.replace(q1=within_table(self.q, q1))
-
-    def entries(self) -> jax.Array:
-        """Return C [m^4]."""
-        return self.C
-
-    def padded(self) -> "TabulatedSpectrum":
-        """Return the spectrum with a table that is extended to a standard length beyond q1."""
-        return self.replace(padded_table(self.q, self.C, self.q0, self.q1))
-
-
-def tabulated_law(q: jax.Array, C: jax.Array) -> BrokenPowerLaw:
-    """Return the broken power law through the entries of a table."""
-    log_C = jnp.log(C)
-    exponent = jnp.diff(log_C) / log_ratio(q[1:], q[:-1]) + 2
-    return BrokenPowerLaw(q, log_C + 2 * jnp.log(q), exponent, jnp.ones_like(q[0]))
 
 
 def cut_law(law: BrokenPowerLaw, q0: ArrayLike | None, q1: ArrayLike | None) -> BrokenPowerLaw:
@@ -123,24 +132,6 @@ def cut_law(law: BrokenPowerLaw, q0: ArrayLike | None, q1: ArrayLike | None) -> 
     return BrokenPowerLaw(q, jnp.append(whole, end), exponent, law.height2)
 
 
-def padded_table(
-    q: jax.Array, C: jax.Array, q0: jax.Array | None, q1: jax.Array | None
-) -> dict[str, np.ndarray | jax.Array]:
-    """Return the fields q, C, q0 and q1 of a table that is extended to a standard length.
-
-    The added entries lie beyond the last wavevector. q0 and q1 keep the range of the original table.
-    """
-    at, values = np.asarray(q), np.asarray(C)
-    added = recurring_length(at.size) - at.size
-    beyond = at[-1] * 2.0 ** np.arange(1, added + 1, dtype=at.dtype)
-    return {
-        "q": np.concatenate([at, beyond]),
-        "C": np.concatenate([values, np.repeat(values[-1:], added, 0)]),
-        "q0": at[0] if q0 is None else q0,
-        "q1": at[-1] if q1 is None else q1,
-    }
-
-
 def check_ends(owner: str, q: jax.Array, q0: ArrayLike | None, q1: ArrayLike | None) -> None:
     """Raise ValueError if a concrete q0 or q1 is outside the table, or if q0 >= q1."""
     if not is_concrete(q):
@@ -164,8 +155,3 @@ def check_ends(owner: str, q: jax.Array, q0: ArrayLike | None, q1: ArrayLike | N
         raise ValueError(
             f"{owner}.q1 = {shown(np.asarray(end)[()])}: must be > q0 = {shown(np.asarray(begin)[()])}"
         )
-
-
-def within_table(q: jax.Array, q1: jax.Array) -> jax.Array:
-    """Return q1, limited to the last wavevector of the table."""
-    return jnp.where(q1 < q[-1], q1, q[-1])

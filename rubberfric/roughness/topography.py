@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rubberfric.base.checks import shown
+from rubberfric.base.checks import check_choice, shown
 from rubberfric.roughness.measured import MeasuredSpectrum
 
 WINDOWS = ("hann", "none")
@@ -120,8 +120,7 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
 
     `heights` has the shape (samples, *grid). `q` holds the absolute wavevector of every mode.
     """
-    if not isinstance(window, str) or window not in WINDOWS:
-        raise ValueError(f"window = {shown(window)}: must be one of {', '.join(WINDOWS)}")
+    check_choice("window", window, WINDOWS)
     if isinstance(detrend, bool) or detrend not in _DEGREES:
         raise ValueError(f"detrend = {shown(detrend)}: must be 0, 1, 2 or None")
     if per_decade is not None and not (isinstance(per_decade, int | float) and 0 < per_decade <= 1e4):
@@ -235,17 +234,8 @@ def _spacing(x, n, name="x"):
 
 
 # Units of lengths and heights [m].
-LENGTH_UNITS = {
-    "m": 1.0,
-    "cm": 1e-2,
-    "mm": 1e-3,
-    "um": 1e-6,
-    "\u00b5m": 1e-6,
-    "\u03bcm": 1e-6,
-    "nm": 1e-9,
-    "\u00c5": 1e-10,
-    "pm": 1e-12,
-}
+LENGTH_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9, "pm": 1e-12}
+LENGTH_UNITS |= {"\u00b5m": 1e-6, "\u03bcm": 1e-6, "\u00c5": 1e-10}
 _NEEDED = ("heights", "physical_sizes", "nb_grid_pts")
 
 
@@ -309,7 +299,4 @@ def _scale(own, given):
         raise ValueError(f"unit is missing and the topography has none; pass one of {names}")
     if own is not None and given is not None and own != given:
         raise ValueError(f"unit = {shown(given)}: leave it out; the topography has {shown(own)}")
-    unit = given if own is None else own
-    if not isinstance(unit, str) or unit not in LENGTH_UNITS:
-        raise ValueError(f"unit = {shown(unit)}: must be one of {', '.join(LENGTH_UNITS)}")
-    return LENGTH_UNITS[unit]
+    return LENGTH_UNITS[check_choice("unit", given if own is None else own, LENGTH_UNITS)]

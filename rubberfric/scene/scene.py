@@ -160,7 +160,8 @@ class Scene(PhysicalObject):
             raise ValueError(
                 "Scene: lower.material and upper.material are both Rigid; one of the solids must deform"
             )
-        warn_of_scene(self)
+        if all(map(is_concrete, jax.tree.leaves(self))):
+            _warn(doubts_of_scene(self))
         parts = optional_parts(self)
         _check_apart("adhesion", ("heating",), parts)
         self._check_correlation(parts)
@@ -383,12 +384,6 @@ def doubts_of_conditions(**conditions: Any) -> Iterator[str]:
     for name, values in conditions.items():
         if values is not None and is_concrete(values):
             yield from _doubts(name, values, *_CONDITIONS[name])
-
-
-def warn_of_scene(scene: PhysicalObject) -> None:
-    """Give a UnitWarning for the first implausible number of a scene, unless a number is traced."""
-    if all(map(is_concrete, jax.tree.leaves(scene))):
-        _warn(doubts_of_scene(scene))
 
 
 def warn_of_conditions(**conditions: Any) -> None:

@@ -13,7 +13,7 @@ from typing import ClassVar, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from rubberfric.base.checks import POSITIVE, check_increasing, check_lengths
+from rubberfric.base.checks import POSITIVE, check_table
 from rubberfric.base.objects.fields import Number, Vector, leaf
 from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.roughness.moments import cumulative_moment
@@ -47,10 +47,7 @@ class Softening(PhysicalObject):
     factor: Number = leaf(POSITIVE, unit="-", default=1.0)
 
     def _check(self):
-        check_lengths("Softening", strain=self.strain, storage=self.storage, loss=self.loss)
-        if self.strain.shape[0] < 2:
-            raise ValueError(f"Softening.strain has {self.strain.shape[0]} entries: must have at least 2")
-        check_increasing("Softening.strain", self.strain)
+        check_table("Softening", strain=self.strain, storage=self.storage, loss=self.loss)
 
 
 class Softened(NamedTuple):

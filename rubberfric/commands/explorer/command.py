@@ -15,13 +15,13 @@ import webbrowser
 import zipfile
 from collections.abc import Callable, Mapping
 from importlib.resources import files
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import numpy as np
 
 from rubberfric.base.checks import UnitWarning
-from rubberfric.base.progress import Phases
+from rubberfric.base.progress import Progress
 from rubberfric.commands.explorer.curves import (
     BESIDE,
     EVERY,
@@ -43,15 +43,7 @@ _INSIDE = 0.01  # smallest distance of a start value from its bounds, as a share
 COMMAND = f"rubberfric-fit {FOLDER}/{JOB}"
 
 
-class Download(NamedTuple):
-    """A file that the page offers."""
-
-    name: str
-    kind: str  # media type of the content
-    content: bytes
-
-
-def run_explorer(arguments: argparse.Namespace, show: Phases) -> tuple[str, None]:
+def run_explorer(arguments: argparse.Namespace, show: Progress) -> tuple[str, None]:
     """Serve the page of `rubberfric explore` until a signal ends the command."""
     show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene, default=True)
@@ -92,7 +84,7 @@ def routes(explorer: Explorer) -> dict[str, Callable[[Any], Answer]]:
         return lambda content: work(slider_values(explorer.sliders, content))
 
     def sensitivities(values):
-        if not explorer.is_ready:
+        if not explorer.compiled.is_set():
             return _json({"pending": True})
         if explorer.failure:
             raise ValueError(f"sensitivities cannot be computed: {explorer.failure}")
@@ -103,8 +95,8 @@ def routes(explorer: Explorer) -> dict[str, Callable[[Any], Answer]]:
         "curves": with_values(lambda values: _json(explorer.curves(values))),
         "drafts": with_values(lambda values: _json(explorer.curves(values, draft=True))),
         "sensitivities": with_values(sensitivities),
-        "scene": with_values(lambda values: _download(scene_download(explorer, values))),
-        "fit": with_values(lambda values: _download(fit_download(explorer, values))),
+        "scene": with_values(lambda values: scene_download(explorer, values)),
+        "fit": with_values(lambda values: fit_download(explorer, values)),
     }
 
 
@@ -135,8 +127,8 @@ def _start(explorer: Explorer) -> dict[str, Any]:
     }
 
 
-def _download(found: Download) -> Answer:
-    return Answer(found.kind, found.content, {"Content-Disposition": f'attachment; filename="{found.name}"'})
+def _download(name: str, kind: str, content: bytes) -> Answer:
+    return Answer(kind, content, {"Content-Disposition": f'attachment; filename="{name}"'})
 
 
 def _json(content: Any) -> Answer:
@@ -159,15 +151,15 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def scene_download(explorer: Explorer, values: CurveValues) -> Download:
+def scene_download(explorer: Explorer, values: CurveValues) -> Answer:
     """Return the scene at the sliders' values as a TOML file, or with its tables as a ZIP archive."""
     texts = _scene(explorer, values)
     if len(texts) == 1:
-        return Download(SCENE, "application/toml", texts[SCENE].encode())
+        return _download(SCENE, "application/toml", texts[SCENE].encode())
     return _archive({name: text.encode() for name, text in texts.items()})
 
 
-def fit_download(explorer: Explorer, values: CurveValues) -> Download:
+def fit_download(explorer: Explorer, values: CurveValues) -> Answer:
     """Return a ZIP archive with a `rubberfric-fit` job, which varies the numbers that were moved.
 
     A ValueError is raised if there are no measured points, or if no number of the scene was moved.
@@ -229,9 +221,9 @@ def _scene(explorer: Explorer, values: CurveValues) -> dict[str, str]:
     return scene_texts(scene, explorer.conditions._replace(**given), explorer.title, name=SCENE)
 
 
-def _archive(files: Mapping[str, bytes]) -> Download:
+def _archive(files: Mapping[str, bytes]) -> Answer:
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, text in files.items():
             archive.writestr(f"{FOLDER}/{name}", text)
-    return Download(f"{FOLDER}.zip", "application/zip", content.getvalue())
+    return _download(f"{FOLDER}.zip", "application/zip", content.getvalue())

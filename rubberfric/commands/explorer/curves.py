@@ -22,10 +22,10 @@ from rubberfric.base.atomic import StrPath, as_path
 from rubberfric.base.checks import shown
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.commands.explorer.sliders import changes, moved, sliders_of, with_cutoffs
-from rubberfric.io.results import Conditions, check_conditions, check_plausible_conditions
+from rubberfric.io.results import Conditions, check_conditions, check_plausible
 from rubberfric.io.tables import read_table
 from rubberfric.materials.material import Material, complex_modulus
-from rubberfric.scene.scene import Scene, cast, dissipates, takes_temperature
+from rubberfric.scene.scene import Scene, cast, dissipates, doubts_of_conditions, takes_temperature
 from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import solve
 from rubberfric.theory.structure import quantities_of
@@ -102,13 +102,8 @@ class Explorer:
         self._slopes = jax.jit(self._all_slopes)
         self.has_drafts = False  # set when the curves are compiled, before the first request
         # Set by the thread that compiles sensitivities: end, and reason of a failure.
-        self._compiled = threading.Event()
+        self.compiled = threading.Event()
         self.failure = ""
-
-    @property
-    def is_ready(self) -> bool:
-        """Return True if the compilation of the sensitivities has succeeded or failed."""
-        return self._compiled.is_set()
 
     @property
     def count(self) -> int:
@@ -177,7 +172,7 @@ class Explorer:
         except Exception as error:  # a thread cannot raise it
             self.failure = str(error) or type(error).__name__
         finally:
-            self._compiled.set()
+            self.compiled.set()
 
     def conditions_at(self, values: CurveValues) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Return velocity, pressure and temperature of all computed points as arrays of shape (count,).
@@ -317,7 +312,7 @@ def read_points(path: StrPath, scene: Scene, conditions: Conditions) -> Measured
         table["v"], conditions.pressure if p is None else p, conditions.temperature if T is None else T
     )
     check_conditions(f"{path}: ", at, scene)
-    check_plausible_conditions(f"{path}: ", at)
+    check_plausible(f"{path}: ", doubts_of_conditions(**at._asdict()))
     error = table.get("sigma")
     if error is None and "relative_sigma" in table:
         error = table["relative_sigma"] * np.abs(table["mu"])

@@ -63,8 +63,12 @@ def sliders_of(scene: Scene, conditions: Conditions, axis: str = "velocity") -> 
     accept the ends of each slider, while all other sliders have their start values.
     """
     found = [one for one in _of_conditions(scene, conditions) if one.name != axis]
+
+    def try_value(one, value):
+        scene.replace(changes(scene, [one], {one.name: value}, np))
+
     for path, part in parts_of(scene):
-        found += [_within(one, _accepts(scene, one)) for one in _of_object(path, part)]
+        found += [_within(one, try_value) for one in _of_object(path, part)]
     return [one for one in found if one.low < one.high]
 
 
@@ -139,14 +143,10 @@ def _of_conditions(scene: Scene, conditions: Conditions) -> Iterator[Slider]:
     low, high = max(low - _TEMPERATURE_REACH, 1.0), high + _TEMPERATURE_REACH
     slider = Slider("temperature", "conditions", "temperature", "K", T, low, high, logarithmic=False)
 
-    def accepts(value):
-        try:
-            check_conditions("", conditions._replace(temperature=np.array([value])), scene)
-        except ValueError:
-            return False
-        return True
+    def try_value(_, value):
+        check_conditions("", conditions._replace(temperature=np.array([value])), scene)
 
-    yield _within(slider, accepts)
+    yield _within(slider, try_value)
 
 
 def _middle(values: np.ndarray) -> tuple[float, float, float]:
@@ -217,28 +217,26 @@ def _by_decade(path: str, group: str, name: str, times: np.ndarray) -> Iterator[
         yield _factor(f"{path}[{index}]", group, label, [Target(path, elements, 1.0)], free)
 
 
-def _accepts(scene: Scene, slider: Slider) -> Callable[[float], bool]:
-    """Return a function that tests if a scene accepts a value of one slider, the others at their start."""
+def _within(slider: Slider, try_value: Callable[[Slider, float], None]) -> Slider:
+    """Return the slider with a range whose ends are accepted, found by bisection from the start.
 
-    def accepts(value):
+    `try_value` raises ValueError if the scene refuses a value of the slider, the others at their start.
+    """
+
+    def accepts(part):
         try:
-            scene.replace(changes(scene, [slider], {slider.name: value}, np))
+            try_value(slider, slider.at(part))
         except ValueError:
             return False
         return True
 
-    return accepts
-
-
-def _within(slider: Slider, accepts: Callable[[float], bool]) -> Slider:
-    """Return the slider with a range whose ends are accepted, found by bisection from the start."""
     ends = {}
     for name, side in (("low", -1.0), ("high", 1.0)):
-        if accepts(slider.at(side)):
+        if accepts(side):
             continue
         good, bad = 0.0, 1.0
         for _ in range(_HALVINGS):
             middle = 0.5 * (good + bad)
-            good, bad = (middle, bad) if accepts(slider.at(side * middle)) else (good, middle)
+            good, bad = (middle, bad) if accepts(side * middle) else (good, middle)
         ends[name] = slider.at(side * good)
     return slider._replace(**ends)

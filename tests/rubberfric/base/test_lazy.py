@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from support.folders import PYTHONPATH, ROOT
 
-ROOMS = ("base", "analysis", "plot", "commands")
+ROOMS = ("base", "materials", "roughness", "scene", "io", "analysis", "plot", "commands")
 PACKAGES = ("rubberfric", *(f"rubberfric.{room}" for room in ROOMS), "fitting")
 
 
@@ -68,6 +68,12 @@ def test_without_jax(imports):
         [sys.executable, "-c", LIGHT.format(imports=imports)], cwd=ROOT, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_a_reader_of_objects_knows_all_classes():
+    program = "from rubberfric.io import read_object; from rubberfric.base.objects.physical import _CLASSES\n"
+    program += "assert {'Prony', 'Coating', 'TabulatedAnisotropic', 'Softening', 'Scene'} <= set(_CLASSES)"
+    subprocess.run([sys.executable, "-c", program], check=True, cwd=ROOT)
 
 
 EVERY = """

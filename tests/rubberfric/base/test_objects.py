@@ -199,8 +199,6 @@ def tread(**changes):
         (lambda: rf.TabulatedShift([2.0, 1.0], [1.0, 1.0], 1.5), r"TabulatedShift\.T\[1\] = 1\.0 after 2\.0"),
         (lambda: rf.TabulatedShift([1.0, 2.0], [1.0, 1.0], 2.5), r"TabulatedShift\.T_ref = 2\.5: must be"),
         (lambda: rf.TabulatedShift([1.0], [1.0], 1.0), r"TabulatedShift\.T has 1 entries"),
-        (lambda: rf.ContactShear(-1.0, 0.1, 6e-3), r"ContactShear\.tau_f0 = -1\.0: must be >= 0"),
-        (lambda: rf.ContactShear(6.5e6, -0.1, 6e-3), r"ContactShear\.c = -0\.1: must be >= 0"),
         (lambda: rf.ContactShear(6.5e6, 0.1, 0.0), r"ContactShear\.v0 = 0\.0: must be > 0"),
         (lambda: tread(tau=[0.0]), r"Prony\.tau\[0\] = 0\.0: must be > 0"),
         (lambda: tread(tau=[1.0, 2.0]), r"Prony: lengths differ \(E has 1, tau has 2\)"),

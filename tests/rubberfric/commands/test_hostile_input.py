@@ -71,21 +71,32 @@ PLACES = {
 }
 
 
+@pytest.fixture
+def complaint_about(call_main, tmp_path, monkeypatch):
+    """The name of a file at a place, and the message of the command, after a function has put it there."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(place, put):
+        command, arguments, text, name = PLACES[place]
+        Path("scene.toml").write_text(JOB_SCENE)
+        if text is not None:
+            Path(arguments[-1]).write_text(text)
+        put(Path(name))
+        before, begin = sorted(os.listdir()), time.monotonic()
+        status, printed, complaint = call_main(command, *arguments)
+        assert time.monotonic() - begin < 5  # nothing is waited for, nor read to its end
+        assert (status, printed, complaint.count("\n")) == (2, "", 1)
+        assert sorted(os.listdir()) == before
+        return name, complaint
+
+    return run
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("place", PLACES)
-def test_what_is_no_file(call_main, tmp_path, monkeypatch, kind, place):
-    monkeypatch.chdir(tmp_path)
-    command, arguments, text, name = PLACES[place]
-    Path("scene.toml").write_text(JOB_SCENE)
-    if text is not None:
-        Path(arguments[-1]).write_text(text)
-    KINDS[kind](Path(name))
-    before, begin = sorted(os.listdir()), time.monotonic()
-    status, printed, complaint = call_main(command, *arguments)
-    assert time.monotonic() - begin < 5  # nothing is waited for, nor read to its end
-    assert (status, printed, complaint.count("\n")) == (2, "", 1)
+def test_what_is_no_file(complaint_about, kind, place):
+    name, complaint = complaint_about(place, KINDS[kind])
     assert (name in complaint and "cannot be read" in complaint) or "must be" in complaint
-    assert sorted(os.listdir()) == before
 
 
 # Contents of a file that is one.
@@ -103,17 +114,8 @@ CONTENTS = {
 
 @pytest.mark.parametrize("content", CONTENTS)
 @pytest.mark.parametrize("place", ["the scene of run", "the result that run repeats", "the data of a job"])
-def test_what_is_no_scene(call_main, tmp_path, monkeypatch, content, place):
-    monkeypatch.chdir(tmp_path)
-    command, arguments, text, name = PLACES[place]
-    Path("scene.toml").write_text(JOB_SCENE)
-    if text is not None:
-        Path(arguments[-1]).write_text(text)
-    Path(name).write_bytes(CONTENTS[content])
-    begin = time.monotonic()
-    status, printed, complaint = call_main(command, *arguments)
-    assert time.monotonic() - begin < 5
-    assert (status, printed, complaint.count("\n")) == (2, "", 1)
+def test_what_is_no_scene(complaint_about, content, place):
+    name, complaint = complaint_about(place, lambda path: path.write_bytes(CONTENTS[content]))
     assert name in complaint and len(complaint) < 1000
 
 
@@ -260,8 +262,7 @@ def test_letters_that_the_terminal_has_not(environment):
 
 @pytest.mark.parametrize("name", ["cuda", "nonsense"])
 def test_a_platform_that_jax_cannot_start(name):
-    program = "import sys; from rubberfric.commands.main import main; sys.exit(main())"
-    status, printed, complaint = shell("doctor", program=program, JAX_PLATFORMS=name)
+    status, printed, complaint = shell("doctor", JAX_PLATFORMS=name)
     assert (status, printed) == (2, "")
     text = f"JAX_PLATFORMS = {name!r}: JAX cannot start this platform; use cpu, or unset it"
     assert complaint == f"rubberfric: {text}\n"

@@ -29,17 +29,6 @@ def told(*arguments, fitted=batches.fitted):
 batches.fitted = told
 sys.exit(command.main())
 """
-COMPUTING = f"""
-import hashlib, sys
-from rubberfric.analysis import batches, collapse
-collapse.collapse = lambda *_: None
-from rubberfric.commands import main as command
-def launch(*arguments):
-    print("now", flush=True)
-    {BUSY}
-batches.fitted, batches.launch = lambda tiling, task: tiling, launch
-sys.exit(command.main())
-"""
 FILLING = f"""
 import hashlib, sys
 from rubberfric.analysis import batches, collapse
@@ -57,6 +46,7 @@ def launch(tiling, task, batch):
 batches.fitted, batches.launch, batches.BATCH["cpu"] = lambda tiling, task: tiling, launch, 1024
 sys.exit(command.main())
 """
+COMPUTING = FILLING.replace("count == 4", "count == 1")
 FITTING = f"""
 import hashlib, sys
 from fitting.commands import main as command

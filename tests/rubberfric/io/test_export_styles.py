@@ -99,17 +99,8 @@ def test_temperatures_beside_each_other(tmp_path, titles):
     elif titles == "inside":
         head = [[name.replace(" ", f" {T} °C ") for T in (20, 40) for name in names]]
     elif titles == "moduli":  # labels of moduli only, and an empty column
-        head = [
-            [
-                "f [Hz]",
-                "E' 20 °C [MPa]",
-                "E'' 20 °C [MPa]",
-                None,
-                "f [Hz]",
-                "E' 40 °C [MPa]",
-                "E'' 40 °C [MPa]",
-            ]
-        ]
+        cold, warm = (["f [Hz]", f"E' {T} °C [MPa]", f"E'' {T} °C [MPa]"] for T in (20, 40))
+        head = [[*cold, None, *warm]]
         rows = [[*row[:3], None, *row[3:]] for row in ROWS]
     else:
         head, rows = [["f/Hz", *(f"{m}({T},0 °C)/MPa" for T in (20, 40) for m in ("E'", "E''"))]], []

@@ -5,6 +5,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from support import exports
 from support.refusals import refused
 
 import rubberfric as rf
@@ -120,35 +121,16 @@ def test_moduli(tmp_path, name, encoding):
 # --- exports of instruments
 
 
-COLUMNS = "Angular frequency\tStorage modulus\tLoss modulus\tTan(delta)\tFrequency\tTemperature\tStep time\n"
-STEP = "\n[step]\nFrequency sweep\nNumber of points\t2\n" + COLUMNS + "rad/s\tMPa\tMPa\t\tHz\t°C\ts\n"
-TRIOS = (
-    "Filename\ttread.txt\nOperator\tA. B.\nTemperature\t20 °C\n"
-    + STEP
-    + "0.628319\t8.1\t0.9\t0.1111\t0.1\t20.1\t12\n6.28319\t9.1\t1.1\t0.1209\t1\t20.2\t13\n"
-    + STEP
-    + "0.628319\t7.1\t0.8\t0.1127\t0.1\t30.1\t12\n6.28319\t7.9\t0.9\t0.1139\t1\t30.2\t13\n"
-)
-TRIOS_NUMBERS = (
-    [0.628319, 6.28319] * 2,
-    [8.1e6, 9.1e6, 7.1e6, 7.9e6],
-    [0.9e6, 1.1e6, 0.8e6, 0.9e6],
-    [293.25, 293.35, 303.25, 303.35],
-)
-
-
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1", "utf-16"])
 @pytest.mark.parametrize("ends", ["\n", "\r\n"])
-def test_tabs_a_preamble_and_several_steps(tmp_path, encoding, ends):
-    path = put(tmp_path, TRIOS.replace("\n", ends).encode(encoding), "sweep.txt")
-    holds(read(path), *TRIOS_NUMBERS)
-
-
-def test_decimal_commas(tmp_path):
-    text = "".join(
-        line.replace(".", ",") if line[0].isdigit() else line for line in TRIOS.splitlines(keepends=True)
-    )
-    holds(read(put(tmp_path, text, "sweep.tsv")), *TRIOS_NUMBERS)
+def test_decimal_commas_in_any_encoding(tmp_path, encoding, ends):
+    """Tabs, a preamble and several steps; `test_moduli_of_instruments` reads the text with points."""
+    path = exports.trios(tmp_path)
+    lines = path.read_text("utf-16").splitlines()
+    commas = ends.join(line.replace(".", ",") if line[:1].isdigit() else line for line in lines) + ends
+    plain, data = read(path), read(put(tmp_path, commas.encode(encoding), "sweep.tsv"))
+    assert len(plain.omega) == 9
+    holds(data, plain.omega, plain.storage, plain.loss, plain.temperature)
 
 
 @pytest.mark.parametrize(
@@ -178,9 +160,9 @@ def test_strain_sweeps(tmp_path, title):
 
 def test_a_storage_modulus_is_a_shear_modulus_beside_a_poisson_ratio(tmp_path):
     """A rheometer and a tension clamp write the same words."""
-    omega, storage, loss, temperature = TRIOS_NUMBERS
-    data = read(put(tmp_path, TRIOS, "sweep.txt"), poisson=0.5)
-    holds(data, omega, 3 * np.array(storage), 3 * np.array(loss), temperature)
+    path = exports.trios(tmp_path)
+    plain, data = read(path), read(path, poisson=0.5)
+    holds(data, plain.omega, 3 * plain.storage, 3 * plain.loss, plain.temperature)
 
 
 # --- log10 tables, with and without a header

@@ -1,7 +1,7 @@
 """CSV tables and scenes in TOML and HDF5: contents, and one line for every fault."""
 
 import copy
-import dataclasses
+import functools
 import os
 
 import h5py
@@ -15,6 +15,7 @@ from support.scenes.examples import EXAMPLES, examples, same
 import rubberfric as rf
 from rubberfric.base.objects.physical import PhysicalObject, kinds, leaves_of
 from rubberfric.io.files import load_result, read_computable, read_scene_file, save_result
+from rubberfric.io.hdf5 import read_object, write_object
 from rubberfric.io.results import Conditions, Result
 from rubberfric.io.tables import read_directions, read_table, write_table
 from rubberfric.io.toml import scene_texts
@@ -246,7 +247,7 @@ def test_every_key_of_a_scene_file(folder):
 
 @pytest.mark.parametrize("spectrum", ["upper", "directions"])
 def test_the_cut_of_a_table(folder, spectrum):
-    """q0 and q1 [1/m] with a file, by key path, in HDF5 and in a notebook's table."""
+    """q0 and q1 [1/m] with a file, by key path and in a notebook's table."""
     content = full_scene() if spectrum == "upper" else put(full_scene(), "upper.spectrum", DIRECTIONS)
     (folder / "directions.csv").write_text(directions())
     cut = put(put(content, "upper.spectrum.q0", 150), "upper.spectrum.q1", 900.5)
@@ -254,8 +255,6 @@ def test_the_cut_of_a_table(folder, spectrum):
     assert (scene.upper.spectrum.q0, scene.upper.spectrum.q1) == (150.0, 900.5)
     whole, _, _ = read_scene_file(write_scene(folder, content))
     same(whole.replace({"upper.spectrum.q0": 150.0, "upper.spectrum.q1": 900.5}), scene)
-    rf.save_scene(folder / "scene.h5", scene)
-    same(rf.load_scene(folder / "scene.h5"), scene)
     assert "upper.spectrum.q1" in scene._repr_html_() and "900.5" in scene._repr_html_()
     assert "upper.spectrum.q1" not in whole._repr_html_()
     path = write_scene(folder, put(content, "upper.spectrum.q1", 1000.5))
@@ -266,8 +265,6 @@ def test_the_cut_of_a_table(folder, spectrum):
 def test_coatings(folder):
     scene, _, _ = read_scene_file(write_scene(folder, coated_scene()))
     same(scene.lower.layer, rf.Coating(1e-3, rf.Prony(1e6, [1e6], [1e-3], 0.3)))
-    rf.save_scene(folder / "scene.h5", scene)
-    same(rf.load_scene(folder / "scene.h5"), scene)
 
 
 def test_a_relaxing_shear(folder):
@@ -276,8 +273,6 @@ def test_a_relaxing_shear(folder):
     content = put(full_scene(), "upper.material", {"kind": "prony_shear", "shift": shift} | numbers)
     scene, _, _ = read_scene_file(write_scene(folder, content))
     same(scene.upper.material, rf.PronyShear(**numbers, shift=rf.Arrhenius(1.0, 300.0)))
-    rf.save_scene(folder / "scene.h5", scene)
-    same(rf.load_scene(folder / "scene.h5"), scene)
 
 
 SPECTRUM = {"kind": "self_affine", "q0": 1e2, "qr": 1e3, "q1": 1e5, "hurst": 0.8, "h_rms": 1e-4}
@@ -301,8 +296,6 @@ def test_anisotropic_spectra(folder):
     np.testing.assert_allclose(scene.upper.spectrum.C, C, rtol=1e-14)
     np.testing.assert_allclose(scene.upper.spectrum.q, [1e2, 1e3], rtol=1e-14)
     assert scene.upper.spectrum.angle == -0.2
-    rf.save_scene(folder / "scene.h5", scene)
-    same(rf.load_scene(folder / "scene.h5"), scene)
     # Defaults, and C0 for the height of the base.
     C0 = float(rf.power_spectrum(base, 500.0))
     short = {k: v for k, v in SPECTRUM.items() if k != "h_rms"} | {"C0": C0}
@@ -371,8 +364,6 @@ def test_softening_and_heating(folder):
     same(scene.softening, rf.Softening(*table, 1.2))
     same(scene.heating, rf.Heating(**numbers, shear_at="background", branch="falling"))
     assert scene.heating.area_fraction is None
-    rf.save_scene(folder / "scene.h5", scene)
-    same(rf.load_scene(folder / "scene.h5"), scene)
     (folder / "softening.csv").write_text(SOFTENING.replace("10,0.7", "0.1,0.7"))
     path = write_scene(folder, content)
     assert "line 4: strain = 0.1 after 1: must increase" in refused(
@@ -585,13 +576,12 @@ def test_other_kinds(tmp_path):
 
 
 @pytest.mark.parametrize("adhesion", [rf.Adhesion(0.02), rf.Adhesion(3e-3, limit="long", range=1.7e-9)])
-def test_adhesion_of_either_limit_in_toml_and_hdf5(adhesion, tmp_path):
+def test_adhesion_of_either_limit(adhesion, tmp_path):
     spectrum = rf.SelfAffine(1e5, 1e6, 1e8, 0.8, 2e-9)
     scene = rf.Scene(rf.Body(rf.Rigid(), spectrum), rf.Body(rf.Elastic(2e6, 0.5)), adhesion=adhesion)
-    rf.save_scene(tmp_path / "scene.h5", scene)
-    for found in (read_back(tmp_path, scene, AT)[0], rf.load_scene(tmp_path / "scene.h5")):
-        same(found, scene)
-        assert found.adhesion.limit == adhesion.limit
+    found = read_back(tmp_path, scene, AT)[0]
+    same(found, scene)
+    assert found.adhesion.limit == adhesion.limit
 
 
 def test_what_is_hardly_in_si_is_accepted_again(tmp_path):
@@ -618,40 +608,34 @@ def test_tabulated_data_are_the_ones_they_were_made_from():
 # --- HDF5
 
 
-def scenes():
-    """Scenes that hold every class between them, in both precisions."""
+def objects():
+    """One object of every class, with Python numbers and in both precisions, and two special ones."""
     for dtype in (np.float32, np.float64):
-        made = examples(lambda x, dtype=dtype: np.array(x, dtype), lambda x, dtype=dtype: np.array(x, dtype))
-        rigid = rf.Body(made["Rigid"], made["SelfAffine"])
-        elastic = rf.Body(made["Elastic"])
-        arrhenius = dataclasses.replace(made["Prony"], shift=made["Arrhenius"])
-        yield made["Scene"]
-        yield rf.Scene(rigid, elastic)
-        yield rf.Scene(elastic, rf.Body(arrhenius, layer=made["Slab"]))
-        rough = (
-            rf.Body(arrhenius, made["TabulatedAnisotropic"]),
-            rf.Body(made["Rigid"], made["Anisotropic"]),
-        )
-        yield rf.Scene(*rough, heating=made["Heating"])
-        body = rf.Body(arrhenius, made["SelfAffine"])
-        yield rf.Scene(rigid, body, softening=made["Softening"], heating=made["Heating"])
-    yield EXAMPLES["Scene"]
-    yield rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine.from_C0(1e2, 1e3, 1e5, 0.8, 1e-9)), elastic)
+        of_dtype = functools.partial(np.array, dtype=dtype)
+        yield from examples(of_dtype, of_dtype).values()
+    yield from EXAMPLES.values()
+    yield rf.SelfAffine.from_C0(1e2, 1e3, 1e5, 0.8, 1e-9)  # a weakly typed array
+    yield rf.Adhesion(0.02)  # None
 
 
-@pytest.mark.parametrize("scene", list(scenes()))
-def test_hdf5_keeps_every_bit(scene, tmp_path):
-    path = tmp_path / "scene.h5"
-    rf.save_scene(path, scene)
-    again = rf.load_scene(str(path))
-    same(scene, again)
-    for x, y in zip(jax.tree.leaves(scene), jax.tree.leaves(again), strict=True):
+@pytest.mark.parametrize("given", list(objects()), ids=lambda given: type(given).__name__)
+def test_hdf5_keeps_every_bit(given, tmp_path):
+    with h5py.File(tmp_path / "object.h5", "w") as file:
+        write_object(file, "object", given)
+        again = read_object(file["object"])
+    same(given, again)
+    for x, y in zip(jax.tree.leaves(given), jax.tree.leaves(again), strict=True):
         assert isinstance(x, float) == isinstance(y, float) or x.weak_type
         weak = [isinstance(leaf, float) or leaf.weak_type for leaf in (x, y)]
         assert weak[0] == weak[1]
-    assert os.listdir(tmp_path) == ["scene.h5"]
-    rf.save_scene(path, again)  # over the old one
-    same(scene, rf.load_scene(path))
+
+
+def test_a_saved_scene_replaces_the_old_one(tmp_path):
+    path, scene = tmp_path / "scene.h5", EXAMPLES["Scene"]
+    for changed in (scene, scene.replace(gamma=0.3)):
+        rf.save_scene(path, changed)
+        same(changed, rf.load_scene(str(path)))
+        assert os.listdir(tmp_path) == ["scene.h5"]
 
 
 def test_every_leaf_has_units(tmp_path):

@@ -173,14 +173,15 @@ def test_cards_of_others(tmp_path):
     assert found.friction.tolist() == [[[0.8, 0.9], [0.6, 0.7]]]
     path.write_text(OF_OTHERS.replace(" 0.7, 10., 1.\n", ""))
     message = refused(path, lambda: rf.io.read_friction(path, unit_velocity="mm/s", unit_pressure="MPa"))
-    assert "has 3 points over 2 velocities, 2 pressures and 1 temperatures: must have every" in message
+    assert "has 3 points for 2 x 2 values of pressure, velocity: must have every combination" in message
 
 
 def test_scattered_points_are_refused_without_their_grid(tmp_path):
     """The grid over 50 000 distinct velocities, pressures and temperatures has 1e14 points."""
     path, x = tmp_path / "t.csv", np.arange(1, 50_001)
     rf.io.write_table(path, {"v": x, "p": 1e3 * x, "T": 200 + 1e-3 * x, "mu": np.ones(x.size)})
-    assert "has 50000 points over 50000 velocities" in refused(path, lambda: rf.io.read_friction(path))
+    message = refused(path, lambda: rf.io.read_friction(path))
+    assert "has 50000 points for 50000 x 50000 x 50000 values of temperature, pressure, vel" in message
 
 
 def test_refused(table, tmp_path):

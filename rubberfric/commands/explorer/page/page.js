@@ -53,12 +53,10 @@ function unitOf(slider, value) {
   return slider.unit === "-" ? "" : slider.unit.replace("^2", "²").replace("^3", "³");
 }
 
-function labelled(host, label) {
-  for (const [text, kind] of parts(label)) {
-    const made = document.createElement(kind === "i" ? "i" : kind === "sub" ? "sub" : "span");
-    made.textContent = text;
-    host.appendChild(made);
-  }
+function make(tag, properties, parent) {
+  const made = Object.assign(document.createElement(tag), properties);
+  if (parent) parent.appendChild(made);
+  return made;
 }
 
 function groupOf(slider) {
@@ -72,29 +70,20 @@ function makeSlider(slider) {
   const [group, label, open] = groupOf(slider);
   let host = document.querySelector(`details[data-group="${CSS.escape(group)}"]`);
   if (!host) {
-    host = document.createElement("details");
+    host = make("details", { open }, $("sliders"));
     host.dataset.group = group;
-    host.open = open;
-    const head = document.createElement("summary");
-    head.textContent = group.replaceAll(".", " · ");
-    host.appendChild(head);
-    $("sliders").appendChild(host);
+    make("summary", { textContent: group.replaceAll(".", " · ") }, host);
   }
-  const row = document.createElement("div"), name = document.createElement("label");
-  const range = document.createElement("input"), box = document.createElement("input");
-  const unit = document.createElement("span"), reset = document.createElement("button");
-  row.className = "slider";
+  const row = make("div", { className: "slider" }, host), id = `range ${slider.name}`;
   row.dataset.name = slider.name;
-  name.title = `${slider.name}, ${short(slider.low)} … ${short(slider.high)} ${slider.unit || "×"}`;
-  labelled(name, label);
-  Object.assign(range, { type: "range", min: 0, max: 1000, step: 1, id: `range ${slider.name}` });
-  name.htmlFor = range.id;
-  Object.assign(box, { type: "text", inputMode: "decimal" });
+  const title = `${slider.name}, ${short(slider.low)} … ${short(slider.high)} ${slider.unit || "×"}`;
+  const name = make("label", { title, htmlFor: id }, row);
+  for (const [textContent, kind] of parts(label)) make(kind || "span", { textContent }, name);
+  const range = make("input", { type: "range", min: 0, max: 1000, step: 1, id }, row);
+  const box = make("input", { type: "text", inputMode: "decimal" }, row);
   box.setAttribute("aria-label", slider.name);
-  unit.className = "unit";
-  Object.assign(reset, { type: "button", textContent: "↺", title: `back to ${short(slider.start)}` });
-  row.append(name, range, box, unit, reset);
-  host.appendChild(row);
+  const unit = make("span", { className: "unit" }, row);
+  const reset = make("button", { type: "button", textContent: "↺", title: `back to ${short(slider.start)}` }, row);
   rows[slider.name] = { slider, range, box, unit, reset, row };
   range.addEventListener("input", () => {
     state.moved = performance.now();
@@ -329,9 +318,7 @@ function drawSlopes() {
 // ---- downloads
 
 function save(content, name) {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(content);
-  link.download = name;
+  const link = make("a", { href: URL.createObjectURL(content), download: name });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
@@ -350,13 +337,11 @@ async function download(route) {
 }
 
 function note(lines, command) {
-  const host = $("note"), close = document.createElement("button");
+  const host = $("note");
   host.replaceChildren();
-  for (const line of lines) host.appendChild(document.createElement("div")).textContent = line;
-  if (command) host.appendChild(document.createElement("pre")).textContent = command;
-  Object.assign(close, { type: "button", textContent: "close" });
-  close.addEventListener("click", () => { host.hidden = true; });
-  host.appendChild(close);
+  for (const line of lines) make("div", { textContent: line }, host);
+  if (command) make("pre", { textContent: command }, host);
+  make("button", { type: "button", textContent: "close", onclick: () => { host.hidden = true; } }, host);
   host.hidden = false;
 }
 

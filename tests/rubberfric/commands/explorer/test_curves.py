@@ -189,8 +189,8 @@ def test_whatever_fails_in_the_thread_ends_the_wait(monkeypatch):
         raise TypeError("not of this kind")
 
     monkeypatch.setattr(explorer, "sensitivities", fail)
-    assert not explorer.is_ready
+    assert not explorer.compiled.is_set()
     thread = threading.Thread(target=explorer.compile_sensitivities)
     thread.start()
     thread.join()
-    assert explorer.is_ready and explorer.failure == "not of this kind"
+    assert explorer.compiled.is_set() and explorer.failure == "not of this kind"

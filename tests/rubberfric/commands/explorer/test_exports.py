@@ -23,8 +23,12 @@ def explorer_of(name, data=None):
     return Explorer(scene, conditions, title, measured)
 
 
+def named(download, name):
+    return download.headers == {"Content-Disposition": f'attachment; filename="{name}"'}
+
+
 def unpacked(download, folder):
-    assert (download.name, download.kind) == ("explored.zip", "application/zip")
+    assert named(download, "explored.zip") and download.kind == "application/zip"
     with zipfile.ZipFile(io.BytesIO(download.content)) as archive:
         names = archive.namelist()
         archive.extractall(folder)
@@ -47,7 +51,7 @@ def test_scene_without_tables(tmp_path):
     }
     values = slider_values(explorer.sliders, moved)
     found = scene_download(explorer, values)
-    assert (found.name, found.kind) == ("scene.toml", "application/toml")
+    assert named(found, "scene.toml") and found.kind == "application/toml"
     (tmp_path / "scene.toml").write_bytes(found.content)
     scene, conditions, title = read_computable(tmp_path / "scene.toml")
     same(scene, explorer.moved(values))
