@@ -14,7 +14,7 @@ from support.scenes.fits import ROAD, E
 import rubberfric as rf
 from fitting import Bounded, Free, Gaussian, ModulusData, Positive, Smooth, Sum, Tied, fit
 from fitting.parameters.priors import prior_residuals, prior_size, read_priors
-from fitting.parameters.variables import free_parameters, to_scene, to_values
+from fitting.parameters.variables import free_parameters, to_scene
 from fitting.solvers import objective as losses
 from fitting.solvers.objective import LOSS_WIDTHS
 from fitting.solvers.problem import make_problem
@@ -312,16 +312,3 @@ def test_widths_make_gaussian_data_95_percent_efficient(loss):
     slope = jax.grad(lambda r: 0.5 * rho(loss, LOSS_WIDTHS[loss], r)[0])
     psi, bend = np.asarray(jax.vmap(slope)(r)), np.asarray(jax.vmap(jax.grad(slope))(r))
     assert np.sum(weight * bend) ** 2 / np.sum(weight * psi**2) == pytest.approx(0.95, abs=1e-3)
-
-
-@pytest.mark.slow
-def test_values_at_x_are_those_of_a_prior_fit_without_data_to_speak_of():
-    """With errors of e^3 the data say nothing, and the priors alone decide."""
-    data = ModulusData(np.logspace(-2, 2, 4), [1e7] * 4, [1e6] * 4, relative=3.0, check_units=False)
-    free = {E: Positive(), "upper.material.E_inf": Positive()}
-    prior = {E: Gaussian(1e7, 1e3), "upper.material.E_inf": Gaussian(2e6, 2e2)}
-    result = fit(SCENE, data, free, prior=prior)
-    np.testing.assert_allclose(result.values, [1e7] * 4 + [2e6], rtol=1e-6)
-    np.testing.assert_allclose(result.stderr, [1e3] * 4 + [2e2], rtol=1e-3)
-    layout, constants, _ = free_parameters(SCENE, free)
-    np.testing.assert_allclose(to_values(layout, constants, jnp.asarray(result.x)), result.values, rtol=1e-13)
