@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
-from fitting import Bounded, Free, Gaussian, ModulusData, Positive, Smooth, Sum, Tied, fit
+from fitting import Bounded, Correlated, Free, Gaussian, ModulusData, Positive, Smooth, Sum, Tied, fit
 from fitting.parameters.priors import prior_residuals, prior_size, read_priors
 from fitting.parameters.variables import free_parameters, to_scene
 from fitting.solvers import objective as losses
@@ -174,6 +174,15 @@ def test_smooth_needs_a_free_series_of_three_different_times():
         (lambda: Gaussian(1.0, np.inf), "must be a finite number > 0"),
         (lambda: Smooth(0.0), "sigma = 0.0: must be a finite number > 0"),
         (lambda: Smooth(None), "must be a finite number > 0"),
+        (lambda: Sum(), "must be numbers > 0, at least one of them given"),
+        (lambda: Sum(high=-1.0), "must be numbers > 0"),
+        (lambda: Sum(2.0, 1.0), "must be low < high"),
+        (lambda: Sum(high=1.0, sigma=0.0), "sigma = 0.0: must be a finite number > 0"),
+        (lambda: Correlated((1.0,), ((1.0, 0.0),), (0.0,), (np.inf,)), "covariance must be numbers of the"),
+        (lambda: Correlated((), (), (), ()), "mean must be numbers of the shape"),
+        (lambda: Correlated((1.0,), ((0.0,),), (0.0,), (np.inf,)), "> 0 on its diagonal"),
+        (lambda: Correlated((-1.0,), ((1.0,),), (0.0,), (np.inf,)), "mean must be finite and between low"),
+        (lambda: Correlated((1.0,), ((1.0,),), (-np.inf,), (2.0,)), "high must be inf where low is -inf"),
     ],
 )
 def test_wrong_numbers(make, text):
