@@ -98,9 +98,7 @@ class Measured:
         kind = type(self).__name__
         given = [name for name in self.sigmas if name in arrays]
         if given and "relative" in arrays:
-            raise ValueError(
-                f"{kind}: {' and '.join(given)} and relative are given: must be one or the other"
-            )
+            raise ValueError(f"{kind}: {' and '.join(given)} and relative are given: must be one of them")
         for name in self.sigmas:
             if given and name not in given:
                 raise ValueError(f"{kind}.{name} is missing: must be given together with {given[0]}")

@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.sharding import AxisType, NamedSharding
 from jax.sharding import PartitionSpec as P
@@ -145,7 +144,6 @@ def _compiled(solver, structure, mesh, vectorised, tree, shapes, stepping):
 
 def _shapes(members, count, mesh):
     def shape(a, spec, rows=()):
-        a = jnp.asarray(a) if not hasattr(a, "dtype") else a
         return jax.ShapeDtypeStruct((*rows, *a.shape), a.dtype, sharding=NamedSharding(mesh, spec))
 
     numbers = jax.tree.map(lambda a: shape(a, P()), members.problem.numbers)

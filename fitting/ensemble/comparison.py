@@ -248,7 +248,4 @@ def _check_same(name: str, fit: FitRecord, other_name: str, other: FitRecord) ->
     if losses[0] != losses[1]:
         raise ValueError(f"{where}: losses are {losses[1]} and {losses[0]}; they must be the same")
     if (fit.error_scale != 1) != (other.error_scale != 1):
-        raise ValueError(
-            f"{where}: only one fit has errors scaled by the scatter; the errors of both or of neither must"
-            " be scaled"
-        )
+        raise ValueError(f"{where}: only one fit has errors scaled by the scatter: must be both or neither")

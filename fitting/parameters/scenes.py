@@ -46,10 +46,7 @@ def as_scenes(scene: rf.Scene | Mapping[str, rf.Scene]) -> Scenes:
         raise ValueError("scene is empty: must hold at least one scene")
     for name, one in scene.items():
         if not (isinstance(name, str) and _NAME.fullmatch(name)):
-            raise ValueError(
-                f"scene: name {shown(name)}: must be a letter, then letters, digits or _, because key paths"
-                " begin with it"
-            )
+            raise ValueError(f"scene: name {shown(name)}: must be a letter, then letters, digits or _")
         if not isinstance(one, rf.Scene):
             raise ValueError(f"scene[{name!r}] is a {type(one).__name__}: must be a Scene")
     return dict(scene)

@@ -35,7 +35,7 @@ def test_design(call, job, tmp_path):
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ("", "design: is missing. Add a table [design] with the candidate measurements"),
+        ("", "design: is missing; add a table [design] with the candidates"),
         (DESIGN.replace("n = 2", ""), "design.n: is missing"),
         (DESIGN + "crit = 1\n", "design.crit: unknown key; did you mean 'criterion'?"),
         (DESIGN.replace("2e5", "-2e5"), "design.pressure[0] = -200000.0: must be > 0 and finite"),

@@ -175,7 +175,7 @@ def test_bounds_leave_real_measurements_alone():
 @pytest.mark.parametrize("cls", KINDS)
 def test_errors_are_absolute_or_relative(cls):
     both = " and ".join(cls.sigmas)
-    expected = f"{cls.__name__}: {both} and relative are given: must be one or the other"
+    expected = f"{cls.__name__}: {both} and relative are given: must be one of them"
     assert message(lambda: absolute(cls, relative=0.1)) == expected
 
 
@@ -458,7 +458,7 @@ ABSENT = "must not be given; "
         (
             "q,C,sigma_C\n1/m,m^4,m^4\n1e3,1e-12,1e-13\n",
             {"relative": 0.1, "normalisation": "C"},
-            "SpectrumData: sigma and relative are given: must be one or the other",
+            "SpectrumData: sigma and relative are given: must be one of them",
         ),
         (
             "f,E_stor,E_loss,sigma_stor\nHz,Pa,Pa,Pa\n1,1e6,1e5,1e4\n",
