@@ -204,7 +204,9 @@ def _data(data, relative, body):
     if isinstance(data, tuple) and len(data) == 2:
         return SpectrumData(*(np.asarray(x) for x in data), relative=relative, body=body)
     if not isinstance(data, SpectrumData):
-        raise ValueError(f"data is a {type(data).__name__}: must be SpectrumData, TabulatedSpectrum, (q, C)")
+        raise ValueError(
+            f"data is a {type(data).__name__}: must be SpectrumData, TabulatedSpectrum or (q, C)"
+        )
     for name, value, own in (("relative", relative, data.error), ("body", body, data.body)):
         if value is not None and own is not None:
             raise ValueError(f"{name} = {shown(value)}: must not be given, because the data specify it")

@@ -166,8 +166,8 @@ class FitRecord(SolvedProblem):
 
     def _judged(self, which: Sequence[int]) -> Verdict:
         """Return the verdict on the data sets `which`, with their share of the number of parameters."""
-        columns = self.data, self.residuals, self.estimated
-        data, rows, estimated = ([column[i] for i in which] for column in columns)
+        data, rows = [self.data[i] for i in which], [self.residuals[i] for i in which]
+        estimated = [self.estimated[i] for i in which]
         share = sum(map(len, rows)) / self.problem.targets.measured.size
         known, loss = self.uncertainty.parameters * share, self.problem.structure.loss
         return verdict(data, rows, known, estimated, loss)

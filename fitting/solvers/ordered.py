@@ -168,8 +168,7 @@ class _Walk:
     def _value(self, bound, x):
         """Return the value of a bound, where `x` contains the x of the element that is the bound."""
         if bound.element is None:
-            leaf = self.xp.asarray(self.constants.leaves[bound.end.leaf])
-            return self._times(bound, leaf if bound.end.element is None else leaf[bound.end.element])
+            return self._times(bound, self.xp.asarray(bound.end.value(self.constants.leaves)))
         j = bound.element
         return self._times(bound, from_x(self.kinds[j], self.constants.low[j], self.constants.width[j], x[j]))
 
@@ -281,13 +280,13 @@ def edges(variables: Variables, constants: Constants, x: np.ndarray) -> list[Edg
     """Return the elements of x whose values differ by at most `AT_EDGE` from the value of a neighbour."""
     if not variables.order:
         return []
-    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(to_scene(variables, constants, np.asarray(x)))]
+    leaves = jax.tree.leaves(to_scene(variables, constants, np.asarray(x)))
     own, found = {}, []
     for group in variables.own:
         ends = (End(group.leaf, element) for element in group.elements or (None,))
         own |= dict(zip(ends, range(*group.slot), strict=True))
     for low, high in variables.order:
-        below, above = (leaves[e.leaf][() if e.element is None else e.element] for e in (low, high))
+        below, above = (float(end.value(leaves)) for end in (low, high))
         if above - below <= AT_EDGE * abs(above):
             found += [Edge(own[high], "lower", low)] if high in own else []
             found += [Edge(own[low], "upper", high)] if low in own else []
