@@ -32,7 +32,7 @@ class Field(NamedTuple):
 
 
 def numbers(name: str, value: ArrayLike) -> np.ndarray:
-    """Return a float64 array of real numbers, or raise ValueError if `value` is none or is empty."""
+    """Return a float64 array of real numbers, or raise ValueError for other values or none."""
     try:
         array = np.asarray(value)
         # a mask would be lost without an error
