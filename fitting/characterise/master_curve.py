@@ -258,9 +258,7 @@ class MasterCurve:
         -------
         the axes: moduli, shifts
         """
-        shifts = (self.log_aT, self.stderr, self.reference)
-        laws = {name: one.shift for name, one in (("WLF", self.wlf), ("Arrhenius", self.arrhenius)) if one}
-        return plot_master_curve(self.data, self.of_sweep, self.T, shifts, laws, ax)
+        return plot_master_curve(self, ax)
 
 
 def fit_master_curve(

@@ -1,13 +1,11 @@
 """Plots of master curves and Prony series with their data. Like `rubberfric.plot`, they need matplotlib."""
 
-from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 import rubberfric as rf
 from fitting.characterise.prony_series import reduced
-from fitting.data.kinds import ModulusData
-from rubberfric.materials import Shift
 from rubberfric.plot import style
 
 _NAMES = "storage $E'$", "loss $E''$"
@@ -15,50 +13,31 @@ _LOOKS = ("-", "o"), ("--", "s")
 _POINTS = 300
 
 
-def plot_master_curve(
-    data: ModulusData,
-    of_sweep: np.ndarray,
-    T: np.ndarray,
-    shifts: tuple[np.ndarray, np.ndarray, int],
-    laws: Mapping[str, Shift],
-    ax: style.Panels | None = None,
-) -> style.Panels:
-    """Draw E' (filled markers) and E'' (open markers) of the shifted sweeps, and below log10 a_T over T.
-
-    Parameters
-    ----------
-    data : the master curve
-    of_sweep : index of the sweep of every point
-    T : temperatures of the sweeps [K]
-    shifts : ln a_T, standard errors of ln a_T, and the index of the reference sweep
-    laws : dict of name -> law; every law is drawn as a line
-    ax : two axes; None: a new figure
-
-    Returns
-    -------
-    the two axes
-    """
+def plot_master_curve(curve: Any, ax: style.Panels | None) -> style.Panels:
+    """Draw E' (filled markers) and E'' (open markers) of the shifted sweeps, and below log10 a_T over T."""
     if ax is None:
         ax = style.new_figure((7.4, 7.0)).subplots(2, 1, height_ratios=[3, 2])
     upper, lower = ax = style.several_axes(ax, ("moduli", "shifts"), (7.4, 7.0))
-    log_a, stderr, reference = shifts
+    data, T = curve.data, curve.T
     celsius = np.asarray(rf.units.to_celsius(T))
     named = [f"{style.signed(round(one, 1) + 0)} °C" for one in celsius]  # + 0: no minus before a zero
     for i, tone in enumerate(style.colours(T.size)):
-        here = of_sweep == i
+        here = curve.of_sweep == i
         marker = style.MARKERS[i % len(style.MARKERS)]
         look = {"color": tone, "marker": marker, "linestyle": "none", "markersize": 3.5}
         upper.plot(data.omega[here], data.storage[here], label=named[i], **look)
         upper.plot(data.omega[here], data.loss[here], markerfacecolor="white", **look)
-        reach = 1.96 * stderr[i] / np.log(10)
-        lower.errorbar(celsius[i], log_a[i] / np.log(10), reach, elinewidth=1, capsize=2, **look)
+        reach = 1.96 * curve.stderr[i] / np.log(10)
+        lower.errorbar(celsius[i], curve.log_aT[i] / np.log(10), reach, elinewidth=1, capsize=2, **look)
     line = np.linspace(T.min(), T.max(), 200)
-    for (name, law), dashes in zip(laws.items(), ("-", "--"), strict=False):
-        values = np.asarray(law.log_factor(line)) / np.log(10)
+    for name, law, dashes in (("WLF", curve.wlf, "-"), ("Arrhenius", curve.arrhenius, "--")):
+        if law is None:
+            continue
+        values = np.asarray(law.shift.log_factor(line)) / np.log(10)
         lower.plot(rf.units.to_celsius(line), values, dashes, color="0.3", linewidth=1.2, label=name)
     upper.set_xscale("log")
     upper.set_yscale("log")
-    upper.set_xlabel(f"$a_T\\omega$ at {named[reference]} [rad/s]")
+    upper.set_xlabel(f"$a_T\\omega$ at {named[curve.reference]} [rad/s]")
     upper.set_ylabel("modulus $E'$ (filled), $E''$ [Pa]")
     lower.set_xlabel("temperature [°C]")
     lower.set_ylabel("$\\log_{10} a_T$ [-]")
@@ -68,32 +47,21 @@ def plot_master_curve(
     return ax
 
 
-def plot_series(
-    material: rf.Prony, data: ModulusData, residuals: np.ndarray, ax: style.Panels | None = None
-) -> style.Panels:
+def plot_series(series: Any, ax: style.Panels | None) -> style.Panels:
     """Draw E' and E'' over omega with the terms E_i at 1/tau_i, and ln(fit / measured) below.
 
-    Parameters
-    ----------
-    material : the fitted series
-    data : measured moduli; points at other temperatures are shifted to the reference temperature
-    residuals : ln(fit / measured) of E' and of E'', shape (2, n)
-    ax : two axes; None: a new figure
-
-    Returns
-    -------
-    the two axes
+    Points at other temperatures are shifted to the reference temperature.
     """
     if ax is None:
         ax = style.new_figure((7.4, 5.0)).subplots(2, 1, sharex=True, height_ratios=[3, 1])
     upper, lower = ax = style.several_axes(ax, ("moduli", "residuals"), (7.4, 5.0))
-    data = reduced(data, material.shift)
-    omega = data.omega
-    tau, E = np.asarray(material.tau), np.asarray(material.E)
+    material = series.material
+    data = reduced(series.data, material.shift)
+    omega, tau, E = data.omega, np.asarray(material.tau), np.asarray(material.E)
     ends = np.concatenate([omega, 1 / tau])
     line = np.geomspace(ends.min() / 3, ends.max() * 3, _POINTS)
     modulus = np.asarray(rf.complex_modulus(material, line))
-    parts = (np.real(modulus), np.imag(modulus)), (data.storage, data.loss), residuals
+    parts = (np.real(modulus), np.imag(modulus)), (data.storage, data.loss), series.residuals
     for (dashes, marker), tone, name, fitted, measured, rest in zip(
         _LOOKS, style.colours(2), _NAMES, *parts, strict=True
     ):

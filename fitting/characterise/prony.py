@@ -34,7 +34,7 @@ from fitting.parameters.priors import Prior, Smooth
 from fitting.results.report import error_text
 from fitting.results.result import FitResult
 from fitting.solvers.objective import CONVERGED, MESSAGES, PERFECT, STALLED
-from fitting.uncertainty.covariance import Direction
+from fitting.uncertainty.covariance import Uncertainty, WithUncertainty
 from fitting.uncertainty.posterior import joint_prior
 from rubberfric.base import html, shown
 from rubberfric.materials import Shift
@@ -45,7 +45,7 @@ _FLAT, _EXACT = 1e-4, 1e-9
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class PronyFit:
+class PronyFit(WithUncertainty):
     """Result of `fit_prony`: a Prony series, its residuals, and the uncertainty of its moduli.
 
     Attributes
@@ -85,29 +85,9 @@ class PronyFit:
         return self.solution.E
 
     @property
-    def covariance(self) -> np.ndarray:
-        """Covariance of the moduli [Pa^2], NaN for moduli in `withheld`."""
-        return self.solution.uncertainty.covariance
-
-    @property
-    def stderr(self) -> np.ndarray:
-        """Standard errors of the moduli [Pa], NaN for moduli in `withheld`."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def correlation(self) -> np.ndarray:
-        """Correlation of the logarithms of the moduli, NaN for moduli in `withheld`."""
-        return self.solution.uncertainty.correlation
-
-    @property
-    def withheld(self) -> dict[str, str]:
-        """Dict of name of a modulus -> reason why the modulus has no error bar."""
-        return self.solution.uncertainty.withheld
-
-    @property
-    def unidentified(self) -> tuple[Direction, ...]:
-        """Combinations of moduli that the data do not determine."""
-        return self.solution.uncertainty.unidentified
+    def uncertainty(self) -> Uncertainty:
+        """Uncertainty of the moduli, in Pa, and of their logarithms x."""
+        return self.solution.uncertainty
 
     @property
     def estimated(self) -> float | None:
@@ -117,7 +97,7 @@ class PronyFit:
     @property
     def freedom(self) -> float:
         """Degrees of freedom: number of measured values minus the effective number of moduli."""
-        return self.count - self.solution.uncertainty.parameters
+        return self.count - self.uncertainty.parameters
 
     @property
     def _status(self) -> int:
@@ -154,7 +134,7 @@ class PronyFit:
         """
         if not self.success:
             raise ValueError(f"as_prior: the fit did not converge ({self.message}); use a converged fit")
-        known, tau = self.solution.uncertainty, np.asarray(self.material.tau)
+        known, tau = self.uncertainty, np.asarray(self.material.tau)
         none = np.full(known.x.size, np.inf)
         return dict(
             joint_prior(
@@ -176,9 +156,7 @@ class PronyFit:
         E' and E'' differ.
         """
         if self.weights[0] != self.weights[1]:
-            raise ValueError(
-                f"weights = {self.weights}: must be equal for `.fit`; fitting.fit weights E' and E'' equally"
-            )
+            raise ValueError(f"weights = {self.weights}: must be equal for `.fit`: fitting.fit has none")
         body = self.names[0].split(".")[0]
         own, other = rf.Body(self.material), rf.Body(rf.Rigid())
         scene = rf.Scene(own, other) if body == "lower" else rf.Scene(other, own)
@@ -203,7 +181,7 @@ class PronyFit:
         -------
         the axes: moduli, residuals
         """
-        return plot_series(self.material, self.data, self.residuals, ax)
+        return plot_series(self, ax)
 
     def __repr__(self) -> str:
         terms = self.material.tau.size

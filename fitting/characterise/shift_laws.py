@@ -7,6 +7,7 @@ import scipy.stats
 from scipy.optimize import least_squares
 
 import rubberfric as rf
+from fitting.parameters.correlated import whitener
 
 _CHANCE = 1e-3  # probability of a misfit as large, below which a law does not hold
 _FAR = 1e5  # C2 [K] beyond which WLF is a straight line over any temperatures
@@ -58,7 +59,7 @@ def wlf_through(T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref:
     """
     if T.size < 2:
         return None
-    above, whiten = T - T_ref, _whitener(covariance)
+    above, whiten = T - T_ref, whitener(covariance)
     aim = -log_a / np.log(10)
 
     def rows(p):
@@ -102,7 +103,7 @@ def arrhenius_through(
 
     T, log_a and the covariance exclude the reference temperature. Return None if the fitted energy is <= 0.
     """
-    whiten = _whitener(covariance)
+    whiten = whitener(covariance)
     of_one_eV = np.asarray(rf.Arrhenius(1.0, T_ref).log_factor(T), float)
     column, aim = whiten @ of_one_eV, whiten @ log_a
     size = column @ column
@@ -114,10 +115,3 @@ def arrhenius_through(
     return ShiftLaw(
         law, ("energy",), np.array([energy]), np.array([[1 / size]]), float(rest @ rest), T.size - 1
     )
-
-
-def _whitener(covariance):
-    """Return W with W C W^T = 1 for a covariance matrix C."""
-    values, vectors = np.linalg.eigh(covariance)
-    values = np.maximum(values, 1e-14 * values.max())
-    return (vectors / np.sqrt(values)).T

@@ -119,7 +119,5 @@ def _softening(where, sweep, linear, factor):
     else:
         first = int(np.sum(strain <= linear))
         if first == 0:
-            raise ValueError(
-                f"linear = {linear:g}: must be at least the smallest strain{where}, {strain[0]:g}"
-            )
+            raise ValueError(f"linear = {linear:g}: must be >= the smallest strain{where}, {strain[0]:g}")
     return rf.Softening(strain, storage / storage[:first].mean(), loss / loss[:first].mean(), factor)

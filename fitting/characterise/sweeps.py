@@ -42,8 +42,7 @@ def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sw
     known = [one[3] is not None for one in rows]
     if any(known) and not all(known):
         raise ValueError(
-            f"isotherms[{known.index(False)}] has no errors, but other data sets have errors; give errors"
-            " for all data sets or for none"
+            f"isotherms[{known.index(False)}] has no errors, but other data sets do; give all errors or none"
         )
     T, t = np.concatenate([one[0] for one in rows]), np.concatenate([one[1] for one in rows])
     y = np.concatenate([one[2] for one in rows], axis=1)
@@ -52,8 +51,7 @@ def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sw
     groups = np.split(order, np.flatnonzero(np.diff(T[order]) > same) + 1)
     if len(groups) < 2:
         raise ValueError(
-            f"isotherms: all rows are at {T.mean():.6g} K within {same:g} K: must have at least two"
-            " temperatures"
+            f"isotherms: all rows are at {T.mean():.6g} K within {same:g} K: must have several temperatures"
         )
     found = []
     for group in groups:

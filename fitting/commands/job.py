@@ -147,9 +147,7 @@ def _scene(path, key, file, of_data, data, outputs):
     written = [os.path.realpath(output) for output in outputs]
     for own, name in files.items():
         if isinstance(name, str) and os.path.realpath(path.parent / name) in written:
-            raise ValueError(
-                f"{path}: {own} = {name!r}: is an input file of the job; choose another file for the output"
-            )
+            raise ValueError(f"{path}: {own} = {name!r}: is an input file of the job; choose another output")
     scene = _read(path, key, file, rf.load_scene)
     return scene, [_data(path, f"{of_data}[{i}]", one) for i, one in enumerate(data)]
 

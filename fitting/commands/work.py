@@ -168,9 +168,7 @@ def run_design(arguments: argparse.Namespace, interrupts: Interrupts, show: Prog
     """Fit a job, choose measurements, write files, print the report, and return the exit status."""
     job, program = _job(arguments, show, arguments.out, arguments.plot), f"{_PROGRAM} design"
     if job.design is None:
-        raise ValueError(
-            f"{arguments.job}: design: is missing. Add a table [design] with the candidate measurements"
-        )
+        raise ValueError(f"{arguments.job}: design: is missing; add a table [design] with the candidates")
     if not isinstance(job.scene, rf.Scene):
         raise ValueError(f"{arguments.job}: design: must have one scene, not several")
     options = read_design(arguments.job, job.design, job.scene)

@@ -31,12 +31,8 @@ class Field(NamedTuple):
     plausible: tuple[ValueRule, ...] = ()  # applied unless check_units=False
 
 
-def numbers(value: ArrayLike) -> np.ndarray:
-    """Return a float64 array of real numbers.
-
-    Raise ValueError if `value` is empty or does not consist of real numbers. The message lacks the name of
-    the value, which the caller must put before the message.
-    """
+def numbers(name: str, value: ArrayLike) -> np.ndarray:
+    """Return a float64 array of real numbers, or raise ValueError for other values or none."""
     try:
         array = np.asarray(value)
         # a mask would be lost without an error
@@ -44,9 +40,9 @@ def numbers(value: ArrayLike) -> np.ndarray:
             raise TypeError
         array = array.astype(float)
     except (TypeError, ValueError):
-        raise ValueError(f" = {shown(value)}: must be real numbers") from None
+        raise ValueError(f"{name} = {shown(value)}: must be real numbers") from None
     if array.size == 0:
-        raise ValueError(" is empty: must have at least one value")
+        raise ValueError(f"{name} is empty: must have at least one value")
     return array
 
 

@@ -279,14 +279,17 @@ def data_by_scene(
     return sets, of
 
 
+def equal_data(one: Measured, other: Measured) -> bool:
+    """Return True if two data sets have the same kind, body and numbers. Their names may differ."""
+    if type(one) is not type(other) or getattr(one, "body", None) != getattr(other, "body", None):
+        return False
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in one.fields())
+
+
 def warn_of_repeated(data: Sequence[Measured], of: Sequence[str]) -> None:
     """Warn if two data sets of a scene are equal, because repeated data shrink error bars."""
     for (i, one), (j, other) in itertools.combinations(enumerate(data), 2):
-        if (
-            type(one) is type(other)
-            and of[i] == of[j]
-            and all(np.array_equal(getattr(one, name), getattr(other, name)) for name in one.fields())
-        ):
+        if of[i] == of[j] and equal_data(one, other):
             warn_caller(
                 f"data sets {i + 1} and {j + 1} are equal, so the data count twice and error bars shrink by "
                 "sqrt(2). Leave one out.",

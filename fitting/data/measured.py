@@ -90,7 +90,7 @@ class Measured:
             if value is None and name in self.needed():
                 raise ValueError(f"{type(self).__name__}.{name} is missing: must be given, in {about.unit}")
             if value is not None:
-                arrays[name] = _numbers(f"{type(self).__name__}.{name}", value)
+                arrays[name] = numbers(f"{type(self).__name__}.{name}", value)
         return arrays
 
     def _check_errors(self, arrays: dict[str, np.ndarray]) -> None:
@@ -98,9 +98,7 @@ class Measured:
         kind = type(self).__name__
         given = [name for name in self.sigmas if name in arrays]
         if given and "relative" in arrays:
-            raise ValueError(
-                f"{kind}: {' and '.join(given)} and relative are given: must be one or the other"
-            )
+            raise ValueError(f"{kind}: {' and '.join(given)} and relative are given: must be one of them")
         for name in self.sigmas:
             if given and name not in given:
                 raise ValueError(f"{kind}.{name} is missing: must be given together with {given[0]}")
@@ -187,7 +185,7 @@ class Measured:
         ValueError : `measured` has another shape, or a value that is not allowed.
         """
         kind = type(self).__name__
-        values = _numbers(f"{kind}.measured", measured)
+        values = numbers(f"{kind}.measured", measured)
         if values.shape != (len(self),):
             raise ValueError(f"{kind}.measured has shape {values.shape}: must be ({len(self)},)")
         parts = zip(self.values, np.split(values, len(self.values)), strict=True)
@@ -300,13 +298,6 @@ class Measured:
         for name, about in self.fields().items():
             if getattr(self, name) is not None:
                 hdf5.write_values(group, name, getattr(self, name), about.unit)
-
-
-def _numbers(name: str, value: ArrayLike) -> np.ndarray:
-    try:
-        return numbers(value)
-    except ValueError as error:
-        raise ValueError(f"{name}{error}") from None
 
 
 def _range(values: np.ndarray, unit: str) -> str:

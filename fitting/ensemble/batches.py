@@ -12,14 +12,13 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.sharding import AxisType, NamedSharding
 from jax.sharding import PartitionSpec as P
 
 from fitting.ensemble.members import Members
 from fitting.solvers.objective import CONVERGED, RUNNING, Iterate
-from fitting.solvers.ordered import start_z
+from fitting.solvers.ordered import each_fit, z_of
 from fitting.solvers.problem import Numbers, Targets
 from fitting.solvers.residuals import solver_objective
 
@@ -87,7 +86,7 @@ def blank_iterate(members: Members) -> Iterate:
     blank = jax.tree.map(lambda s: np.zeros((len(members), *s.shape), s.dtype), shapes)
     moving = np.broadcast_to(members.targets.moving, members.starts.shape)
     variables, constants = members.problem.variables, members.problem.numbers.constants
-    x = start_z(variables, constants, members.starts.copy(), moving)
+    x = each_fit(z_of, variables, constants, members.starts.copy(), moving)
     return blank._replace(x=x, status=blank.status + RUNNING)
 
 
@@ -145,7 +144,6 @@ def _compiled(solver, structure, mesh, vectorised, tree, shapes, stepping):
 
 def _shapes(members, count, mesh):
     def shape(a, spec, rows=()):
-        a = jnp.asarray(a) if not hasattr(a, "dtype") else a
         return jax.ShapeDtypeStruct((*rows, *a.shape), a.dtype, sharding=NamedSharding(mesh, spec))
 
     numbers = jax.tree.map(lambda a: shape(a, P()), members.problem.numbers)

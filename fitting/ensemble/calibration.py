@@ -267,9 +267,7 @@ def _planned(scene, data, free, prior, discrepancy, quadrature):
     """Return the problem of a planned fit, or raise ValueError if data cannot be drawn for it."""
     for one in data:
         if one.error is None:
-            raise ValueError(
-                f"data {one.label!r} have no errors; give errors, because simulated data are drawn with them"
-            )
+            raise ValueError(f"data {one.label!r} have no errors; give errors, as data are drawn with them")
     problem = make_problem(scene, data, free, prior, quadrature=quadrature)
     if discrepancy is not None:
         check_discrepancy(discrepancy, data, "linear", "auto")
@@ -294,10 +292,7 @@ def _twins(problem: Problem, members: int, key: jax.Array) -> tuple[np.ndarray, 
     known = [i for prior in drawn for i in prior.elements]
     bare = [name for i, name in enumerate(problem.names) if i not in known]
     if bare:
-        raise ValueError(
-            f"{bare[0]} has no Gaussian prior; every free parameter needs one, because true values are drawn"
-            " from it"
-        )
+        raise ValueError(f"{bare[0]} has no Gaussian prior; every free number needs one to draw true values")
     draw_truth, draw_noise = jax.random.split(key)
     x = np.empty((members, len(known)))
     mean, sigma = (np.concatenate([getattr(prior, k) for prior in drawn]) for k in ("mean", "sigma"))

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fitting.data.measured import Measured
+from fitting.data.kinds import equal_data
 from fitting.parameters.scenes import by_name
 from fitting.results.record import FitRecord
 from fitting.results.report import aligned_table
@@ -241,21 +241,11 @@ def _check_same(name: str, fit: FitRecord, other_name: str, other: FitRecord) ->
             " data"
         )
     for i, (one, another) in enumerate(zip(fit.data, other.data, strict=True)):
-        if not _same(one, another):
+        if not equal_data(one, another):
             raise ValueError(f"{where}: data[{i}], {another.label!r}, differs: must be the same data")
     problems = fit.problem, other.problem
     losses = [(one.structure.loss, float(one.numbers.width)) for one in problems]
     if losses[0] != losses[1]:
         raise ValueError(f"{where}: losses are {losses[1]} and {losses[0]}; they must be the same")
     if (fit.error_scale != 1) != (other.error_scale != 1):
-        raise ValueError(
-            f"{where}: only one fit has errors scaled by the scatter; the errors of both or of neither must"
-            " be scaled"
-        )
-
-
-def _same(one: Measured, other: Measured) -> bool:
-    if type(one) is not type(other) or getattr(one, "body", None) != getattr(other, "body", None):
-        return False
-    pairs = [(getattr(one, name), getattr(other, name)) for name in one.fields()]
-    return all((a is None) == (b is None) and (a is None or np.array_equal(a, b)) for a, b in pairs)
+        raise ValueError(f"{where}: only one fit has errors scaled by the scatter: must be both or neither")

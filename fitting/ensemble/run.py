@@ -62,12 +62,8 @@ def read_checkpoint(path: StrPath, fingerprint: str, blank: Progress) -> Progres
         if file.attrs.get("fingerprint") != fingerprint:
             held = file.get("steps")
             if isinstance(held, h5py.Dataset) and held.size != blank.steps.size:
-                raise ValueError(
-                    f"has {held.size} members: must have {blank.steps.size}, as many as this run"
-                )
-            raise ValueError(
-                "belongs to another job; scene, data, free parameters, starts and solver must be the same"
-            )
+                raise ValueError(f"has {held.size} members: must have {blank.steps.size}, like this run")
+            raise ValueError("belongs to another job; scene, data, free, starts and solver must be the same")
         attributes = ("format", "format_version", "rubberfric_version", "fingerprint", "seconds")
         hdf5.check_names(file, ("begun", "steps", "iterate"), attributes)
         leaves, tree = jax.tree.flatten(blank.iterate)
@@ -82,9 +78,7 @@ def _same(file: h5py.File, name: str, like: np.ndarray) -> np.ndarray:
     data = file[name]
     array = np.asarray(data[()] if isinstance(data, h5py.Dataset) else None)
     if array.shape != like.shape or array.dtype != like.dtype:
-        raise ValueError(
-            f"/{name} is {array.dtype} of shape {array.shape}: must be {like.dtype} of shape {like.shape}"
-        )
+        raise ValueError(f"/{name} is {array.dtype} {array.shape}: must be {like.dtype} {like.shape}")
     return array
 
 

@@ -247,9 +247,7 @@ def cutoff_path(scene: Scenes, path: str | None) -> str:
     if path is None and len(known) == 1:
         return known[0]
     if path is None or any(one not in known for one in paths_of(scene, path)):
-        raise ValueError(
-            f"path = {path!r}: must be the q1 of a spectrum: {', '.join(known) or 'none exists'}"
-        )
+        raise ValueError(f"path = {path!r}: must be the q1 of a spectrum: {', '.join(known) or 'none'}")
     return path
 
 

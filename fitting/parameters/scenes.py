@@ -46,10 +46,7 @@ def as_scenes(scene: rf.Scene | Mapping[str, rf.Scene]) -> Scenes:
         raise ValueError("scene is empty: must hold at least one scene")
     for name, one in scene.items():
         if not (isinstance(name, str) and _NAME.fullmatch(name)):
-            raise ValueError(
-                f"scene: name {shown(name)}: must be a letter, then letters, digits or _, because key paths"
-                " begin with it"
-            )
+            raise ValueError(f"scene: name {shown(name)}: must be a letter, then letters, digits or _")
         if not isinstance(one, rf.Scene):
             raise ValueError(f"scene[{name!r}] is a {type(one).__name__}: must be a Scene")
     return dict(scene)
@@ -164,6 +161,10 @@ class End(NamedTuple):
     leaf: int
     element: int | None  # None: a scalar leaf
 
+    def value(self, leaves: Any) -> Any:
+        """Return the number, given all leaves of the scene."""
+        return leaves[self.leaf] if self.element is None else leaves[self.leaf][self.element]
+
     def name(self, paths: list[str]) -> str:
         """Return the key path of the number, given the paths of all leaves of the scene."""
         return leaf_names(paths[self.leaf], None if self.element is None else (self.element,))[0]
@@ -208,9 +209,7 @@ def check_start(scene: Scenes, pairs: tuple[OrderedPair, ...], leaves: list[np.n
     """Raise ValueError if start values break the order of a scene, such as q0 <= qr, beyond rounding."""
     names = scene_paths(scene)
     for low, high in pairs:
-        below, above = (
-            float(leaves[end.leaf][() if end.element is None else end.element]) for end in (low, high)
-        )
+        below, above = (float(end.value(leaves)) for end in (low, high))
         if below - above > _ROUNDING * abs(above):
             one, other = (end.name(names) for end in (high, low))
             raise ValueError(

@@ -147,9 +147,7 @@ def _take(path, places, taken):
     for leaf, elements in places:
         for element in elements or (None,):
             if (leaf, element) in taken:
-                raise ValueError(
-                    f"free[{path!r}]: already free as {taken[leaf, element]!r}; must be given once"
-                )
+                raise ValueError(f"free[{path!r}]: already free as {taken[leaf, element]!r}; give it once")
             taken[leaf, element] = path
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -15,7 +16,7 @@ from fitting.parameters.variables import Variables
 from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.objective import MESSAGES, succeeded
 from fitting.solvers.problem import make_problem
-from fitting.uncertainty.covariance import Direction, uncertainty
+from fitting.uncertainty.covariance import uncertainty
 from fitting.uncertainty.intervals import SolvedProblem, Valley, valleys
 from fitting.uncertainty.verdict import Verdict, verdict
 from rubberfric.base import closest
@@ -129,31 +130,6 @@ class FitRecord(SolvedProblem):
         return self.problem.values(self.problem.start)
 
     @property
-    def stderr(self) -> np.ndarray:
-        """Standard errors of the values, NaN for elements listed in `withheld`."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def covariance(self) -> np.ndarray:
-        """Covariance of the values, NaN for elements listed in `withheld`."""
-        return self.uncertainty.covariance
-
-    @property
-    def correlation(self) -> np.ndarray:
-        """Correlation of x, NaN for elements listed in `withheld`."""
-        return self.uncertainty.correlation
-
-    @property
-    def withheld(self) -> dict[str, str]:
-        """Elements without a standard error: a dict from the name to the reason."""
-        return self.uncertainty.withheld
-
-    @property
-    def unidentified(self) -> tuple[Direction, ...]:
-        """Combinations of parameters that the data do not determine."""
-        return self.uncertainty.unidentified
-
-    @property
     def success(self) -> bool:
         """True if the fit ended at a minimum."""
         return bool(succeeded(self.status))
@@ -173,8 +149,7 @@ class FitRecord(SolvedProblem):
     @functools.cached_property
     def verdict(self) -> Verdict:
         """Verdict of the tests whether the scene explains the data. See `fitting.uncertainty.verdict`."""
-        loss, known = self.problem.structure.loss, self.uncertainty.parameters
-        return verdict(self.data, self.residuals, known, self.estimated, loss)
+        return self._judged(range(len(self.data)))
 
     @functools.cached_property
     def valleys(self) -> tuple[Valley, ...]:
@@ -184,15 +159,18 @@ class FitRecord(SolvedProblem):
     @functools.cached_property
     def verdicts(self) -> dict[str, Verdict]:
         """Verdict on every scene, as a dict by name. The name of a single scene is ""."""
-        loss, total = self.problem.structure.loss, self.problem.targets.measured.size
-        found = {}
-        for name in dict.fromkeys(self.data_scenes):
-            own = [i for i, scene in enumerate(self.data_scenes) if scene == name]
-            rows = [self.residuals[i] for i in own]
-            known = self.uncertainty.parameters * sum(map(len, rows)) / total
-            estimated = [self.estimated[i] for i in own]
-            found[name] = verdict([self.data[i] for i in own], rows, known, estimated, loss)
-        return found
+        own: dict[str, list[int]] = {}
+        for i, name in enumerate(self.data_scenes):
+            own.setdefault(name, []).append(i)
+        return {name: self._judged(which) for name, which in own.items()}
+
+    def _judged(self, which: Sequence[int]) -> Verdict:
+        """Return the verdict on the data sets `which`, with their share of the number of parameters."""
+        data, rows = [self.data[i] for i in which], [self.residuals[i] for i in which]
+        estimated = [self.estimated[i] for i in which]
+        share = sum(map(len, rows)) / self.problem.targets.measured.size
+        known, loss = self.uncertainty.parameters * share, self.problem.structure.loss
+        return verdict(data, rows, known, estimated, loss)
 
     @property
     def chisqr(self) -> float:

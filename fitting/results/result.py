@@ -8,10 +8,9 @@ import jax
 import numpy as np
 from jax.typing import ArrayLike
 
-import rubberfric as rf
 from fitting.parameters.constraints import cutoff_path, last_wavevector
 from fitting.parameters.priors import Prior
-from fitting.parameters.scenes import by_name, chosen_scene
+from fitting.parameters.scenes import by_name
 from fitting.parameters.variables import Array
 from fitting.results import hdf5
 from fitting.results.plot import plot_fit
@@ -42,11 +41,7 @@ class FitResult(FitRecord):
         scene: str | None = None,
     ) -> jax.Array:
         """Return a quantity of the fitted scene, as computed by `rubberfric.solve`."""
-        at, quadrature = (velocity, pressure, temperature), self.problem.structure.quadrature
-        solution = rf.solve(
-            chosen_scene(self.scene, scene), *at, quadrature=quadrature, quantities=(quantity,)
-        )
-        return getattr(solution, quantity)
+        return self.predicted(self.x, (velocity, pressure, temperature), quantity, scene)
 
     def profile_cutoff(
         self,

@@ -11,13 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-import rubberfric as rf
 from fitting.results import hdf5 as fit_files
 from fitting.results.record import FitRecord
 from fitting.results.report import aligned_table
 from fitting.solvers.options import check_options
 from fitting.uncertainty.intervals import Band
-from fitting.uncertainty.posterior import FLAT, DrawProgress, diagnosed, run_chains
+from fitting.uncertainty.posterior import DrawProgress, diagnosed, run_chains
 from rubberfric.base import StrPath, html, quick_jit
 from rubberfric.io import hdf5
 
@@ -132,13 +131,10 @@ class Samples:
         check_options(level=level, count=draws)
         x = self.x.reshape(-1, self.x.shape[-1])
         x = x[np.linspace(0, len(x) - 1, min(draws, len(x))).astype(int)]
-        problem, at = self.fit.problem, (velocity, pressure, temperature)
+        at = velocity, pressure, temperature
 
         def predicted(x):
-            found: Any = problem.scene(x)
-            found = found if scene is None else found[scene]
-            quadrature = problem.structure.quadrature
-            return getattr(rf.solve(found, *at, quadrature=quadrature, quantities=(quantity,)), quantity)
+            return self.fit.predicted(x, at, quantity, scene)
 
         curves = np.asarray(quick_jit()(lambda x: jax.lax.map(predicted, x))(jnp.asarray(x)))
         low, value, high = np.quantile(curves, (0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level), axis=0)
@@ -226,8 +222,7 @@ class Samples:
             group = hdf5.subgroup(file, "samples")
             hdf5.check_names(group, ("x", "values", "rhat", "ess", *_ARRAYS), ("flat", "warmup", "seconds"))
             attributes = hdf5.attributes(group, {"flat": str, "warmup": int, "seconds": float})
-            if attributes["flat"] not in FLAT:
-                raise ValueError(f"/samples: flat = {attributes['flat']!r}: must be one of {', '.join(FLAT)}")
+            check_options(flat=attributes["flat"])
             x, size = hdf5.read_values(group, "x", "-"), fit.x.size
             if x.ndim != 3 or x.shape[2] != size:
                 raise ValueError(f"/samples/x has shape {x.shape}: must be (chains, draws, {size})")
@@ -247,9 +242,7 @@ def drawn(
     callback: DrawProgress | None,
 ) -> Samples:
     """Draw from the posterior of a fit. See `fitting.FitResult.sample`."""
-    check_options(n=n, warmup=warmup, chains=chains, key=key, callback=callback)
-    if flat not in FLAT:
-        raise ValueError(f"flat = {flat!r}: must be one of {', '.join(FLAT)}")
+    check_options(n=n, warmup=warmup, chains=chains, key=key, callback=callback, flat=flat)
     began = time.perf_counter()
     key = jax.random.key(0) if key is None else key
     found = run_chains(fit, flat, -(-n // chains), warmup, chains, key, callback)

@@ -68,6 +68,8 @@ OPTION_RULES: dict[str, OptionRule] = FILE_OPTIONS | {
         )
     ),
     "callback": _or_none(_rule("a function of (step, cost), or None", callable)),
+    "flat": _choice(("x", "values")),  # variables in which parameters without a prior have a flat density
+    "widen": _rule("a number > 0", lambda value: is_number(value) and value > 0),
     "level": _rule("between 0 and 1", lambda value: is_number(value) and 0 < value < 1),
     "points": _integer(1),
     "count": _integer(1),

@@ -12,7 +12,7 @@ has z = x. Only the solvers use z.
 """
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import jax
@@ -168,8 +168,7 @@ class _Walk:
     def _value(self, bound, x):
         """Return the value of a bound, where `x` contains the x of the element that is the bound."""
         if bound.element is None:
-            leaf = self.xp.asarray(self.constants.leaves[bound.end.leaf])
-            return self._times(bound, leaf if bound.end.element is None else leaf[bound.end.element])
+            return self._times(bound, self.xp.asarray(bound.end.value(self.constants.leaves)))
         j = bound.element
         return self._times(bound, from_x(self.kinds[j], self.constants.low[j], self.constants.width[j], x[j]))
 
@@ -223,26 +222,20 @@ def z_of(variables: Variables, constants: Constants, x: np.ndarray, moving: np.n
     return _put(x, z)
 
 
-def start_z(variables: Variables, constants: Constants, x: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """Return z for the start values x of several fits, where x and z have the shape (fits, size)."""
+def each_fit(
+    function: Callable[..., Any], variables: Variables, constants: Constants, points: Array, moving: Array
+) -> np.ndarray:
+    """Return the results of `x_of`, `z_of` or `slopes_of_x` for several fits, at points (fits, size)."""
     if not variables.order:
-        return x
-    return np.stack([z_of(variables, constants, *pair) for pair in zip(x, np.asarray(moving), strict=True)])
-
-
-def end_x(variables: Variables, constants: Constants, z: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """Return x for the final z of several fits, where x and z have the shape (fits, size)."""
-    if not variables.order:
-        return z
-    return np.stack([x_of(variables, constants, *pair) for pair in zip(z, np.asarray(moving), strict=True)])
+        return np.asarray(points)
+    pairs = zip(points, np.asarray(moving), strict=True)
+    return np.stack([function(variables, constants, *pair) for pair in pairs])
 
 
 def slopes_of_x(variables: Variables, constants: Constants, z: np.ndarray, moving: np.ndarray) -> np.ndarray:
     """Return the derivatives dx / dz, computed with NumPy, as an array of shape (size, size)."""
-    found = np.eye(z.size, dtype=z.dtype)
-    if not variables.order:
-        return found
-    walk, width = _Walk(variables, constants, z, moving), np.asarray(constants.width)
+    found, width = np.eye(z.size, dtype=z.dtype), np.asarray(constants.width)
+    walk = _Walk(variables, constants, z, moving)
     for i, source, a, b in walk:
         if not moving[i]:
             walk.x[i] = z[i]
@@ -287,13 +280,13 @@ def edges(variables: Variables, constants: Constants, x: np.ndarray) -> list[Edg
     """Return the elements of x whose values differ by at most `AT_EDGE` from the value of a neighbour."""
     if not variables.order:
         return []
-    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(to_scene(variables, constants, np.asarray(x)))]
+    leaves = jax.tree.leaves(to_scene(variables, constants, np.asarray(x)))
     own, found = {}, []
     for group in variables.own:
         ends = (End(group.leaf, element) for element in group.elements or (None,))
         own |= dict(zip(ends, range(*group.slot), strict=True))
     for low, high in variables.order:
-        below, above = (leaves[e.leaf][() if e.element is None else e.element] for e in (low, high))
+        below, above = (float(end.value(leaves)) for end in (low, high))
         if above - below <= AT_EDGE * abs(above):
             found += [Edge(own[high], "lower", low)] if high in own else []
             found += [Edge(own[low], "upper", high)] if low in own else []

@@ -35,7 +35,7 @@ from fitting.solvers.objective import (
     Iterate,
 )
 from fitting.solvers.options import Solver
-from fitting.solvers.ordered import end_x, put_on_bounds, slopes_of_x, start_z, x_of
+from fitting.solvers.ordered import each_fit, put_on_bounds, slopes_of_x, x_of, z_of
 from fitting.solvers.problem import FitStructure, Numbers, Problem, Targets
 from fitting.solvers.residuals import in_errors, loss_of, padded, rounding, slopes_in_errors, solver_objective
 from rubberfric.base import quick_jit
@@ -111,7 +111,7 @@ class Progress:
         iterate, late = self.iterate, INTERRUPTED if interrupted else OUT_OF_STEPS
         moving = np.broadcast_to(moving, np.shape(iterate.x))
         return Runs(
-            end_x(problem.variables, problem.numbers.constants, np.asarray(iterate.x), moving),
+            each_fit(x_of, problem.variables, problem.numbers.constants, np.asarray(iterate.x), moving),
             np.where(self.begun, iterate.cost, np.inf),
             np.where(iterate.status == RUNNING, late, iterate.status),
             np.asarray(iterate.nfev),
@@ -148,7 +148,7 @@ def run_fits(
     targets = jax.tree.map(lambda a: np.broadcast_to(a, (fits, *a.shape[1:])), targets)
     batch = batch or min(FIT_BATCH, fits)
     moving: np.ndarray = np.asarray(targets.moving)  # pyright: ignore[reportOptionalMemberAccess]
-    z, zero = start_z(structure.variables, numbers.constants, starts, moving), np.zeros(fits, int)
+    z, zero = each_fit(z_of, structure.variables, numbers.constants, starts, moving), np.zeros(fits, int)
     cost = np.full(fits, np.inf, z.dtype)
     progress = Progress.blank(Iterate(z.copy(), cost, zero + RUNNING, zero.copy(), zero.copy(), None))
     total, interrupted = 0, False
@@ -286,11 +286,10 @@ def _evaluated(structure, numbers, targets, z, which=None, slopes=False):
     """Return the predicted rows of the fits `which` and the derivatives with respect to z, 0 for others."""
     variables, constants, z = structure.variables, numbers.constants, np.asarray(z)
     which = np.arange(len(z)) if which is None else which
-    pairs = list(zip(z[which], np.asarray(targets.moving)[which], strict=True))
-    x = np.stack([x_of(variables, constants, *pair) for pair in pairs]) if variables.order else z[which]
-    rows, by_x = evaluate_rows(structure, numbers, x, slopes)
+    known = variables, constants, z[which], np.asarray(targets.moving)[which]
+    rows, by_x = evaluate_rows(structure, numbers, each_fit(x_of, *known), slopes)
     if slopes and variables.order:
-        by_x = by_x @ np.stack([slopes_of_x(variables, constants, *pair) for pair in pairs])
+        by_x = by_x @ each_fit(slopes_of_x, *known)
     found = []
     for part in (rows, by_x):
         found.append(np.zeros((len(z), *part.shape[1:]), part.dtype))

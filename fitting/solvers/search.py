@@ -26,7 +26,7 @@ from fitting.parameters.variables import VANISHED, Array, Variables
 from fitting.solvers.evaluation import costs_at, errors_of_rows, errors_of_slopes, evaluate_rows
 from fitting.solvers.objective import INTERRUPTED, NEGLIGIBLE, PERFECT, STALLED, UNMOVED, succeeded
 from fitting.solvers.options import Solver
-from fitting.solvers.ordered import edges, end_x, start_z
+from fitting.solvers.ordered import each_fit, edges, x_of, z_of
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows, padded, smooth_slots
 from fitting.solvers.runs import FIT_BATCH, Callback, Runs, run_fits
@@ -221,5 +221,5 @@ def _places_to_try(problem, end):
         return np.empty((0, x.size)), drawn, inner
     # Points are moved into the order that the scene requires.
     moving = np.broadcast_to(problem.targets.moving, (len(places), x.size))
-    z = start_z(variables, constants, np.stack(places), moving)
-    return end_x(variables, constants, z, moving), drawn, inner
+    z = each_fit(z_of, variables, constants, np.stack(places), moving)
+    return each_fit(x_of, variables, constants, z, moving), drawn, inner

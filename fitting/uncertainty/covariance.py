@@ -181,6 +181,37 @@ class Uncertainty(NamedTuple):
     chisqr: float  # sum of squares of the data's residuals
 
 
+class WithUncertainty:
+    """Base class of results with an `uncertainty`, whose arrays are attributes of the result."""
+
+    uncertainty: Uncertainty
+
+    @property
+    def stderr(self) -> np.ndarray:
+        """Standard errors of the values, NaN for elements listed in `withheld`."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the values, NaN for elements listed in `withheld`."""
+        return self.uncertainty.covariance
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """Correlation of x, NaN for elements listed in `withheld`."""
+        return self.uncertainty.correlation
+
+    @property
+    def withheld(self) -> dict[str, str]:
+        """Elements without a standard error: a dict from the name to the reason."""
+        return self.uncertainty.withheld
+
+    @property
+    def unidentified(self) -> tuple[Direction, ...]:
+        """Combinations of parameters that the data do not determine."""
+        return self.uncertainty.unidentified
+
+
 class Linearised(NamedTuple):
     """Result of `rows_of`, with padding, and its derivatives at a solution."""
 

@@ -102,8 +102,14 @@ class Design:
         return "\n".join(lines) + "\n"
 
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
-        """Draw the gain of one measurement at each candidate, and the chosen measurements."""
-        return plot_design(self, ax)
+        """Draw the gain of one measurement at each candidate, and the chosen measurements.
+
+        The axes are log10 v and temperature or pressure. With several temperatures there is a panel for each
+        pressure, otherwise one for each temperature. The number in a circle is the number of measurements to
+        make at a candidate. If only the velocity varies, the gain is drawn as a line. The axes, by default of
+        a new figure, are returned.
+        """
+        return _drawn(self, ax)
 
     def write(self, path: StrPath) -> None:
         """Write the conditions of the measurements to a CSV table with the columns v, p and, if used, T."""
@@ -269,13 +275,7 @@ def _percent(error: float) -> str:
     return "value is 0" if np.isnan(error) else f"{100 * error:.3g} %" if error < 10 else "open"
 
 
-def plot_design(design: Any, ax: style.Panels | None = None) -> style.Panels:
-    """Draw the gain of one measurement against log10 v and temperature or pressure, with the chosen points.
-
-    With several temperatures there is a panel for each pressure, otherwise one for each temperature. The
-    number in a circle is the number of measurements to make at a candidate. If only the velocity varies, the
-    gain is drawn as a line. The axes, by default of a new figure, are returned.
-    """
+def _drawn(design, ax):
     v, p, T = design.candidates
     over_temperature = T is not None and np.unique(T).size > 1
     # Each panel has one pressure, or one temperature (NaN: none).

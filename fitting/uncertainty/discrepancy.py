@@ -65,10 +65,7 @@ def check_discrepancy(
         raise ValueError("discrepancy: must be None, because there are no friction data")
     for one in curves:
         if one.error is None:
-            raise ValueError(
-                f"discrepancy: data {one.label!r} have no errors: must have errors, given as sigma or"
-                " relative"
-            )
+            raise ValueError(f"discrepancy: data {one.label!r} have no errors: must have sigma or relative")
         if not np.all(one.velocity):
             raise ValueError(
                 f"discrepancy: data {one.label!r} have a velocity 0: must be != 0, because ln v is needed"

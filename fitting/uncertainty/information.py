@@ -1,7 +1,7 @@
 r"""Information before the next experiment, and linear optimal design of its measurements by exchange.
 
-A measurement i has a row of the Jacobian of ln Q (of Q itself for absolute errors) in units of its error and
-in the variables x of a fit (`fitting.parameters.variables`):
+A measurement i has a row of the Jacobian of ln Q in units of its error and in the variables x of a fit
+(`fitting.parameters.variables`):
 
 .. math:: a_i = \frac{1}{\epsilon_i} \frac{\partial \ln Q(v_i, p_i, T_i)}{\partial x}
 
@@ -79,16 +79,15 @@ class PriorInformation(NamedTuple):
         noise[0] = 0.0
         return self.x + self.stretch * ((noise * np.minimum(values**-0.5, reach)) @ V.T)
 
-    def rows(self, x: np.ndarray, at: Conditions, quantity: str, logarithmic: bool = True) -> np.ndarray:
-        """Return d ln Q / dy, or dQ / dy, with y = x / stretch at the conditions `at`, (points, size)."""
+    def rows(self, x: np.ndarray, at: Conditions, quantity: str) -> np.ndarray:
+        """Return d ln Q / dy with y = x / stretch at the conditions `at`, (points, size)."""
         count = at[0].size
         padding = (0, recurring_length(count) - count)  # other candidates compile nothing
         v, p, T = (None if c is None else np.pad(c, padding, "edge") for c in at)
         static = {"variables": self.variables, "quantity": quantity, "quadrature": self.quadrature}
         value, slope = _value_and_slope(self.constants, jnp.asarray(x), (v, p, T), **static)
-        value, slope = np.asarray(value)[:count], np.asarray(slope)[:count]
-        if logarithmic:
-            slope = slope / value[:, None]
+        value = np.asarray(value)[:count]
+        slope = np.asarray(slope)[:count] / value[:, None]
         if not np.isfinite(slope).all():
             bad = int(np.argmin(np.isfinite(slope).all(1)))
             raise ValueError(

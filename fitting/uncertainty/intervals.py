@@ -13,7 +13,7 @@ nearly linear in x.
 
 import dataclasses
 import warnings
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +23,7 @@ from jax.typing import ArrayLike
 
 import rubberfric as rf
 from fitting.parameters.scenes import chosen_scene
-from fitting.parameters.variables import to_x
+from fitting.parameters.variables import Array, to_x
 from fitting.solvers.evaluation import (
     at_conditions,
     errors_of_rows,
@@ -37,7 +37,7 @@ from fitting.solvers.options import check_options
 from fitting.solvers.problem import CURVE_QUANTITIES, Problem, Targets
 from fitting.solvers.residuals import forward, padded
 from fitting.solvers.runs import Callback, Runs, run_fits
-from fitting.uncertainty.covariance import OPEN, Uncertainty
+from fitting.uncertainty.covariance import OPEN, Uncertainty, WithUncertainty
 from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 from fitting.uncertainty.profile import Anchor, profile_from
 from rubberfric.base import quick_jit
@@ -80,7 +80,7 @@ def quantile(level: float, freedom: float = np.inf) -> float:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class SolvedProblem:
+class SolvedProblem(WithUncertainty):
     """A least-squares problem with solution and uncertainty, the base class of `fitting.FitResult`.
 
     Attributes
@@ -120,6 +120,12 @@ class SolvedProblem:
         reach = self.quantile(level) * self.uncertainty.deviation
         return self.problem.values(self.x - reach), self.problem.values(self.x + reach)
 
+    def predicted(self, x: Array, conditions: tuple[Any, ...], quantity: str, scene: str | None) -> jax.Array:
+        """Return a quantity of `rubberfric.solve` for the scene at x, under (v, p, T)."""
+        there, quadrature = chosen_scene(self.problem.scene(x), scene), self.problem.structure.quadrature
+        solution = rf.solve(there, *conditions, quadrature=quadrature, quantities=(quantity,))
+        return getattr(solution, quantity)
+
     def band(
         self,
         velocity: ArrayLike,
@@ -146,10 +152,7 @@ class SolvedProblem:
         columns = (*(c.reshape(-1) for c in given), *[None] * (temperature is None))
 
         def predicted(x):
-            quadrature = self.problem.structure.quadrature
-            there = chosen_scene(self.problem.scene(x), scene)
-            solution = rf.solve(there, *conditions, quadrature=quadrature, quantities=(quantity,))
-            return getattr(solution, quantity)
+            return self.predicted(x, conditions, quantity, scene)
 
         x = jnp.asarray(self.uncertainty.x)
         shape = jax.eval_shape(predicted, x).shape  # checks the arguments without computing

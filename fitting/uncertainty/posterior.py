@@ -21,18 +21,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fitting.parameters.constraints import is_number
 from fitting.parameters.correlated import Correlated
 from fitting.parameters.scenes import find, path_over
 from fitting.parameters.variables import Array
+from fitting.solvers.options import check_options
 from fitting.solvers.problem import FitStructure, Numbers, Problem, Targets
 from fitting.solvers.residuals import objective, padded
 from fitting.uncertainty.covariance import OPEN
 from fitting.uncertainty.intervals import SolvedProblem
 from rubberfric.base import shown
 
-# Variables in which parameters without a prior have a flat density.
-FLAT = ("x", "values")
 # Called as callback(chain, draw), warm-up included, after every draw.
 DrawProgress = Callable[[int, int], object]
 
@@ -98,8 +96,7 @@ def log_density(result: SolvedProblem, flat: str = "x") -> LogDensity:
     parameters the integral is finite with "values". For a robust loss the width of exp(-cost) differs from
     the fit's standard errors, which treat outliers differently.
     """
-    if flat not in FLAT:
-        raise ValueError(f"flat = {flat!r}: must be one of {', '.join(FLAT)}")
+    check_options(flat=flat)
     return LogDensity(result.problem, flat)
 
 
@@ -291,8 +288,7 @@ def joint_prior(
     `paths` name one or more elements each. The following arguments are as in `Correlated`, with limits =
     (low, high), the last two as in `FitResult.as_prior`.
     """
-    if not (is_number(widen) and widen > 0):
-        raise ValueError(f"widen = {shown(widen)}: must be a number > 0")
+    check_options(widen=widen)
     key = ", ".join(_moved(paths, body))
     columns = (mean, widen**2 * 0.5 * (covariance + covariance.T), *limits, places)
     return {key: Correlated(*(column.tolist() for column in columns))}
@@ -309,8 +305,6 @@ def _moved(paths, body):
     named = {".".join(one[: i + 1]) for one, i in zip(steps, at, strict=True) if i is not None}
     if len(named) != 1:
         what = " and ".join(sorted(named)) or "none"
-        raise ValueError(
-            f"body = {body!r}: the fit has parameters of {what}, but all must belong to one body"
-        )
+        raise ValueError(f"body = {body!r}: the fit has numbers of {what}, but all must belong to one body")
     pairs = zip(paths, steps, at, strict=True)
     return [path if i is None else ".".join([body, *one[i + 1 :]]) for path, one, i in pairs]

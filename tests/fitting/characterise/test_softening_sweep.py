@@ -105,7 +105,7 @@ def test_a_sweep_that_begins_too_late_is_named():
             {"strain": [1e-3, 1e-2, 1e-3]},
             r"^the sweep has two rows at the strain 0\.001. If the strain goes up and down",
         ),
-        ({"linear": 1e-5}, r"^linear = 1e-05: must be at least the smallest strain, 0\.001$"),
+        ({"linear": 1e-5}, r"^linear = 1e-05: must be >= the smallest strain, 0\.001$"),
         ({"linear": -1}, r"^linear = -1: must be a strain > 0, or None$"),
         ({"temperature": [300.0, 300.0, 320.0]}, r"^the sweep at 320 K has 1 strains: must have at least 2$"),
         ({"factor": 0.0}, r"^Softening\.factor = 0\.0: must be > 0$"),

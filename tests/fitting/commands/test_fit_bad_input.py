@@ -26,6 +26,9 @@ from fitting import (
 
 SCENE = rf.Scene(ROAD, rf.Body(RUBBER))
 FREE = {E: Positive()}
+COLD, ELASTIC = rf.Scene(ROAD, rf.Body(PLAIN)), rf.Scene(ROAD, rf.Body(rf.Elastic(1e7, 0.5)))
+SHEARED = ELASTIC.replace(shear=rf.ContactShear(6.5e6, 0.1, 6e-3))
+POINT, SPECTRUM = ModulusData([1.0], [1e7], [1e6]), SpectrumData([1e3], [1e-14])
 MODULUS = ModulusData([1e2, 1e3, 1e4], [5e6, 8e6, 1e7], [2e6, 4e6, 4e6], relative=0.05)
 
 
@@ -109,36 +112,23 @@ def test_integers_of_any_kind_are_integers():
     ("scene", "data", "text"),
     [
         (
-            rf.Scene(ROAD, rf.Body(PLAIN)),
+            COLD,
             FrictionData([1.0], [0.3], pressure=1e5, temperature=300.0),
-            "have a temperature, but no part of the scene has a shift:"
-            " add a shift to the scene, or remove the temperature",
+            "no part of the scene has a shift: add a shift to the scene, or remove the temperature",
         ),
-        (
-            rf.Scene(ROAD, rf.Body(PLAIN)),
-            AreaData([1.0], [0.3], pressure=1e5, temperature=300.0),
-            "have a temperature, but no part of the scene has a shift",
-        ),
-        (
-            rf.Scene(ROAD, rf.Body(PLAIN)),
-            ModulusData([1.0], [1e7], [1e6], temperature=300.0),
-            "have a temperature, but upper.material has no shift",
-        ),
+        (COLD, AreaData([1.0], [0.3], pressure=1e5, temperature=300.0), "no part of the scene has a shift"),
+        (COLD, ModulusData([1.0], [1e7], [1e6], temperature=300.0), "but upper.material has no shift"),
         (SCENE, FrictionData([1.0], [0.3], pressure=1e5, temperature=120.0), "temperature[0] = 120.0: must"),
         (SCENE, ModulusData([1.0], [1e7], [1e6], body="lower"), "body = 'lower'; body must be 'upper', a"),
         (
             rf.Scene(rf.Body(PLAIN, AFFINE), rf.Body(PLAIN)),
-            ModulusData([1.0], [1e7], [1e6]),
+            POINT,
             "no body is given; body must be 'lower' or 'upper', a viscoelastic solid",
         ),
-        (
-            rf.Scene(ROAD, rf.Body(rf.Elastic(1e7, 0.5))),
-            ModulusData([1.0], [1e7], [1e6]),
-            "the scene has no viscoelastic solid; modulus data need one",
-        ),
+        (ELASTIC, POINT, "the scene has no viscoelastic solid; modulus data need one"),
         (
             rf.Scene(ROAD, rf.Body(PLAIN, AFFINE)),
-            SpectrumData([1e3], [1e-14]),
+            SPECTRUM,
             "no body is given; body must be 'lower' or 'upper', a solid with a spectrum",
         ),
         (SCENE, SpectrumData([1e3], [1e-14], body="upper"), "body = 'upper'; body must be 'lower', a solid"),
@@ -153,7 +143,7 @@ def test_data_that_the_scene_cannot_predict(scene, data, text):
     "scene",
     [
         rf.Scene(rf.Body(rf.Rigid()), rf.Body(PLAIN, AFFINE)),  # Case II: the roughness moves with the rubber
-        rf.Scene(ROAD, rf.Body(rf.Elastic(1e7, 0.5))),
+        ELASTIC,
         rf.Scene(rf.Body(rf.Rigid()), rf.Body(PLAIN)),
     ],
 )
@@ -172,16 +162,14 @@ def test_friction_of_a_scene_that_has_none(scene, errors):
 
 def test_contact_shear_is_friction():
     """With absolute errors at rest and backwards, too."""
-    scene = rf.Scene(ROAD, rf.Body(rf.Elastic(1e7, 0.5)), shear=rf.ContactShear(6.5e6, 0.1, 6e-3))
     data = FrictionData([1e-3, 0.1, 0.0, -0.1], [0.3, 0.4, 0.05, -0.3], [0.1] * 4, pressure=1e5)
-    result = fit(scene, data, {"shear.tau_f0": Positive()}, quadrature=QUADRATURE)
+    result = fit(SHEARED, data, {"shear.tau_f0": Positive()}, quadrature=QUADRATURE)
     assert result.success and 0 < result.stderr[0] < 0.3 * result.values[0]
 
 
 @pytest.mark.parametrize("velocity", [0.0, -1e-2])
 def test_logarithm_of_a_friction_that_is_not_positive(velocity):
     """The model is 0 at rest and odd in the velocity; the data have relative errors."""
-    scene = rf.Scene(ROAD, rf.Body(rf.Elastic(1e7, 0.5)), shear=rf.ContactShear(6.5e6, 0.1, 6e-3))
     data = FrictionData([1e-3, velocity], [0.3, 0.4], pressure=1e5, relative=0.1)
     text = (
         f"the model is not finite at the start at 1 of 2 values, first at velocity = {velocity:g} m/s,"
@@ -189,7 +177,7 @@ def test_logarithm_of_a_friction_that_is_not_positive(velocity):
         " errors (sigma) where the model may be 0 or less, as at velocities <= 0"
     )
     free = {"shear.tau_f0": Positive()}
-    refused(text, scene, data, free, error=FloatingPointError, quadrature=QUADRATURE)
+    refused(text, SHEARED, data, free, error=FloatingPointError, quadrature=QUADRATURE)
 
 
 def test_a_smooth_prior_of_a_series_with_a_zero_in_it():
@@ -209,10 +197,7 @@ def test_a_smooth_prior_of_a_series_with_a_zero_in_it():
 def test_more_parameters_than_data():
     data = ModulusData([1e3], [8e6], [4e6], relative=0.05)
     free = FREE | {"upper.material.E_inf": Positive()}
-    text = (
-        "3 free parameters, but only 2 measured values and 0 rows of priors;"
-        " free fewer, tie some, or add a prior"
-    )
+    text = "3 free parameters, but only 2 measured values and 0 rows of priors; free fewer, tie some, or add"
     refused(text, SCENE, data, free)
     result = fit(SCENE, data, free, prior={E: Gaussian(1e7, 1e6), "upper.material.E_inf": Gaussian(3e6, 3e5)})
     assert result.success and not result.withheld and np.isfinite(result.stderr).all()
@@ -250,13 +235,8 @@ print(result.success, result.values.dtype, *result.values, *result.stderr, sep="
 def test_single_precision():
     """In a new process without x64, compared with the fit in double precision."""
     environment = {**os.environ, "JAX_ENABLE_X64": "0", "PYTHONPATH": os.pathsep.join(sys.path)}
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", SINGLE],
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [sys.executable, "-W", "error", "-c", SINGLE]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     success, dtype, *numbers = done.stdout.strip().split(",")
     assert (success, dtype) == ("True", "float32")

@@ -1,6 +1,5 @@
 """The command rubberfric-fit and its job files: input, output, files, and exit status."""
 
-import functools
 import os
 import re
 import signal
@@ -8,23 +7,15 @@ import subprocess
 import sys
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.scenes.fits import JOB, JOB_FILES
 
 import fitting
 import rubberfric as rf
-from fitting.commands import main as command
 from fitting.commands import work
 from fitting.commands.job import read_job
-from fitting.solvers.residuals import objective
-
-
-@pytest.fixture
-def call(call_main):
-    """Run the command in this process: exit status, stdout, stderr."""
-    return functools.partial(call_main, command.main)
+from fitting.solvers.evaluation import costs_at
 
 
 def test_report_file_and_picture(call, job, tmp_path):
@@ -215,6 +206,12 @@ def test_bad_jobs(call, job, monkeypatch, old, new, message):
         (("job.toml", "--out", "no/fit.h5"), "folder 'no' does not exist; create it first"),
         (("job.toml", "--plot", "fit.gif"), "must be .png or .pdf or .svg"),
         (("job.toml", "--plot", "no/fit.png"), "folder 'no' does not exist; create it first"),
+        (("job.toml", "--bootstrap", "0"), "'0': must be an integer >= 1"),
+        (("job.toml", "--bootstrap", "many"), "'many': must be an integer >= 1"),
+        (("job.toml", "--checkpoint", "run.h5"), "must come with --bootstrap N"),
+        (("job.toml", "--resume", "--bootstrap", "3"), "must come with --checkpoint FILE.h5"),
+        (("job.toml", "--bootstrap", "3", "--checkpoint", "run.txt"), "suffix '.txt': must be .h5"),
+        (("job.toml", "--bootstrap", "3", "--checkpoint", "none/run.h5"), "does not exist; create it first"),
     ],
 )
 def test_bad_arguments(call, monkeypatch, arguments, message):
@@ -273,9 +270,7 @@ def test_failed_work(call, job, monkeypatch, error):
 
 def start_cost(result):
     """Cost of a fit's start values."""
-    structure, numbers, targets = result.problem[:3]
-    start = jnp.asarray(result.problem.start)
-    return float(objective(structure, numbers, targets).cost(start))
+    return costs_at(result.problem, result.problem.start[None])[0]
 
 
 # On a busy machine the fit would be done before this process has read of it.

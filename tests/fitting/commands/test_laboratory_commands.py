@@ -10,18 +10,17 @@ import pytest
 
 import fitting
 import rubberfric as rf
-from fitting.commands.main import main
 
 LABORATORY = Path(__file__).parents[3] / "data" / "laboratory"
 
 
 @pytest.fixture
-def run(call_main, tmp_path, monkeypatch):
+def run(call, tmp_path, monkeypatch):
     """Run a command in a folder with the exports: exit status, stdout, stderr."""
     for path in LABORATORY.iterdir():
         shutil.copy(path, tmp_path / path.name)
     monkeypatch.chdir(tmp_path)
-    return lambda *arguments: call_main(main, *arguments, "--no-cache")
+    return lambda *arguments: call(*arguments, "--no-cache")
 
 
 def test_a_material_from_sweeps(run):

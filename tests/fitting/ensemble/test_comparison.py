@@ -98,7 +98,7 @@ def test_what_is_no_comparison(fits):
         ({"a": one, "b": other}, "'b' and 'a': data[0], "),
         ({"a": one, "b": two_sets}, "'b' and 'a' are fits of 2 and 1 data sets; both must be of the same"),
         ({"a": one, "b": robust}, "losses are ('huber', 1.345) and ('linear', 1.0); they must be the same"),
-        ({"a": one, "b": scaled}, "only one fit has errors scaled by the scatter; the errors of both or of"),
+        ({"a": one, "b": scaled}, "only one fit has errors scaled by the scatter: must be both or neither"),
     ):
         with pytest.raises(ValueError, match="must") as caught:
             fitting.compare(results)

@@ -12,9 +12,9 @@ from scipy.optimize import least_squares
 from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
-from fitting import Bounded, Free, Gaussian, ModulusData, Positive, Smooth, Sum, Tied, fit
+from fitting import Bounded, Correlated, Free, Gaussian, ModulusData, Positive, Smooth, Sum, Tied, fit
 from fitting.parameters.priors import prior_residuals, prior_size, read_priors
-from fitting.parameters.variables import free_parameters, to_scene, to_values
+from fitting.parameters.variables import free_parameters, to_scene
 from fitting.solvers import objective as losses
 from fitting.solvers.objective import LOSS_WIDTHS
 from fitting.solvers.problem import make_problem
@@ -131,7 +131,7 @@ def test_smooth_rows_of_other_parameters():
             {"upper.material.E_inf": Gaussian(1e7, 1e6)},
             f"the key must be one of the free parameters {E}, gamma",
         ),
-        ({E: Gaussian(-1e7, 1e6)}, "mean = -1e+07: must be > 0, because the parameter is Positive"),
+        ({E: Gaussian(-1e7, 1e6)}, "mean = -1e+07: must be > 0, because it is Positive"),
         ({E: Gaussian([1e7, 2e7], 1e6)}, "mean has 2 numbers: must have 4 or one"),
         ({"gamma": Gaussian(1.0, 0.1)}, "mean = 1: must be inside the parameter's bounds"),
         ({"gamma": Gaussian(7.0, 0.1)}, "mean = 7: must be inside the parameter's bounds"),
@@ -174,6 +174,15 @@ def test_smooth_needs_a_free_series_of_three_different_times():
         (lambda: Gaussian(1.0, np.inf), "must be a finite number > 0"),
         (lambda: Smooth(0.0), "sigma = 0.0: must be a finite number > 0"),
         (lambda: Smooth(None), "must be a finite number > 0"),
+        (lambda: Sum(), "must be numbers > 0, at least one of them given"),
+        (lambda: Sum(high=-1.0), "must be numbers > 0"),
+        (lambda: Sum(2.0, 1.0), "must be low < high"),
+        (lambda: Sum(high=1.0, sigma=0.0), "sigma = 0.0: must be a finite number > 0"),
+        (lambda: Correlated((1.0,), ((1.0, 0.0),), (0.0,), (np.inf,)), "covariance must be numbers of the"),
+        (lambda: Correlated((), (), (), ()), "mean must be numbers of the shape"),
+        (lambda: Correlated((1.0,), ((0.0,),), (0.0,), (np.inf,)), "> 0 on its diagonal"),
+        (lambda: Correlated((-1.0,), ((1.0,),), (0.0,), (np.inf,)), "mean must be finite and between low"),
+        (lambda: Correlated((1.0,), ((1.0,),), (-np.inf,), (2.0,)), "high must be inf where low is -inf"),
     ],
 )
 def test_wrong_numbers(make, text):
@@ -312,16 +321,3 @@ def test_widths_make_gaussian_data_95_percent_efficient(loss):
     slope = jax.grad(lambda r: 0.5 * rho(loss, LOSS_WIDTHS[loss], r)[0])
     psi, bend = np.asarray(jax.vmap(slope)(r)), np.asarray(jax.vmap(jax.grad(slope))(r))
     assert np.sum(weight * bend) ** 2 / np.sum(weight * psi**2) == pytest.approx(0.95, abs=1e-3)
-
-
-@pytest.mark.slow
-def test_values_at_x_are_those_of_a_prior_fit_without_data_to_speak_of():
-    """With errors of e^3 the data say nothing, and the priors alone decide."""
-    data = ModulusData(np.logspace(-2, 2, 4), [1e7] * 4, [1e6] * 4, relative=3.0, check_units=False)
-    free = {E: Positive(), "upper.material.E_inf": Positive()}
-    prior = {E: Gaussian(1e7, 1e3), "upper.material.E_inf": Gaussian(2e6, 2e2)}
-    result = fit(SCENE, data, free, prior=prior)
-    np.testing.assert_allclose(result.values, [1e7] * 4 + [2e6], rtol=1e-6)
-    np.testing.assert_allclose(result.stderr, [1e3] * 4 + [2e2], rtol=1e-3)
-    layout, constants, _ = free_parameters(SCENE, free)
-    np.testing.assert_allclose(to_values(layout, constants, jnp.asarray(result.x)), result.values, rtol=1e-13)

@@ -14,11 +14,12 @@ from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
 from fitting import AreaData, Bounded, Free, FrictionData, ModulusData, Positive, Smooth, fit
+from fitting.solvers.evaluation import costs_at
 from fitting.solvers.first_order import LBFGS, Adam
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.objective import CONVERGED, INTERRUPTED, LOSS_WIDTHS, NOT_FINITE, OUT_OF_STEPS, PERFECT
 from fitting.solvers.problem import make_problem
-from fitting.solvers.residuals import objective, residuals, residuals_and_jacobian
+from fitting.solvers.residuals import residuals, residuals_and_jacobian
 from fitting.solvers.runs import run_fits
 from fitting.solvers.search import random_starts
 
@@ -223,14 +224,10 @@ def test_wild_starts_give_numbers():
         ],
         1,
     )
-    begun = [
-        float(objective(problem.structure, problem.numbers, problem.targets).cost(jnp.asarray(x)))
-        for x in starts[:3]
-    ]
     runs = run_fits(LM, problem, starts)
     assert np.isfinite(runs.x).all() and np.isfinite(runs.cost).all()
     assert NOT_FINITE not in runs.status
-    assert np.all(runs.cost[:3] < begun)
+    assert np.all(runs.cost[:3] < costs_at(problem, starts[:3]))
     assert np.mean(runs.cost < runs.cost.min() * (1 + 1e-6)) >= 0.5
 
 
@@ -288,20 +285,6 @@ def test_fits_of_different_data_keep_to_their_own():
     assert len(np.unique(runs.cost)) == 5
 
 
-def test_vmap_of_init_and_step_is_a_loop():
-    problem = master()
-    aim = objective(problem.structure, problem.numbers, problem.targets)
-    x = jnp.asarray(problem.start + np.random.default_rng(1).uniform(-2, 2, (3, 5)))
-
-    def steps(x):
-        return LM.step(aim, LM.step(aim, LM.init(aim, x)))
-
-    together, one = jax.jit(jax.vmap(steps))(x), jax.jit(steps)
-    for i in range(3):
-        for a, b in zip(jax.tree.leaves(one(x[i])), jax.tree.leaves(together), strict=True):
-            np.testing.assert_allclose(a, b[i], rtol=1e-10)
-
-
 @pytest.mark.parametrize(
     "solver",
     [
@@ -326,11 +309,12 @@ def test_parameters_that_may_not_move_stay_exactly(solver):
 
 
 def test_out_of_steps():
-    result = fit(SCENE, modulus_data(), {E: Positive(1e7), "upper.material.E_inf": Positive()}, max_steps=2)
+    free = {E: Positive(1e7), "upper.material.E_inf": Positive()}
+    result = fit(SCENE, modulus_data(), free, max_steps=2)
     assert result.status == OUT_OF_STEPS and not result.success
     assert result.message == "not converged: out of steps; raise max_steps"
     assert result.njev == 2
-    assert fit(SCENE, modulus_data(), {E: Positive(1e7), "upper.material.E_inf": Positive()}).success
+    assert fit(SCENE, modulus_data(), free).success
 
 
 def test_callback_sees_every_step_and_a_cost_that_never_rises():
@@ -344,23 +328,19 @@ def test_callback_sees_every_step_and_a_cost_that_never_rises():
 
 
 def test_an_interrupt_leaves_the_best_so_far():
-    problem = make_problem(SCENE, [modulus_data()], {E: Positive(1e9), "upper.material.E_inf": Positive()})
-    start = float(
-        objective(problem.structure, problem.numbers, problem.targets).cost(jnp.asarray(problem.start))
-    )
-    seen = []
+    free = {E: Positive(1e9), "upper.material.E_inf": Positive()}
+    problem, seen = make_problem(SCENE, [modulus_data()], free), []
 
     def interrupt(step, cost):
         seen.append(cost)
         if step == 2:
             raise KeyboardInterrupt
 
-    free = {E: Positive(1e9), "upper.material.E_inf": Positive()}
     result = fit(SCENE, modulus_data(), free, callback=interrupt)
     assert result.status == INTERRUPTED and not result.success
     assert result.message.startswith("interrupted") and len(seen) == 2
     whole = fit(SCENE, modulus_data(), free)
-    assert 1.001 * whole.cost < result.cost == seen[-1] < start
+    assert 1.001 * whole.cost < result.cost == seen[-1] < costs_at(problem, problem.start[None])[0]
     assert np.isfinite(result.values).all() and np.isfinite(result.redchi)
 
 
@@ -409,8 +389,6 @@ def test_several_starts_are_decided_by_their_key():
     one, two = (one_peak(starts=3, key=jax.random.key(5)) for _ in range(2))
     np.testing.assert_array_equal(one.values, two.values)
     assert one.nfev == two.nfev and one.cost == two.cost
-    drawn = [random_starts(one.variables, one.x, jax.random.key(k), 3) for k in (5, 6)]
-    assert np.all(drawn[0][1:] != drawn[1][1:])
 
 
 # --- outliers

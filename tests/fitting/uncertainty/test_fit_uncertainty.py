@@ -95,6 +95,10 @@ def test_covariance_of_a_linear_problem_is_its_closed_form():
     for end, sign in zip(result.interval(0.95), (-1, 1), strict=True):
         np.testing.assert_allclose(end, solution + sign * q * stderr, rtol=1e-6)
     every_gap_is_explained(result)
+    s = np.linalg.svd(weighted * [*MODULI, 3e6], compute_uv=False)  # x is in units of the start values
+    assert result.uncertainty.rank == 4
+    assert result.uncertainty.condition == pytest.approx(s[0] / s[-1], rel=1e-6)
+    np.testing.assert_allclose(np.sort(1 / s), np.sort(result.uncertainty.deviations), rtol=1e-6)
 
 
 def test_covariance_is_that_of_scipys_curve_fit():
@@ -124,16 +128,6 @@ def test_covariance_is_that_of_scipys_curve_fit():
     np.testing.assert_array_less(np.abs(result.values - best), 1e-3 * stderr)
     np.testing.assert_allclose(result.stderr, stderr, rtol=1e-4)
     np.testing.assert_allclose(result.correlation, covariance / np.outer(stderr, stderr), atol=1e-4)
-
-
-def test_rank_and_condition_are_those_of_the_weighted_rows():
-    data = linear_data()
-    result = fit(SCENE, data, {E: Free(), E_INF: Free()})
-    rows = basis() / data.error[:, None] * np.array([*MODULI, 3e6])  # x is in units of the start values
-    s = np.linalg.svd(rows, compute_uv=False)
-    assert result.uncertainty.rank == 4
-    assert result.uncertainty.condition == pytest.approx(s[0] / s[-1], rel=1e-6)
-    np.testing.assert_allclose(np.sort(1 / s), np.sort(result.uncertainty.deviations), rtol=1e-6)
 
 
 def test_an_unknown_error_is_estimated_from_the_scatter():

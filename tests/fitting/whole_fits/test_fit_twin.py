@@ -5,7 +5,6 @@ The twin is 240 friction coefficients with 3 % noise; 20 numbers are free, all s
 
 import numpy as np
 import pytest
-from support.counting.compilations import compilations
 from support.ensembles.twin import DATA, FREE, GUESS, TRUTH, conditions, make_twin, true_values, twin
 
 import fitting
@@ -93,33 +92,6 @@ def test_data_without_noise_are_met_to_rounding():
     result = fitting.fit(GUESS, data, FREE)
     assert result.success and result.cost < 1e-18
     np.testing.assert_allclose(result.values, true_values(result.names), rtol=1e-7)
-
-
-@pytest.mark.slow
-def test_a_second_fit_compiles_nothing():
-    with compilations() as compiled:
-        # From the truth, nearer to smooth, another setting may fit.
-        fitting.fit(GUESS, twin(), FREE)
-        assert compiled
-        compiled.clear()
-        assert fitting.fit(GUESS, twin(seed=1), FREE).success
-    assert not compiled
-
-
-@pytest.mark.slow
-def test_outliers_move_the_robust_estimate_less_than_its_error_bars():
-    clean = twin()
-    measured = clean.measured.copy()
-    rng = np.random.default_rng(1)
-    struck = rng.choice(measured.size, measured.size // 20, replace=False)
-    measured[struck] *= 3.0
-    before = fitting.fit(GUESS, clean, FREE, loss="cauchy")
-    after = fitting.fit(GUESS, clean.replaced(measured), FREE, loss="cauchy")
-    assert before.success and after.success
-    moved = np.abs(after.x - before.x) / before.uncertainty.deviation
-    assert moved.max() < 1.0, dict(zip(before.names, moved.round(2), strict=True))
-    plain = fitting.fit(GUESS, clean.replaced(measured), FREE)
-    assert np.max(np.abs(plain.x - before.x) / before.uncertainty.deviation) > 3.0
 
 
 @pytest.mark.slow
