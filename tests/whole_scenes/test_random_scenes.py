@@ -355,23 +355,6 @@ def drawn(structure, count, ranges=FAR, dtype=float):
 ALIKE = {"rtol": 1e-11, "atol": 1e-290}
 
 
-@pytest.mark.parametrize("structure", [ROUGH_ROAD, ON_ELASTIC], ids=str)
-@pytest.mark.slow
-def test_vmap_jit_and_plain_calls_are_alike(structure):
-    """With one quadrature, because only a plain call can choose one from its numbers."""
-    found = drawn(structure, 24)
-    batch = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
-
-    def alike(call):
-        return jnp.stack(rf.solve(*call, quadrature=rf.Quadrature())[:3])
-
-    together = jax.jit(jax.vmap(alike))(batch)
-    compiled = jax.jit(alike)
-    for call, expected in zip(found, together, strict=True):
-        np.testing.assert_allclose(compiled(call), expected, **ALIKE)
-        np.testing.assert_allclose(alike(call), expected, **ALIKE)
-
-
 @pytest.mark.slow
 def test_without_jit():
     coarse = rf.Quadrature(order=4, panels=2, graded=1, angular_order=4)

@@ -106,15 +106,6 @@ def test_a_hot_table_has_the_derivative_of_its_values(tables_alone, monkeypatch)
     np.testing.assert_allclose(slope, difference, rtol=1e-5)
 
 
-@pytest.mark.slow
-def test_a_hot_table_alone_in_a_curve_and_shuffled(tables_alone):
-    curve = np.asarray(tables_alone(HOT_V, HOT_T))
-    order = np.array([3, 0, 5, 1, 4, 2])
-    np.testing.assert_allclose(tables_alone(HOT_V[order], HOT_T), curve[:, order], rtol=1e-8)
-    alone = np.concatenate([tables_alone(v[None], HOT_T) for v in HOT_V], 1)
-    np.testing.assert_allclose(alone, curve, rtol=1e-8)
-
-
 def measured(compound, heated, softened):
     """Tables of modulus, shift, road and softening with contact shear, as a laboratory would fit them."""
     f, storage, loss = read(f"master_curve_{compound}.csv")

@@ -1,7 +1,5 @@
 """A layer on a deformable half-space: its stiffness from Navier's equations, scenes against the oracle."""
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import mpmath as mp
@@ -313,18 +311,6 @@ def test_extremes_are_finite():
                 value, slopes = both(*as_arrays((rf.Scene(*bodies), v)))
                 assert np.isfinite(value) and value >= 0, (d, E_inf, soft)
                 assert all(np.isfinite(x).all() for x in jax.tree.leaves(slopes)), (d, E_inf, soft)
-
-
-@pytest.mark.slow
-def test_temperature_moves_layer_and_base_as_one():
-    law = rf.WLF(8.86, 101.6, 293.15)
-    shifted = dataclasses.replace(RUBBER, shift=law)
-    rigid = rf.Body(rf.Rigid(), rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4))
-    plain, warm = (
-        rf.Scene(rf.Body(material, None, rf.Coating(1e-3, OTHER)), rigid) for material in (RUBBER, shifted)
-    )
-    moved = 0.1 * np.exp(float(law.log_factor(320.0)))
-    np.testing.assert_allclose(rf.friction(warm, 0.1, 1e5, 320.0), rf.friction(plain, moved, 1e5), rtol=1e-12)
 
 
 @pytest.mark.slow

@@ -111,35 +111,6 @@ def paths(tree):
     return [jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_flatten_with_path(tree)[0]]
 
 
-TO_LEAF = {
-    "solid1": "lower.material",
-    "solid2": "upper.material",
-    "psd1": "lower.spectrum",
-    "psd2": "upper.spectrum",
-    "nu": "poisson",
-    "H": "hurst",
-}
-
-
-def leaf_value(tree, path, solid_kind):
-    """The entry of a tree shaped like the arguments that a parameter of the dictionary names."""
-    tree = dict(zip(("scene", "v", "pressure", "temperature"), tree, strict=False))
-    if path[0] in tree:
-        return tree[path[0]]
-    node = tree["scene"]
-    if path[-1] == "thickness":
-        path = [path[0].replace("solid1", "lower").replace("solid2", "upper"), "layer", "thickness"]
-    for key in path:
-        if key == "E" and solid_kind == "elastic":
-            node = node.young
-        elif key.isdigit():
-            node = node[..., int(key)]
-        else:
-            for part in TO_LEAF.get(key, key).split("."):
-                node = getattr(node, part)
-    return node
-
-
 def _material(data):
     kind, shift = data["kind"], _shift(data.get("shift"))
     if kind == "rigid":

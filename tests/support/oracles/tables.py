@@ -3,8 +3,7 @@
 import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.special import erf, erfc
-
-_NODE, _SHARE = np.polynomial.legendre.leggauss(16)
+from support.oracles.angular import angular_means, with_spring
 
 
 def averaged(knots, values, fall, width, x):
@@ -31,25 +30,15 @@ def law(table, outside, x, width=0.1):
     return E1, E2
 
 
-def by_quadrature(table, outside, x, spring=None, harmonic=0, width=0.1):
-    """<|F|^2>, <cos Im F>, <Re F> with cos 2 m phi at ln(q v), by Gauss panels of one width in ln cos phi."""
-    edges = np.arcsin(np.exp(-width * np.arange(int(40 / width))))
-    psi = edges[1:, None] - np.diff(edges)[:, None] * 0.5 * (1 + _NODE)
-    measure = -np.diff(edges)[:, None] * _SHARE / np.pi * np.cos(2 * harmonic * (0.5 * np.pi - psi))
-    found = []
-    for one in x:
-        storage, loss = law(table, outside, one + np.log(np.sin(psi)), width)
-        if spring is None:
-            parts = storage**2 + loss**2, loss, storage
-        else:
-            square, under = storage**2 + loss**2, (storage + spring) ** 2 + loss**2
-            parts = (
-                spring**2 * square / under,
-                spring**2 * loss / under,
-                spring * (spring * storage + square) / under,
-            )
-        found.append([np.sum(measure * p) for p in (parts[0], parts[1] * np.sin(psi), parts[2])])
-    return np.array(found).T
+def by_quadrature(table, outside, x, spring=None, shares=((), ()), width=0.1):
+    """<|F|^2>, <cos phi Im F>, <Re F> and <sin phi Im F> at ln(q v), with shares of the harmonics."""
+
+    def modulus(omega):
+        moduli = law(table, outside, np.log(omega), width)
+        return moduli if spring is None else with_spring(*moduli, spring)
+
+    means = np.array([angular_means(modulus, np.exp(one), *shares, panel=width, depth=40.0) for one in x])
+    return np.concatenate([[means[:, 0] + means[:, 1]], means[:, 2:].T])
 
 
 def random_table(seed):
