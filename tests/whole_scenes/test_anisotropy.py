@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.cases.parts import CASES, assert_derivatives, assert_scene, expected, reverse, value
-from support.cases.stored import arguments, as_arrays, scene, slow_if
+from support.cases.parts import CASES, expected, reverse, value
+from support.cases.stored import arguments, as_arrays, scene
 from support.oracles import oracle
 from support.oracles.angular import angular_means, prony
 from support.scenes.common import ROAD
@@ -18,25 +18,6 @@ from support.scenes.common import ROAD
 import rubberfric as rf
 from rubberfric.theory.stiffness.angular_means import PronyStiffness
 from rubberfric.theory.structure import RequiredMeans
-
-NAMES = [name for name in CASES if name.startswith("grooved-")]
-# One compilation serves all except the last.
-ORDINARY = ("plain", "slow", "backwards", "at-rest", "along", "across", "mirrored", "table")
-# A tabulated modulus is integrated over the angle across its kinks.
-TABLES = ("grooved-table-modulus", "grooved-table-on-elastic", "grooved-table-of-both")
-
-
-@pytest.mark.parametrize("name", slow_if(lambda name: name.removeprefix("grooved-") not in ORDINARY, NAMES))
-def test_scenes(name):
-    assert_scene(name, 1e-6 if name in TABLES else 1e-11)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [n for n in NAMES if "derivatives" in CASES[n]])
-def test_derivatives(name):
-    # Over the velocity a table's kinks run through the panels: with 48 panels and angle=1200 3e-6 is left.
-    assert_derivatives(name, 1e-4 if name in TABLES else 1e-8)
-
 
 # Harmonics of the angular means.
 
@@ -268,14 +249,6 @@ def test_derivatives_at_rest_and_backwards():
         if abs(v) < 1e-20:
             found, exact = np.asarray(slopes[1]), solved(v=1e-30) * 1e30
             np.testing.assert_allclose(found[[1, 3]], exact[[1, 3]], rtol=1e-10)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["grooved-plain", "grooved-table", "grooved-two-rubbers"])
-def test_single_precision(name):
-    found = value(arguments(CASES[name], np.float32))
-    assert found.dtype == np.float32
-    np.testing.assert_allclose(found, expected(CASES[name]), rtol=2e-5)
 
 
 # Tables from grids.

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.cases.parts import CASES, assert_derivatives, assert_scene, expected, reverse, value
+from support.cases.parts import CASES, expected, reverse, value
 from support.cases.stored import arguments, as_arrays, slow_if
 from support.oracles import oracle
 from support.oracles.angular import angular_means, prony, with_spring
@@ -18,16 +18,8 @@ from rubberfric.theory.stiffness.angular_means import PronyStiffness
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
 from rubberfric.theory.structure import RequiredMeans
 
-NAMES = [name for name in CASES if name.startswith("soft-")]
-# One compilation serves the first six.
-ORDINARY = ("plain", "slow", "fast", "backwards", "at-rest", "gentle", "two-rubbers")
 # A tabulated modulus is integrated over the angle across its kinks.
 TABLES = ("soft-table-modulus", "soft-table-on-elastic")
-
-
-@pytest.mark.parametrize("name", slow_if(lambda name: name.removeprefix("soft-") not in ORDINARY, NAMES))
-def test_scenes(name):
-    assert_scene(name, 1e-6 if name in TABLES else 1e-10)
 
 
 @pytest.mark.slow
@@ -39,13 +31,6 @@ def test_a_tabulated_modulus_converges(name):
     setting = rf.Quadrature(order=24, panels=48)
     error = np.abs(np.array(jax.jit(lambda a: rf.solve(*a, quadrature=setting)[:3])(at)) / exact - 1)
     assert error.max() < 1e-8
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [n for n in NAMES if "derivatives" in CASES[n]])
-def test_derivatives(name):
-    # Over the velocity a table's kinks run through the panels: with 48 panels and angle=1200 3e-6 is left.
-    assert_derivatives(name, 1e-4 if name in TABLES else 1e-8)
 
 
 # Angular means.
@@ -239,17 +224,6 @@ def test_numbers_of_terms(count):
     given = PLAIN | {"solid1": solid}
     exact = expected(oracle.solve(given, halvings=40, order=10))
     np.testing.assert_allclose(value(arguments(given)), exact, rtol=1e-10)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", ["soft-plain", "soft-two-rubbers", "soft-table-modulus", "soft-shear-modulus"]
-)
-def test_single_precision(name):
-    given = CASES[name]
-    found = value(arguments(given, np.float32))
-    assert found.dtype == np.float32
-    np.testing.assert_allclose(found, expected(given), rtol=2e-5)
 
 
 @pytest.mark.slow

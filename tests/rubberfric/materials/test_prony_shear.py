@@ -5,9 +5,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from support.cases.solids import RIGID, ROAD, WORN
-from support.cases.stored import QUANTITIES, as_arrays, quantities, scene
-from support.oracles import oracle
+from support.cases.stored import as_arrays
 
 import rubberfric as rf
 
@@ -100,58 +98,6 @@ def test_derivatives_of_the_reduced_modulus():
                 ends = [exactly([*at[:i], at[i] + sign * h, *at[i + 1 :]]) for sign in (1, -1)]
                 wanted.append(float((ends[0] - ends[1]) / (2 * h)))
         np.testing.assert_allclose(found * scale, np.array(wanted) * scale, rtol=1e-8, atol=1e-11)
-
-
-STEEL = {"kind": "elastic", "E": 2e8, "nu": 0.3}
-RUBBER = {"kind": "prony", "E_inf": 2e6, "E": [1e8, 3e6], "tau": [1e-7, 1e-4], "nu": 0.49}
-
-
-def shear(bulk):
-    return {"kind": "shear", "G_inf": G_INF, "G": G, "tau": TAU, "bulk": bulk}
-
-
-CASES = {
-    "rigid road": (shear(1e8), RIGID, None, ROAD),
-    "nearly incompressible": (shear(2e9), RIGID, WORN, ROAD),
-    "facing elastic": (shear(2e7), STEEL, WORN, ROAD),
-    "facing rubber": (RUBBER, shear(1e6), WORN, ROAD),
-    "facing a slab": (RUBBER | {"thickness": 1e-3}, shear(1e6), WORN, ROAD),
-}
-SLOW = set(CASES) - {"facing elastic"}
-
-
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in SLOW)) for n in CASES])
-def test_scenes(name):
-    names = ("solid1", "solid2", "psd1", "psd2")
-    given = dict(zip(names, CASES[name], strict=True)) | {"v": 0.03, "pressure": 2e5, "gamma": 0.5}
-    exact = oracle.solve(given, halvings=60, order=10)
-    found = quantities(as_arrays((scene(given), given["v"], given["pressure"])))
-    np.testing.assert_allclose(found, [exact[quantity] for quantity in QUANTITIES], rtol=1e-9)
-
-
-@pytest.mark.slow
-def test_gradients():
-    """Forward = reverse, and against differences of the oracle for the bulk modulus and all G."""
-    names = ("solid1", "solid2", "psd1", "psd2")
-    given = dict(zip(names, CASES["facing elastic"], strict=True)) | {
-        "v": 0.03,
-        "pressure": 2e5,
-        "gamma": 0.5,
-    }
-    arguments = as_arrays((scene(given), given["v"], given["pressure"]))
-    reverse, forward = (jax.jit(d(quantities))(arguments) for d in (jax.jacrev, jax.jacfwd))
-    for a, b, x in zip(*map(jax.tree.leaves, (reverse, forward, arguments)), strict=True):
-        scale = np.maximum(np.abs(x), 1e-3)
-        np.testing.assert_allclose(a * scale, b * scale, rtol=1e-9, atol=1e-11)
-    slopes, numbers = reverse[0].lower.material, arguments[0].lower.material
-    for name in ("bulk", "G", "tau"):
-        found = np.sum((np.asarray(getattr(slopes, name)) * getattr(numbers, name)).reshape(3, -1), -1)
-        ends = []
-        for h in (-1e-4, 1e-4):
-            solid = given["solid1"] | {name: (np.array(given["solid1"][name]) * (1 + h)).tolist()}
-            end = oracle.solve(given | {"solid1": solid}, halvings=60, order=10)
-            ends.append([end[quantity] for quantity in QUANTITIES])
-        np.testing.assert_allclose(found, (np.array(ends[1]) - ends[0]) / 2e-4, rtol=2e-6, atol=1e-12)
 
 
 def test_temperature_shifts_the_shear():
