@@ -10,7 +10,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 from support.cases.stored import paths, slow_if
-from support.counting.operations import primitives, work
+from support.counting.operations import primitives
 from support.scenes.common import ROAD, SHEAR, TREAD, WORN
 from support.scenes.shifts import ARRHENIUS, TABLE, WLF
 
@@ -343,30 +343,8 @@ def test_a_scene_without_shear_traces_nothing_new():
         assert [name for name in friction if name not in plumbing] == bare
 
 
-def test_shear_alone_costs_little_more_than_the_area():
-    s = SCENES["case-I"]
-
-    def cost(quantities, s=s):
-        return work(lambda s, v: parts(s, v, 1e5, quantities=quantities), s, VELOCITY)
-
-    per_point = VELOCITY.size
-    assert cost("shear_friction") <= cost("area") + 8 * per_point
-    assert cost("shear_friction") < 0.75 * cost("viscoelastic_friction")
-    assert cost("area") == cost("area", replace(s, shear=None))
-    assert cost("viscoelastic_friction") == cost("friction", replace(s, shear=None))
-    # The sum shares G and the stiffness: the friction's cost, and the last panel border per point.
-    assert cost("friction") <= cost("viscoelastic_friction") + 16 * per_point
-    assert cost(PARTS) == cost("friction")
-
-
 @pytest.mark.parametrize("name", ["case-II", "case-III", "smooth"])
 def test_no_graded_panels_where_only_the_shear_dissipates(name):
     names = primitives(lambda s, v: rf.friction(s, v, 1e5), SCENES[name], VELOCITY)
     area = primitives(lambda s, v: rf.contact_area(s, v, 1e5), SCENES[name], VELOCITY)
     assert len(names) <= len(area) + 30
-
-
-def test_shear_of_a_scene_without_it_is_a_constant():
-    s = replace(SCENES["two-rubbers"], shear=None)
-    names = primitives(lambda s, v: parts(s, v, 1e5, quantities="shear_friction"), s, VELOCITY)
-    assert not {"erf", "exp", "log", "sqrt", "sort", "dot_general"} & set(names)

@@ -133,11 +133,6 @@ def _softened(softening, spectra, weight, q, active, order):
     return soft
 
 
-def full_contact_friction(case, order=12):
-    """Return mu with P = S = 1, as at a huge load."""
-    return solve({**case, "pressure": 1e30}, order=order)["friction"] * 1e30 / case["pressure"]
-
-
 def pressure_integral(sigma, g, gamma):
     """int_sigma^inf dp / (2 p) d(S P)/dp with P = erf(p / (2 sqrt g)), over p in u = ln(p / sigma)."""
     out = np.empty(g.size)

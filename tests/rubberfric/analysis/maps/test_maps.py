@@ -29,7 +29,6 @@ from support.scenes.maps import (
 
 import rubberfric as rf
 from rubberfric.analysis import batches, maps
-from rubberfric.base import cores
 from rubberfric.base.progress import Progress
 from rubberfric.commands import main as command
 from rubberfric.io.files import load_result, read_computable
@@ -253,23 +252,6 @@ def test_a_million_points_stay_below_two_gibibytes(tmp_path):
     assert points >= 1e6
     assert used < 2.0
     assert error < 1e-9
-
-
-@pytest.mark.benchmark
-def test_points_per_second_of_a_million(tmp_path):
-    cheap = {"order": 10, "panels": 6, "graded": 3, "ratio": 6.0}
-    for label, path, streamed, setting in (
-        ("default, in memory", None, False, {}),
-        ("default, streamed to a file", tmp_path / "m.h5", True, {}),
-        (f"{cheap}, in memory", None, False, cheap),
-    ):
-        points, seconds, used, error = large_map(path, streamed, 1000, 500, **setting)
-        print(
-            f"\n{label}: {points} points in {seconds:.1f} s on {cores()} core(s), "
-            f"{points / seconds:.3g} points/s, {used:.2f} GiB at most, error {error:.1e}"
-        )
-        assert used < 2.0
-        assert error < 1e-8
 
 
 # --- pictures
