@@ -254,48 +254,6 @@ def test_vmap_is_loop_is_broadcast(name):
     np.testing.assert_allclose(np.array(three(grid))[:, [0, 1, 2], [0, 1, 2]], loop, rtol=1e-13)
 
 
-def zero_term_scene(kind, E, tau):
-    """Scenes in which a series is solved for; E and tau are of one of its solids."""
-    soft = rf.Prony(4e6, E, tau, 0.45)
-    lower, upper = {
-        "spring": ((rf.Elastic(1e9, 0.3), ROAD), (soft,)),
-        "slab": ((rf.Elastic(1e9, 0.3), ROAD), (soft, None, rf.Slab(1e-4))),
-        "two": ((OTHER, ROAD), (soft,)),
-        "coating": ((STEEL, ROAD), (soft, None, rf.Coating(1e-4, OTHER))),
-        "base": ((STEEL, ROAD), (OTHER, None, rf.Coating(1e-4, soft))),
-        "bulk": ((STEEL, ROAD), (rf.PronyShear(4e6, E, tau, 2e9),)),
-    }[kind]
-    return scene(lower, upper)
-
-
-@pytest.mark.slow  # the series itself is in materials/test_series.py
-@pytest.mark.parametrize("kind", ["spring", "slab", "two", "coating", "base", "bulk"])
-def test_a_term_of_no_modulus_is_no_term(kind):
-    """Whatever its time is, at velocities whose friction is 1e-24 and 1e-3: values and derivatives."""
-    v, E, tau = np.array([1e-25, 1e-2]), np.array([8e8, 9e7]), np.array([1e-9, 1e-5])
-    small = rf.Quadrature(order=8, panels=3, graded=1, angular_order=8)
-
-    @jax.jit
-    def both(E, tau):
-        def friction(E):
-            mu = rf.friction(zero_term_scene(kind, E, tau), v, 1e5, quadrature=small)
-            return mu, mu
-
-        slope, mu = jax.jacrev(friction, has_aux=True)(E)
-        return mu, slope
-
-    mu, slope = both(E, tau)
-    for long in (1e-20, 1e-5, 1.0, 1e20):
-        found, slopes = both(np.append(E, 0.0), np.append(tau, long))
-        np.testing.assert_allclose(found, mu, rtol=1e-12)
-        np.testing.assert_allclose(slopes[:, :2], slope, rtol=1e-11)
-        # The derivative goes on from E > 0: no smaller than what moves the friction by a millionth.
-        step = 1e-6 * mu / np.maximum(np.abs(slopes[:, 2]), 1e-300)
-        for i in range(2):
-            moved = both(np.append(E, min(step[i], 1.0)), np.append(tau, long))[1]
-            np.testing.assert_allclose(moved[i, 2], slopes[i, 2], rtol=1e-4)
-
-
 @pytest.mark.slow
 def test_a_roughness_that_begins_at_a_border_of_the_others():
     """An ulp from the middle of the range; the contact is lost within A^2 = 1e-12 of it: by differences."""

@@ -71,35 +71,6 @@ def test_huge_bulk_modulus_is_an_incompressible_solid():
         assert found == pytest.approx(wanted, rel=1e-13)
 
 
-@pytest.mark.slow
-def test_derivatives_of_the_reduced_modulus():
-    """With respect to every number, at real s, against differences in 50 digits."""
-    s = 1e3
-
-    def value(solid):
-        rest, weight, tau = solid.reduced_series(1e6)
-        return rest + jnp.sum(weight * (s * tau / (1 + s * tau)))
-
-    def exactly(numbers):
-        relaxing = sum(w * s * t / (1 + s * t) for w, t in zip(numbers[1:6], numbers[6:11], strict=True))
-        shear, bulk = numbers[0] + relaxing, numbers[11]
-        return (shear + 9 * bulk * shear / (3 * bulk + 4 * shear)) / 10**6
-
-    for bulk in (1e4, 1e7, 1e12):
-        solid = as_arrays(material(bulk))
-        numbers = np.concatenate([np.ravel(x) for x in jax.tree.leaves(solid)])
-        slope = jax.jit(jax.grad(value))(solid)
-        found = np.concatenate([np.ravel(x) for x in jax.tree.leaves(slope)])
-        scale = np.where(numbers > 0, numbers, 1e6)
-        with mp.workdps(50):
-            at, wanted = [mp.mpf(x) for x in numbers], []
-            for i, size in enumerate(scale):
-                h = size * mp.mpf(10) ** -20
-                ends = [exactly([*at[:i], at[i] + sign * h, *at[i + 1 :]]) for sign in (1, -1)]
-                wanted.append(float((ends[0] - ends[1]) / (2 * h)))
-        np.testing.assert_allclose(found * scale, np.array(wanted) * scale, rtol=1e-8, atol=1e-11)
-
-
 def test_temperature_shifts_the_shear():
     law = rf.WLF(8.86, 101.6, 293.15)
     moved = rf.complex_modulus(material(shift=law), 10.0, 320.0)
