@@ -6,6 +6,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 from support.counting.compilations import compilations
+from support.oracles.moments import moment_of_plateau, self_affine_moment, table_moment
 from support.scenes.examples import EXAMPLES
 
 import rubberfric as rf
@@ -29,18 +30,10 @@ H_RMS = 3e-4
 def exact_moment(spectrum, order, C0=None):
     """2 pi int q^(1 + order) C dq; C0 from h_rms unless given."""
     with mp.workdps(40):
-        q0, qr, q1, hurst = (mp.mpf(x) for x in spectrum)
+        spectrum = [mp.mpf(x) for x in spectrum]
         if C0 is None:
-            C0 = mp.mpf(H_RMS) ** 2 / exact_moment(spectrum, 0, mp.mpf(1))
-        k = order - 2 * hurst
-        width = mp.log(q1 / qr)
-        tail = width if k == 0 else mp.expm1(k * width) / k
-        return (
-            2
-            * mp.pi
-            * C0
-            * ((qr ** (order + 2) - q0 ** (order + 2)) / (order + 2) + qr ** (order + 2) * tail)
-        )
+            return self_affine_moment((*spectrum, mp.mpf(H_RMS)), order, spectrum[2])
+        return C0 * moment_of_plateau(spectrum, order, spectrum[2])
 
 
 @pytest.mark.parametrize("spectrum", SPECTRA, ids=str)
@@ -109,14 +102,8 @@ def test_table_moments_where_the_exponent_vanishes(slope):
     table = rf.TabulatedSpectrum(np.array([1e2, 1e6]), 1e-12 * np.array([1.0, 1e4**slope]))
     for order in (0, 2):
         with mp.workdps(40):
-            k = (
-                mp.log(mp.mpf(float(table.C[1])) / mp.mpf(float(table.C[0]))) / mp.log(mp.mpf(10) ** 4)
-                + 2
-                + order
-            )
-            width = mp.log(mp.mpf(10) ** 4)
-            mean = width if k == 0 else mp.expm1(k * width) / k
-            exact = 2 * mp.pi * mp.mpf(float(table.C[0])) * mp.mpf(100) ** (2 + order) * mean
+            q, C = ([mp.mpf(float(x)) for x in column] for column in (table.q, table.C))
+            exact = table_moment(q, C, order, q[-1])
         assert rf.roughness.moment(table, order) == pytest.approx(float(exact), rel=1e-12)
 
 

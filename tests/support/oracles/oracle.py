@@ -264,9 +264,9 @@ def complex_poisson(G, bulk):
     return (3 * bulk - 2 * G) / (2 * (3 * bulk + G))
 
 
-def slab_factor(x, nu, base="bonded"):
-    """Sbar as printed, in 60 digits and more; infinite arguments are cut at x = 1e4."""
-    with mp.workdps(60):
+def slab_factor(x, nu, base="bonded", digits=60):
+    """Sbar as printed; infinite arguments are cut at x = 1e4."""
+    with mp.workdps(digits):
         x, nu = mp.mpf(min(x, 1e4)), mp.mpf(nu)
         if base == "frictionless":
             return mp.coth(x) + x / mp.sinh(x) ** 2

@@ -45,8 +45,6 @@ def numpy_friction(scene=ONE, velocity=VELOCITY, pressure=PRESSURE, temperature=
     S = 0.5 + 0.5 * P**2
     integrand = roughness * S * P * np.sum(np.cos(phi) * modulus.imag, -1) * step / (2 * p)
     friction = np.trapezoid(integrand, np.log(q), axis=-1)
-    return (
-        friction
-        if shear is None
-        else friction + shear_friction(shear, P[:, -1], velocity, pressure, temperature)
-    )
+    if shear is None:
+        return friction
+    return friction + np.asarray(shear_friction(shear, P[:, -1], velocity, pressure, temperature))
