@@ -17,8 +17,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.optimize
-import scipy.special
 from support.ensembles.twin import FREE, GUESS, TRUTH, twin
+from support.scenes.curves import numpy_friction
 
 import rubberfric as rf
 from fitting.parameters.variables import to_scene
@@ -31,37 +31,6 @@ from fitting.solvers.runs import advance, start
 from fitting.uncertainty.covariance import uncertainty
 
 pytestmark = pytest.mark.benchmark
-
-NODES_Q, NODES_PHI = 200, 64  # of the textbook method
-
-
-def numpy_friction(scene, velocity, pressure, temperature):
-    """Viscoelastic friction and contact shear by uniform trapezoids in ln q and phi, all points at once."""
-    material, road, shear = scene.upper.material, scene.lower.spectrum, scene.shear
-    q = np.geomspace(float(road.q0), float(road.q1), NODES_Q)
-    phi = np.linspace(0, 2 * np.pi, NODES_PHI, endpoint=False)
-    above = temperature - float(material.shift.T_ref)
-    shift = 10 ** (-float(material.shift.C1) * above / (float(material.shift.C2) + above))
-    s = 1j * q[None, :, None] * (velocity * shift)[:, None, None] * np.cos(phi)
-    modulus = np.full(s.shape, float(material.E_inf), complex)
-    for weight, tau in zip(np.asarray(material.E), np.asarray(material.tau), strict=True):
-        modulus += weight * (s * tau) / (1 + s * tau)
-    modulus /= 1 - float(material.poisson) ** 2
-    H, qr, h2 = float(road.hurst), float(road.qr), float(road.h_rms) ** 2
-    norm = 1 - (q[0] / qr) ** 2 + (1 - (q[-1] / qr) ** (-2 * H)) / H
-    C = h2 / (np.pi * qr**2 * norm) * np.where(q > qr, (q / qr) ** (-2 * (1 + H)), 1.0)
-    step, p = 2 * np.pi / NODES_PHI, pressure[:, None]
-    density = q**4 * C / (8 * p**2) * np.sum(abs(modulus) ** 2, -1) * step
-    G = scipy.integrate.cumulative_trapezoid(density, np.log(q), axis=-1, initial=0.0)
-    with np.errstate(divide="ignore"):
-        P = scipy.special.erf(0.5 / np.sqrt(G))
-    S = 0.5 + 0.5 * P**2
-    integrand = q**4 * C * S * P * np.sum(np.cos(phi) * modulus.imag, -1) * step / (2 * p)
-    energy = float(shear.shift.energy) / 8.617333262e-5
-    arrhenius = energy * (1 / temperature - 1 / float(shear.shift.T_ref)) / np.log(10)
-    log_v = np.log10(velocity / float(shear.v0)) + arrhenius
-    stress = float(shear.tau_f0) * np.exp(-float(shear.c) * log_v**2)
-    return np.trapezoid(integrand, np.log(q), axis=-1) + stress / pressure * P[:, -1]
 
 
 @pytest.fixture(scope="module")

@@ -114,6 +114,7 @@ def test_table(tmp_path):
             cache = tmp_path / f"{len(lines)}"
             imported, first, gradient = first_calls(name, quantity, cache)
             _, again, gradient_again = first_calls(name, quantity, cache)
+            assert again < max(first, 0.1) and gradient_again < max(gradient, 0.1)
             imports.append(imported)
             lines.append(
                 f"| {name} | {quantity} | {once:.0f} | {products:.0f} | {each:.0f} | {each_products:.0f} "

@@ -91,6 +91,7 @@ def row(name, bases):
     double = [(value_errors(scene).max(), slope_errors(scene)[1].max()) for scene in scenes]
     single = [single_precision(scene) for scene in scenes if scene not in REFUSED]
     worst = [*np.max(double, axis=0), *np.max(single, axis=0)] if single else np.max(double, axis=0)
+    assert (worst[:3:2] <= np.array([1e-9, 1e-5][: len(worst) // 2])).all()  # values
     return [shown(error) for error in worst] + ["refused"] * (4 - len(worst))
 
 

@@ -113,3 +113,4 @@ def first_call(name, call):
 def test_first_calls(call):
     series, table = (min(first_call(name, call) for _ in range(3)) for name in SCENES)
     print(f"\nfirst call, {call}: series {series:.2f} s, table {table:.2f} s CPU = {table / series:.2f} x")
+    assert table < 5 * series

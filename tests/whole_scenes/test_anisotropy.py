@@ -9,33 +9,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.cases.parts import CASES, assert_derivatives, assert_scene, expected, reverse, value
-from support.cases.stored import arguments, as_arrays, scene, slow_if
+from support.cases.parts import CASES, expected, reverse, value
+from support.cases.stored import arguments, as_arrays, scene
 from support.oracles import oracle
+from support.oracles.angular import angular_means, prony
 from support.scenes.common import ROAD
 
 import rubberfric as rf
 from rubberfric.theory.stiffness.angular_means import PronyStiffness
 from rubberfric.theory.structure import RequiredMeans
-
-NAMES = [name for name in CASES if name.startswith("grooved-")]
-# One compilation serves all except the last.
-ORDINARY = ("plain", "slow", "backwards", "at-rest", "along", "across", "mirrored", "table")
-# A tabulated modulus is integrated over the angle across its kinks.
-TABLES = ("grooved-table-modulus", "grooved-table-on-elastic", "grooved-table-of-both")
-
-
-@pytest.mark.parametrize("name", slow_if(lambda name: name.removeprefix("grooved-") not in ORDINARY, NAMES))
-def test_scenes(name):
-    assert_scene(name, 1e-6 if name in TABLES else 1e-11)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [n for n in NAMES if "derivatives" in CASES[n]])
-def test_derivatives(name):
-    # Over the velocity a table's kinks run through the panels: with 48 panels and angle=1200 3e-6 is left.
-    assert_derivatives(name, 1e-4 if name in TABLES else 1e-8)
-
 
 # Harmonics of the angular means.
 
@@ -43,21 +25,12 @@ REST = 0.25
 
 
 def by_quadrature(a, m):
-    """Means with cos 2m phi of |F|^2, cos phi Im F, Re F - rest, and of sin 2m phi sin phi Im F; one term."""
-    node, share = np.polynomial.legendre.leggauss(24)
-    y = np.arange(0.0, 90.0, 0.25)[:, None] + 0.125 * (1 + node)
-    psi = 0.5 * np.pi * np.exp(-y)  # phi = pi/2 - psi
-    measure = 0.125 * share * psi * (2 / np.pi)
-    even, odd = (-1) ** m * np.cos(2 * m * psi), -((-1) ** m) * np.sin(2 * m * psi)
-    s = a * np.sin(psi)
-    square, imaginary = s * (s / (1 + s * s)), s / (1 + s * s)
-    parts = (
-        even * (REST**2 + (2 * REST + 1) * square),  # |rest + F|^2
-        even * np.sin(psi) * imaginary,
-        even * square,
-        odd * np.cos(psi) * imaginary,
-    )
-    return [np.sum(measure * part) for part in parts]
+    """Harmonics m of the means of |F|^2, cos phi Im F, Re F and sin phi Im F; one term."""
+    one = np.eye(6)[m - 1]
+    # The harmonics of the rest are zero, so that those of Re F do not need it.
+    solids = [prony(rest, np.ones(1), np.ones(1)) for rest in (REST, 0.0)]
+    stiff, soft = (angular_means(solid, a, one, one) - angular_means(solid, a) for solid in solids)
+    return np.array([stiff[0] + stiff[1], *soft[2:]])
 
 
 @jax.jit
@@ -94,38 +67,10 @@ def test_harmonics_of_the_means():
 SIGN = np.reshape([1, -1, 1, -1], (4, 1, 1))
 
 
-def test_mixed_harmonics_are_the_sum():
-    """Shares that are the same at all nodes, and shares that differ from node to node."""
-    rng, qv = np.random.default_rng(0), jnp.logspace(-3, 3, 7)
-    one = as_arrays(tuple(rng.normal(size=(2, 6))))
-    each = as_arrays(tuple(rng.normal(size=(2, 6, 7))))
-    none, means = jnp.zeros(6), np.asarray(harmonic_means(qv))
-    plain = np.asarray(mixed((none, none), qv))
-    for cosine, sine in (one, each):
-        shares = np.broadcast_to(np.reshape([cosine] * 3 + [sine], (4, 6, -1)), (4, 6, 7))
-        expected = plain + np.einsum("kmv,kmv->kv", shares, means)
-        np.testing.assert_allclose(mixed((cosine, sine), qv), expected, rtol=1e-12, atol=1e-15)
-    # The derivative by the shares equals their factor, also in reverse mode.
-    by_cosine, by_sine = jax.jit(jax.jacrev(mixed))(each, qv)
-    at = np.arange(7)
-    found = np.concatenate([by_cosine[:3, at, :, at], by_sine[3:, at, :, at]], 1)
-    np.testing.assert_allclose(np.moveaxis(found, 0, -1), means, rtol=1e-10, atol=1e-13)
-
-
 def of_terms(rest, weight, tau, qv, cosine, sine):
     """The four means with their harmonics by Gauss panels, analytic in every number."""
-    node, share = np.polynomial.legendre.leggauss(24)
-    y = np.arange(0.0, 60.0, 0.25)[:, None] + 0.125 * (1 + node)
-    psi = 0.5 * np.pi * np.exp(-y)
-    measure = 0.125 * share * psi * (2 / np.pi)
-    s = qv * np.sin(psi)[..., None] * tau
-    real, imaginary = rest + np.sum(weight * s * s / (1 + s * s), -1), np.sum(weight * s / (1 + s * s), -1)
-    order = np.arange(1, len(cosine) + 1)
-    even = 1 + np.sum(cosine * (-1) ** order * np.cos(2 * order * psi[..., None]), -1)
-    odd = np.sum(-sine * (-1) ** order * np.sin(2 * order * psi[..., None]), -1)
-    square = real**2 + imaginary**2
-    parts = even * square, even * np.sin(psi) * imaginary, even * real, odd * np.cos(psi) * imaginary
-    return np.array([np.sum(measure * part) for part in parts])
+    storage2, loss2, *others = angular_means(prony(rest, weight, tau), qv, cosine, sine)
+    return np.array([storage2 + loss2, *others])
 
 
 def test_means_with_harmonics_have_the_derivatives_of_the_quadrature():
@@ -205,23 +150,6 @@ def test_bound_of_the_harmonics_left_out():
     exact, found = (np.asarray(value(arguments(case | {"pressure": 1e12}))) for case in (given, few))
     assert exact[0] == 1
     assert 0 < abs(found[1] / exact[1] - 1) < bound
-
-
-@pytest.mark.slow
-def test_a_table_has_its_own_values():
-    """Harmonics of a table equal the harmonics of its rows; shares are linear in ln q between rows."""
-    rng = np.random.default_rng(1)
-    q, C = np.array([1e2, 3e3, 1e5]), rng.uniform(1, 2, (3, 9)) * 1e-12
-    spectrum = rf.TabulatedAnisotropic(q, C, 0.3)
-    of_table = jax.jit(lambda spectrum, q: spectrum.harmonics_at(q))
-    m, phi = np.arange(1, 5)[:, None], np.pi * np.arange(9) / 9 + 0.3
-    for at, share in (*zip(q, C / C.mean(1, keepdims=True), strict=True), (np.sqrt(q[0] * q[1]), None)):
-        cosine, sine = (np.asarray(x)[:, None] for x in of_table(spectrum, at))
-        found = 1 + np.sum(cosine * np.cos(2 * m * phi) + sine * np.sin(2 * m * phi), 0)
-        if share is None:
-            share = (C / C.mean(1, keepdims=True))[:2].mean(0)
-        np.testing.assert_allclose(found, share, rtol=1e-12)
-    np.testing.assert_allclose(rf.power_spectrum(spectrum, q[1]), C[1].mean(), rtol=1e-13)
 
 
 # Symmetries, all of the one compiled structure.
@@ -321,29 +249,6 @@ def test_derivatives_at_rest_and_backwards():
         if abs(v) < 1e-20:
             found, exact = np.asarray(slopes[1]), solved(v=1e-30) * 1e30
             np.testing.assert_allclose(found[[1, 3]], exact[[1, 3]], rtol=1e-10)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["grooved-plain", "grooved-table", "grooved-two-rubbers"])
-def test_single_precision(name):
-    found = value(arguments(CASES[name], np.float32))
-    assert found.dtype == np.float32
-    np.testing.assert_allclose(found, expected(CASES[name]), rtol=2e-5)
-
-
-@pytest.mark.slow
-def test_a_table_of_a_stretched_surface():
-    """Roughness as a formula and as a table of 65 directions with the table's harmonics."""
-    q = np.concatenate([[100.0], np.geomspace(1000.0, 3.1e4, 3)])
-    phi = np.pi * np.arange(65) / 65
-    C = np.asarray(rf.power_spectrum(ROAD, q))
-    C0 = C[1]
-    C = C0 * np.where(q < 1000, 1.0, (q / 1000.0) ** -3.6)
-    table = rf.TabulatedAnisotropic(q, C[:, None] * shape(2.0, 0.0, 0.8, phi), 0.4)
-    given = arguments(PLAIN)
-    upper = dataclasses.replace(given[0].upper, spectrum=as_arrays(table))
-    found = value((dataclasses.replace(given[0], upper=upper), *given[1:]))
-    np.testing.assert_allclose(found, expected(PLAIN), rtol=1e-10)
 
 
 # Tables from grids.

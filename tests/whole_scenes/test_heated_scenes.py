@@ -6,7 +6,6 @@ at `POINTS` points.
 
 import dataclasses
 import functools
-import itertools
 
 import jax
 import jax.numpy as jnp
@@ -157,55 +156,6 @@ def quantities(at, **setting):
     return jnp.stack([values[name] for name in QUANTITIES])
 
 
-# Changes of the logarithms, all of a row at once.
-HEAT = {"density": 0.3, "heat_capacity": 1.0, "conductivity": -0.7, "radius": 0.4, "area_fraction": 1.0}
-LAW, ROUGH = {"E_inf": 1.0, "E": 0.7, "tau": -0.5}, {"h_rms": 1.0, "q0": 0.2, "q1": -0.3, "H": 0.1}
-CONDITIONS = {"v": 1.0, "pressure": -0.6, "temperature": 0.05}
-SHEAR = {"tau_f0": 0.8, "c": 0.3, "v0": -1.0}
-DIRECTIONS = {
-    "heat": {"heating": HEAT},
-    "solids": {"solid2": LAW, "psd1": ROUGH},
-    "conditions": CONDITIONS,
-    "all": {"heating": HEAT, "solid2": {"E": -1.0}, "psd1": {"h_rms": 0.5}, "shear": SHEAR} | CONDITIONS,
-}
-STEP = 1e-3
-
-
-def along(value, step, h):
-    """A case with its numbers multiplied by e^(h step)."""
-    if isinstance(step, dict):
-        return value | {key: along(value[key], one, h) for key, one in step.items() if value[key] is not None}
-    factor = float(np.exp(h * step))
-    return [x * factor for x in value] if isinstance(value, list) else value * factor
-
-
-def tangent(case, step):
-    """The derivative of the arguments along a direction: of powers, so that two points give it."""
-    base, up, down = (scalar_arguments(along(case, step, h)) for h in (0.0, 1e-3, -1e-3))
-    return base, jax.tree.map(
-        lambda x, a, b: jnp.where(x > 0, x * jnp.log(a / b) / 2e-3, 0.0), base, up, down
-    )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "direction"),
-    [
-        *itertools.product(("one", "macro", "two-rubbers"), ("heat", "solids", "conditions")),
-        ("sheared", "all"),
-    ],
-)
-def test_derivatives_by_brute_force(name, direction):
-    case, step = smooth(CASES[name]), DIRECTIONS[direction]
-    start = oracle_heating.solve(case, 20, 6)["rises"]
-    f = {k: oracle_heating.solve(along(case, step, k * STEP), 20, 6, start=start) for k in (-2, -1, 1, 2)}
-    at, moved = tangent(case, step)
-    values, slopes = jax.jit(lambda at, step: jax.jvp(quantities, (at,), (step,)))(at, moved)
-    for name, value, slope in zip(QUANTITIES, values, slopes, strict=True):
-        wanted = (8 * (f[1][name] - f[-1][name]) - (f[2][name] - f[-2][name])) / (12 * STEP)
-        assert slope == pytest.approx(wanted, rel=1e-8, abs=1e-9 * float(abs(value))), name
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["macro", "flash-shear", "two-rubbers", "sheared"])
 def test_derivatives_leaf_by_leaf(name, monkeypatch):
@@ -320,29 +270,6 @@ def test_single_precision(name):
     double = found(case)
     for quantity in NAMES:
         np.testing.assert_allclose(single[quantity], double[quantity], rtol=3e-5, atol=1e-30)
-
-
-def root_of(function, s, start):
-    """A fixed point with its derivatives by s, and whether it was reached."""
-    fixed = jax.lax.stop_gradient(s)
-    y, reached = fixed_points.fixed_point(lambda y: function(fixed, y), start)
-    return fixed_points.implicit(lambda y: function(s, y), y), reached
-
-
-def test_fixed_point_and_its_derivatives():
-    def root(s):
-        return root_of(lambda s, y: 0.9 * jnp.cos(s * y), s, jnp.zeros((3, 5)))
-
-    @jax.jit
-    def everything(s):
-        slope = jax.jvp(lambda s: root(s)[0][0, 0], (s,), (1.0,))[1]
-        return *root(s), slope, jax.grad(lambda s: root(s)[0][0, 0])(s)
-
-    y, converged, forward, reverse = everything(1.3)
-    assert converged.all()
-    np.testing.assert_allclose(y, 0.9 * np.cos(1.3 * y), rtol=1e-10)
-    sine = 0.9 * np.sin(1.3 * y[0, 0])
-    np.testing.assert_allclose([forward, reverse], -sine * y[0, 0] / (1 + 1.3 * sine), rtol=1e-9)
 
 
 def test_what_follows_from_a_linear_fixed_point():

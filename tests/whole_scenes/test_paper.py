@@ -46,6 +46,13 @@ SCENES = {
         None,
     ),
     "shear relaxes": (scene((RIGID, ROAD), (SHEARED,)), 1e-1, 3e5, 283.15),
+    "shear relaxes on elastic": (scene((STEEL, WORN), (SHEARED, ROAD)), 3e-2, 2e5, 283.15),
+    "shear relaxes on a slab": (
+        scene((SOFT, WORN, rf.Slab(1e-3)), (SHEARED.replace(bulk=1e6), ROAD)),
+        3e-2,
+        2e5,
+        283.15,
+    ),
     "elastic": (scene((STEEL, ROAD), (rf.Elastic(1e7, 0.5),)), 1.0, 3e5, None),
     "rigid on rough rubber": (scene((TREAD, ROAD), (RIGID,)), 1.0, 3e5, None),
     "tabulated spectrum": (scene((RIGID, PLATE), (TREAD,)), 1e-2, 1e5, None),
@@ -62,7 +69,15 @@ SCENES = {
 
 
 # Scenes of parts that other scenes have as well.
-SLOW = ("rough rubber", "vertical shift", "tabulated spectrum", "no plateau", "S in G", "contact shear")
+SLOW = (
+    "shear relaxes on a slab",
+    "rough rubber",
+    "vertical shift",
+    "tabulated spectrum",
+    "no plateau",
+    "S in G",
+    "contact shear",
+)
 
 
 @functools.partial(jax.jit, static_argnames="tabulated")

@@ -1,35 +1,25 @@
 """Strain softening: the angular means and scenes against quadrature and the oracle, limits, extremes."""
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.cases.parts import CASES, assert_derivatives, assert_scene, expected, reverse, value
-from support.cases.stored import arguments, as_arrays, scene, slow_if
+from support.cases.parts import CASES, expected, reverse, value
+from support.cases.stored import arguments, as_arrays, slow_if
 from support.oracles import oracle
+from support.oracles.angular import angular_means, prony, with_spring
 from support.scenes.common import ROAD
 
 import rubberfric as rf
 from rubberfric.scene.scene import optional_parts
 from rubberfric.scene.settings import OTHER
-from rubberfric.scene.softening import knots, softening_factors, strain
 from rubberfric.theory.paper import covers
 from rubberfric.theory.stiffness.angular_means import PronyStiffness
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
-from rubberfric.theory.structure import RequiredMeans, rough_surfaces_of
+from rubberfric.theory.structure import RequiredMeans
 
-NAMES = [name for name in CASES if name.startswith("soft-")]
-# One compilation serves the first six.
-ORDINARY = ("plain", "slow", "fast", "backwards", "at-rest", "gentle", "two-rubbers")
 # A tabulated modulus is integrated over the angle across its kinks.
 TABLES = ("soft-table-modulus", "soft-table-on-elastic")
-
-
-@pytest.mark.parametrize("name", slow_if(lambda name: name.removeprefix("soft-") not in ORDINARY, NAMES))
-def test_scenes(name):
-    assert_scene(name, 1e-6 if name in TABLES else 1e-10)
 
 
 @pytest.mark.slow
@@ -43,13 +33,6 @@ def test_a_tabulated_modulus_converges(name):
     assert error.max() < 1e-8
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [n for n in NAMES if "derivatives" in CASES[n]])
-def test_derivatives(name):
-    # Over the velocity a table's kinks run through the panels: with 48 panels and angle=1200 3e-6 is left.
-    assert_derivatives(name, 1e-4 if name in TABLES else 1e-8)
-
-
 # Angular means.
 
 MEANS = RequiredMeans(mean_abs2=True, mean_cos_loss=True, mean_storage=True)
@@ -58,19 +41,6 @@ F = {
     "equal times": PronyStiffness(2.0, [1.0, 3.0, 0.0, 5.0], [1.0, 1.0, 1.0, 1.0]),
     "liquid": PronyStiffness(0.0, [1.0, 1e-6, 1e6, 1.0], [1e-3, 1e3, 1.0, 2.0]),
 }
-
-
-def by_quadrature(rest, weight, tau, qv):
-    """<F'^2>, <F''^2>, <cos Im F>, <Re F> by Gauss panels in y, sin psi = cos phi, psi = (pi/2) e^-y."""
-    node, share = np.polynomial.legendre.leggauss(20)
-    y = np.arange(0.0, 90.0, 0.5)[:, None] + 0.25 * (1 + node)
-    psi = 0.5 * np.pi * np.exp(-y)
-    measure = 0.25 * share * psi * (2 / np.pi)
-    s = qv * np.sin(psi)[..., None] * tau
-    real = rest + np.sum(weight * s * (s / (1 + s * s)), -1)
-    imaginary = np.sum(weight * s / (1 + s * s), -1)
-    parts = (real**2, imaginary**2, np.sin(psi) * imaginary, real)
-    return [np.sum(measure * part) for part in parts]
 
 
 def split_means(F, qv):
@@ -84,7 +54,7 @@ def test_means_of_storage_and_loss_apart(name):
     given = PronyStiffness(*map(np.array, F[name]))
     qv = np.logspace(-10, 10, 21)
     found = jax.jit(split_means)(as_arrays(given), jnp.asarray(qv))
-    exact = np.array([by_quadrature(*given[:3], x) for x in qv]).T
+    exact = np.array([angular_means(prony(*given[:3]), x)[:4] for x in qv]).T
     np.testing.assert_allclose(found, exact, rtol=1e-12)
 
 
@@ -96,7 +66,7 @@ def test_means_have_the_derivatives_of_the_quadrature():
     forward, reverse = (
         jax.jit(d(lambda F: split_means(F, jnp.asarray(qv))))(at) for d in (jax.jacfwd, jax.jacrev)
     )
-    means = np.array([by_quadrature(*given[:3], x) for x in qv]).T
+    means = np.array([angular_means(prony(*given[:3]), x)[:4] for x in qv]).T
     for one, other, leaf in zip(*map(jax.tree.leaves, (forward, reverse, at)), strict=True):
         # A glassy term depends on its time only by 1/a^2, so digits are relative to the mean.
         scale = means.reshape(*means.shape, *(1,) * leaf.ndim)
@@ -107,27 +77,20 @@ def test_means_have_the_derivatives_of_the_quadrature():
             leaf = np.array(getattr(given, field), complex)
             leaf[i] *= 1 + 1j * step
             moved = given._replace(**{field: leaf})
-            exact = np.array([by_quadrature(*moved, x) for x in qv]).T.imag / step
+            exact = np.array([angular_means(prony(*moved[:3]), x)[:4] for x in qv]).T.imag / step
             found = getattr(forward, field)[..., i] * getattr(given, field)[i]
             assert (np.abs(found - exact) <= 1e-13 * means + 1e-11 * np.abs(exact)).all()
 
 
 def in_series_by_quadrature(storage_factor, loss_factor, spring, rest, weight, tau, qv):
     """<|F|^2>, <cos Im F>, <Re F> of a softened solid in series with a spring, analytic in every number."""
-    node, share = np.polynomial.legendre.leggauss(20)
-    y = np.arange(0.0, 60.0, 0.5)[:, None] + 0.25 * (1 + node)
-    psi = 0.5 * np.pi * np.exp(-y)
-    measure = 0.25 * share * psi * (2 / np.pi)
-    s = qv * np.sin(psi)[..., None] * tau
-    real = storage_factor * (rest + np.sum(weight * s * (s / (1 + s * s)), -1))
-    imaginary = loss_factor * np.sum(weight * s / (1 + s * s), -1)
-    size = (real + spring) ** 2 + imaginary**2
-    parts = (
-        spring**2 * (real**2 + imaginary**2) / size,
-        np.sin(psi) * spring**2 * imaginary / size,
-        spring * (real**2 + imaginary**2 + spring * real) / size,
-    )
-    return [np.sum(measure * part) for part in parts]
+
+    def modulus(omega):
+        storage, loss = prony(rest, weight, tau)(omega)
+        return with_spring(storage_factor * storage, loss_factor * loss, spring)
+
+    storage2, loss2, *others = angular_means(modulus, qv)[:4]
+    return np.array([storage2 + loss2, *others])
 
 
 def test_means_in_series_have_the_values_and_derivatives_of_the_quadrature():
@@ -146,7 +109,7 @@ def test_means_in_series_have_the_values_and_derivatives_of_the_quadrature():
         return jnp.stack([found[kind][0][0, 0, 0] for kind in ("mean_abs2", "mean_cos_loss", "mean_storage")])
 
     numbers = tuple(jnp.asarray(x) for x in at)
-    exact_means = np.array(in_series_by_quadrature(*at))
+    exact_means = in_series_by_quadrature(*at)
     np.testing.assert_allclose(means(numbers), exact_means, rtol=1e-11)
     forward, reverse = (jax.jit(d(means))(numbers) for d in (jax.jacfwd, jax.jacrev))
     step = 1e-100
@@ -155,59 +118,10 @@ def test_means_in_series_have_the_values_and_derivatives_of_the_quadrature():
         for i in np.ndindex(np.shape(at[k])):
             moved = [np.array(x, complex) for x in at]
             moved[k][i] += 1j * step
-            exact = np.array(in_series_by_quadrature(*moved)).imag / step
+            exact = in_series_by_quadrature(*moved).imag / step
             # A distant term contributes a share of the means, which keep the digits.
             error = np.abs(np.asarray(at[k])[i] * (one[(slice(None), *i)] - exact))
             assert (error <= 1e-11 * exact_means).all()
-
-
-# Strain and its knots.
-
-
-def softened(name):
-    return rough_surfaces_of(scene(CASES[name]))[0].softenings[0]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["soft-plain", "soft-both-rough"])
-def test_knots(name):
-    """Where the strain meets the table; dq/dc there from c^2 m_2(q) = strain^2, dm_2/dq = 2 pi q^3 C."""
-    case, given = CASES[name], softened(name)
-    spectra = [oracle._Spectrum(case[psd]) for psd in ("psd1", "psd2")]
-    exact = oracle.strain_knots(case["softening"], spectra)
-
-    def of(factor):
-        return knots(given._replace(softening=dataclasses.replace(given.softening, factor=factor)))
-
-    factor = case["softening"]["factor"]
-    q, slope = map(np.asarray, jax.jit(lambda c: jax.jvp(of, (c,), (jnp.ones(()),)))(jnp.asarray(factor)))
-    first, last = (f(s.kinks[i] for s in spectra if s.kinks.size) for f, i in ((min, 0), (max, -1)))
-    inside = (q > first * (1 + 1e-9)) & (q < last * (1 - 1e-9))  # the others are at the ends
-    assert inside.sum() >= 10
-    np.testing.assert_allclose(q[inside], exact, rtol=1e-12)
-    C = sum(np.where((q > s.kinks[0]) & (q < s.kinks[-1]), s(q), 0.0) for s in spectra if s.kinks.size)
-    square = np.array(case["softening"]["strain"]) ** 2
-    np.testing.assert_allclose(
-        slope[inside], (-2 * square / factor**3 / (2 * np.pi * q**3 * C))[inside], rtol=1e-10
-    )
-
-
-@pytest.mark.slow
-def test_strain_and_factors():
-    """Strain from the slope of both surfaces; factors linear in its logarithm, held outside the table."""
-    given, q = softened("soft-both-rough"), np.geomspace(50.0, 5e5, 40)
-    pair = scene(CASES["soft-both-rough"])
-    slope_of = jax.jit(rf.rms_slope)
-    slopes = [np.asarray(slope_of(as_arrays(body.spectrum), q)) for body in (pair.lower, pair.upper)]
-    exact = given.softening.factor * np.hypot(*slopes)
-    np.testing.assert_allclose(jax.jit(strain)(given, q), exact, rtol=1e-12, atol=0)
-    assert exact[0] == 0 and exact[-1] > given.softening.strain[-1]
-    found = jax.jit(softening_factors)(given, q)
-    log = np.log(np.maximum(exact, 1e-300)), np.log(given.softening.strain)
-    for values, table in zip(found, (given.softening.storage, given.softening.loss), strict=True):
-        np.testing.assert_allclose(values, np.interp(*log, table), rtol=1e-12)
-    slope = jax.jit(jax.jacfwd(lambda q: jnp.stack(softening_factors(given, q))))(jnp.array([10.0, 1e2, 1e6]))
-    assert np.isfinite(slope).all()
 
 
 # Scenes whose answer is known otherwise.
@@ -234,32 +148,6 @@ def test_equal_factors_scale_the_rubber(scale):
     """f = g = c at all strains is a rubber of moduli c E; c = 1 softens nothing."""
     flat = [scale] * 20
     np.testing.assert_allclose(solved(storage=flat, loss=flat), unsoftened(PLAIN, scale), rtol=1e-12)
-
-
-OTHERS = (
-    "slab",
-    "corrected",
-    "warm",
-    "both-rough",
-    "rough-rubber",
-    "table-modulus",
-    "shear-modulus",
-    "on-elastic",
-    "two-rubbers",
-    "table-on-elastic",
-)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", OTHERS)
-def test_factors_of_one_soften_nothing(name):
-    given = CASES[f"soft-{name}"]
-    flat = given["softening"] | {"storage": [1.0] * 20, "loss": [1.0] * 20}
-    found, exact = value(arguments(given | {"softening": flat})), unsoftened_of(given)
-    # With two deformable solids or a tabulated modulus one side, or both, is a quadrature over the angle.
-    sampled = "on-elastic" in name or name == "two-rubbers" or "table" in name
-    rtol = 1e-5 if "table" in name else 1e-10 if sampled else 1e-12
-    np.testing.assert_allclose(found, exact, rtol=rtol)
 
 
 def unsoftened_of(given):
@@ -336,17 +224,6 @@ def test_numbers_of_terms(count):
     given = PLAIN | {"solid1": solid}
     exact = expected(oracle.solve(given, halvings=40, order=10))
     np.testing.assert_allclose(value(arguments(given)), exact, rtol=1e-10)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", ["soft-plain", "soft-two-rubbers", "soft-table-modulus", "soft-shear-modulus"]
-)
-def test_single_precision(name):
-    given = CASES[name]
-    found = value(arguments(given, np.float32))
-    assert found.dtype == np.float32
-    np.testing.assert_allclose(found, expected(given), rtol=2e-5)
 
 
 @pytest.mark.slow

@@ -12,18 +12,15 @@ import numpy as np
 import pytest
 from support.cases.stored import slow_if
 from support.folders import TYRE
-from support.scenes.tyre import GAMMA, PRESSURE, read, road
+from support.scenes.tyre import GAMMA, PRESSURE, read, road, rubber
 
 import rubberfric as rf
-from rubberfric.base import fixed_points
 
 pytestmark = pytest.mark.skipif(not TYRE.is_dir(), reason="no measured tyre data beside the project")
 
 
 def scene():
-    f, storage, loss = read("master_curve_R00.csv")
-    rubber = rf.TabulatedModulus(2 * np.pi * f, storage, loss, poisson=0.5)
-    return rf.Scene(rf.Body(rubber), rf.Body(rf.Rigid(), road()), gamma=GAMMA, area_correction=True)
+    return rf.Scene(rf.Body(rubber("R00")), rf.Body(rf.Rigid(), road()), gamma=GAMMA, area_correction=True)
 
 
 def test_friction_and_area_follow_the_program():
@@ -52,14 +49,8 @@ def test_gradients_of_the_real_scene_are_finite():
 
 @pytest.mark.parametrize("compound", slow_if(lambda name: name != "R00", ["R00", "R20", "R40"]))
 def test_shift_tables_of_all_compounds_are_accepted(compound):
-    celsius, factor = read(f"shift_factor_{compound}.csv")
-    kelvin = celsius + 273.15
-    f, storage, loss = read(f"master_curve_{compound}.csv")
-    shift = rf.TabulatedShift(kelvin, factor, T_ref=293.15)
-    rubber = rf.TabulatedModulus(2 * np.pi * f, storage, loss, shift=shift)
-    cold, warm = rf.friction(
-        rf.Scene(rf.Body(rubber), rf.Body(rf.Rigid(), road())), 1e-3, PRESSURE, np.array([283.15, 313.15])
-    )
+    one = rf.Scene(rf.Body(rubber(compound, shifted=True)), rf.Body(rf.Rigid(), road()))
+    cold, warm = rf.friction(one, 1e-3, PRESSURE, np.array([283.15, 313.15]))
     assert np.isfinite(cold) and np.isfinite(warm) and cold != warm
 
 
@@ -74,54 +65,12 @@ def test_little_of_the_friction_comes_from_outside_the_table():
 
 HOT_V = np.logspace(-4, 1, 6)
 HOT_T = 293.35  # [K]; an entry of the table of shifts lies at 293.344
-HOT = ("area", "friction", "separation", "flash_temperature")
-
-
-@pytest.fixture(scope="module")
-def tables_alone():
-    """Quantities (HOT, velocities) of a heated scene whose modulus, shift and spectrum are tables."""
-    f, storage, loss = read("master_curve_R40.csv")
-    celsius, factor = read("shift_factor_R40.csv")
-    shift = rf.TabulatedShift(celsius + 273.15, factor, 293.15)
-    rubber = rf.TabulatedModulus(2 * np.pi * f, storage, loss, shift=shift)
-    heating = rf.Heating(density=1200.0, heat_capacity=1600.0, conductivity=0.23, radius=2e-3)
-    hot = rf.Scene(rf.Body(rubber), rf.Body(rf.Rigid(), road(1.05e5)), heating=heating)
-
-    @jax.jit
-    def solved(velocity, temperature):
-        found = rf.solve(hot, velocity, PRESSURE, temperature, quantities=HOT)
-        return jnp.stack([getattr(found, name) for name in HOT])
-
-    return solved
-
-
-@pytest.mark.slow
-def test_a_hot_table_has_the_derivative_of_its_values(tables_alone, monkeypatch):
-    # Values iterated to the end: a difference of 1e-4 K shows the 1e-10 that are left otherwise.
-    monkeypatch.setattr(fixed_points, "_TOLERANCE", 1e-13)
-    monkeypatch.setattr(fixed_points, "_LINEAR_TOLERANCE", 1e-12)
-    T, h = np.full(HOT_V.size, HOT_T), 1e-4
-    slope = jax.jvp(lambda T: tables_alone(HOT_V, T), (T,), (np.ones(T.size),))[1]
-    difference = (tables_alone(HOT_V, T + h) - tables_alone(HOT_V, T - h)) / (2 * h)
-    np.testing.assert_allclose(slope, difference, rtol=1e-5)
-
-
-@pytest.mark.slow
-def test_a_hot_table_alone_in_a_curve_and_shuffled(tables_alone):
-    curve = np.asarray(tables_alone(HOT_V, HOT_T))
-    order = np.array([3, 0, 5, 1, 4, 2])
-    np.testing.assert_allclose(tables_alone(HOT_V[order], HOT_T), curve[:, order], rtol=1e-8)
-    alone = np.concatenate([tables_alone(v[None], HOT_T) for v in HOT_V], 1)
-    np.testing.assert_allclose(alone, curve, rtol=1e-8)
 
 
 def measured(compound, heated, softened):
     """Tables of modulus, shift, road and softening with contact shear, as a laboratory would fit them."""
-    f, storage, loss = read(f"master_curve_{compound}.csv")
-    celsius, factor = read(f"shift_factor_{compound}.csv")
-    shift = rf.TabulatedShift(celsius + 273.15, factor, 293.15)
     return rf.Scene(
-        rf.Body(rf.TabulatedModulus(2 * np.pi * f, storage, loss, shift=shift)),
+        rf.Body(rubber(compound, shifted=True)),
         rf.Body(rf.Rigid(), road(1.05e5)),
         shear=rf.ContactShear(5e6, 0.1, 1e-3),
         heating=rf.Heating(1200.0, 1600.0, 0.23, 2e-3) if heated else None,
@@ -181,9 +130,9 @@ def wlf(name):
 def compound():
     """Solutions [temperature, velocity] of the compound as measured, softening, heated, and both."""
     strain, f, g = read("strain_softening_R00.csv")
-    rubber = replace(scene().lower.material, shift=wlf("shift_factor_R00.csv"))
+    shifted = replace(scene().lower.material, shift=wlf("shift_factor_R00.csv"))
     rough = rf.with_cutoff(road(), rms_slope=1.3)
-    linear = replace(scene(), lower=rf.Body(rubber), upper=rf.Body(rf.Rigid(), rough))
+    linear = replace(scene(), lower=rf.Body(shifted), upper=rf.Body(rf.Rigid(), rough))
     softening = rf.Softening(strain, f, g)
     heating = rf.Heating(density=1200.0, heat_capacity=1600.0, conductivity=0.23, radius=2e-3)
     scenes = {

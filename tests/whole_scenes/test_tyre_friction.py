@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from support.folders import TYRE
 from support.scenes.common import CONTACT_MODELS
-from support.scenes.tyre import PRESSURE, read, road
+from support.scenes.tyre import PRESSURE, read, road, rubber
 
 import fitting
 import rubberfric as rf
@@ -30,11 +30,8 @@ SETTING = rf.Quadrature(order=10, panels=10, angular_order=12)
 
 def scene(compound, **model):
     """Return a scene with the measured modulus of a compound on the measured road."""
-    f, storage, loss = read(f"master_curve_{compound}.csv")
-    rubber = rf.TabulatedModulus(2 * np.pi * f, storage, loss, poisson=0.5)
-    return rf.Scene(
-        rf.Body(rf.Rigid(), road()), rf.Body(rubber), shear=rf.ContactShear(6.5e6, 0.1, 6e-3), **model
-    )
+    shear = rf.ContactShear(6.5e6, 0.1, 6e-3)
+    return rf.Scene(rf.Body(rf.Rigid(), road()), rf.Body(rubber(compound)), shear=shear, **model)
 
 
 def measured(compound):

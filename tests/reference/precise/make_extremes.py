@@ -1,16 +1,13 @@
 """Writes extremes.json: every case of `tests/support/cases/extremes.py`, to 25 digits or more.
 
     python -m pip install gmpy2 mpmath numpy
-    python tests/reference/precise/verify_means.py
     python tests/reference/precise/make_extremes.py [--only NAME ...]        (45 minutes, one process)
 
 Values and derivatives by the theory's three lines in 120-digit arithmetic (MPFR), sharing no code with the
 library and none of its arrangements against cancellation, which 120 digits do not need:
 
-- The angular means are sums over the poles of the stiffness in the complex plane
-  (`solids.py`); `verify_means.py` holds them against quadrature of the complex modulus
-  over the angle, in 30 digits. With two deformable solids the poles are bracketed, then polished
-  by Newton's method.
+- The angular means are sums over the poles of the stiffness in the complex plane (`solids.py`). With two
+  deformable solids the poles are bracketed, then polished by Newton's method.
 - The radial integrals (`contact.py`) are Gauss sums over panels between all kinks of
   both spectra, which double in width away from every place where G = 0. G, and Psi along the
   path from x = inf on, dPsi = -s'(x)/x dx, are cumulative integrals of the panels' interpolants.

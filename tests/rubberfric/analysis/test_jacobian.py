@@ -111,9 +111,7 @@ FITS = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", [name if name == "some moduli" else pytest.param(name, marks=pytest.mark.slow) for name in FITS]
-)
+@pytest.mark.parametrize("name", FITS)
 def test_first_step_of_a_fit_equals_a_dense_jacobian(name, monkeypatch):
     """Compare with forward mode through `solve`; a derivative set to zero by mistake must be noticed."""
     scene, free = SCENES[FITS[name][0]], FITS[name][1]

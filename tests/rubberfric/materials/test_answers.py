@@ -100,24 +100,6 @@ def test_relaxation_without_overflow(dtype):
     np.testing.assert_allclose(loss, [0, 0.5, -0.5, 0, 0], atol=1e-17)
 
 
-@pytest.mark.slow
-def test_layers_at_rest_and_glassy():
-    slab = rf.Slab(1e-3)
-    factor = slab.stiffening(PRONY.poisson, Q)
-    np.testing.assert_allclose(slab.static_reduced(PRONY, 10.0, Q), PRONY.static_reduced() / 10 * factor)
-    np.testing.assert_allclose(slab.glassy_stiffening(PRONY, Q), factor)
-    assert slab.below is None
-    assert not slab.relaxes
-    coating = rf.Coating(1e-3, PRONY.replace(shift=None))
-    far = jnp.array([1e6])  # the layer alone
-    np.testing.assert_allclose(coating.static_reduced(ELASTIC, 10.0, far), ELASTIC.static_reduced() / 10)
-    near = jnp.array([1e-6])  # the base alone
-    share = PRONY.glassy_reduced() / ELASTIC.glassy_reduced()
-    np.testing.assert_allclose(coating.glassy_stiffening(ELASTIC, near), share, rtol=1e-6)
-    assert coating.below is coating.base
-    assert coating.relaxes
-
-
 @pytest.mark.parametrize("layer", [rf.Slab(1e-3), rf.Coating(1e-3, ELASTIC)], ids=["slab", "coating"])
 def test_layers_as_series(layer):
     """At every q the limit at rest is `static_reduced` and the glassy limit `glassy_stiffening`."""
@@ -127,6 +109,8 @@ def test_layers_as_series(layer):
         glassy = layer.glassy_stiffening(PRONY, Q) * PRONY.glassy_reduced() / 1e5
         return layer.reduced_series(PRONY, 1e5, Q), layer.static_reduced(PRONY, 1e5, Q), glassy
 
+    assert layer.below is (layer.base if isinstance(layer, rf.Coating) else None)
+    assert not layer.relaxes and rf.Coating(1e-3, PRONY.replace(shift=None)).relaxes
     series, static, glassy = answers(layer)
     assert isinstance(series, Series)
     assert series.weight.shape == series.tau.shape

@@ -5,14 +5,10 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from support.cases.stored import slow_if
 from support.oracles.oracle import shift_factor, table_modulus
 
 import rubberfric as rf
 from rubberfric.materials.material import plane_strain_factor
-from rubberfric.theory.stiffness.means_table import means_table
-from rubberfric.theory.stiffness.tabulated_means import Tabulated
-from rubberfric.theory.structure import RequiredMeans
 
 OMEGA = np.array([0.0, *np.logspace(-30, 30, 61)])
 E, TAU = [7.6e8, 1.5e7, 0.0, 2.2e6, 9e5, 9e5], [1e-20, 1e-6, 3e-5, 1e-3, 1.0, 1e20]
@@ -149,23 +145,3 @@ def test_a_table_on_a_liquid_at_rest():
     assert (result.area, result.friction, result.separation) == (1.0, 0.0, 0.0)
     slopes = jax.jit(jax.grad(lambda s: rf.separation(s, 0.1, 1e5)))(scene)
     assert all(np.isfinite(x).all() for x in jax.tree.leaves(slopes))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("outside", slow_if(lambda outside: outside != "none", ["fall", "hold", "none"]))
-def test_means_follow_their_powers_beyond_the_table_of_means(outside):
-    """At q v of e^-30 ... e^40 beyond the ends, compared with the angular integral at q v."""
-    needs = RequiredMeans(mean_abs2=True, mean_cos_loss=True, mean_storage=True, mean_sin_loss=True)
-    F = Tabulated(rf.TabulatedModulus(**TABLE, outside=outside), jnp.asarray(1e-9), jnp.asarray(0.01))
-    harmonics = jnp.array([0.3, -0.1]), jnp.array([0.2, 0.4])
-    ends = np.log(TABLE["omega"][[0, -1]])
-    # Where E'' steps to 0 the angular integrals have errors of 1e-9 of their values in the table.
-    small = 1e-10 if outside == "none" else 1e-20
-    x = np.concatenate([ends[0] + [-19.0, -9.0, -7.0, -6.0], ends[1] + [8.99, 9.5, 11.0, 20.0, 40.0]])
-    for spring in (None, F.spring):
-        one = F._replace(spring=spring)
-        known = one.means(jnp.exp(x)[None], needs, harmonics=harmonics)
-        table = means_table(one, needs, False, harmonics)
-        found = table.means(jnp.exp(x)[None], jnp.ones(1), None, needs, harmonics=harmonics)
-        for kind in needs.kinds:
-            np.testing.assert_allclose(found[kind][0], known[kind][0], rtol=3e-6, atol=small, err_msg=kind)

@@ -5,9 +5,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from support.cases.solids import RIGID, ROAD, WORN
-from support.cases.stored import QUANTITIES, as_arrays, quantities, scene
-from support.oracles import oracle
+from support.cases.stored import as_arrays
 
 import rubberfric as rf
 
@@ -71,87 +69,6 @@ def test_huge_bulk_modulus_is_an_incompressible_solid():
         found = rest + np.sum(weight * (s / (1 + s)))
         wanted = complex(rf.complex_modulus(alike, omega)) / 0.75e6
         assert found == pytest.approx(wanted, rel=1e-13)
-
-
-@pytest.mark.slow
-def test_derivatives_of_the_reduced_modulus():
-    """With respect to every number, at real s, against differences in 50 digits."""
-    s = 1e3
-
-    def value(solid):
-        rest, weight, tau = solid.reduced_series(1e6)
-        return rest + jnp.sum(weight * (s * tau / (1 + s * tau)))
-
-    def exactly(numbers):
-        relaxing = sum(w * s * t / (1 + s * t) for w, t in zip(numbers[1:6], numbers[6:11], strict=True))
-        shear, bulk = numbers[0] + relaxing, numbers[11]
-        return (shear + 9 * bulk * shear / (3 * bulk + 4 * shear)) / 10**6
-
-    for bulk in (1e4, 1e7, 1e12):
-        solid = as_arrays(material(bulk))
-        numbers = np.concatenate([np.ravel(x) for x in jax.tree.leaves(solid)])
-        slope = jax.jit(jax.grad(value))(solid)
-        found = np.concatenate([np.ravel(x) for x in jax.tree.leaves(slope)])
-        scale = np.where(numbers > 0, numbers, 1e6)
-        with mp.workdps(50):
-            at, wanted = [mp.mpf(x) for x in numbers], []
-            for i, size in enumerate(scale):
-                h = size * mp.mpf(10) ** -20
-                ends = [exactly([*at[:i], at[i] + sign * h, *at[i + 1 :]]) for sign in (1, -1)]
-                wanted.append(float((ends[0] - ends[1]) / (2 * h)))
-        np.testing.assert_allclose(found * scale, np.array(wanted) * scale, rtol=1e-8, atol=1e-11)
-
-
-STEEL = {"kind": "elastic", "E": 2e8, "nu": 0.3}
-RUBBER = {"kind": "prony", "E_inf": 2e6, "E": [1e8, 3e6], "tau": [1e-7, 1e-4], "nu": 0.49}
-
-
-def shear(bulk):
-    return {"kind": "shear", "G_inf": G_INF, "G": G, "tau": TAU, "bulk": bulk}
-
-
-CASES = {
-    "rigid road": (shear(1e8), RIGID, None, ROAD),
-    "nearly incompressible": (shear(2e9), RIGID, WORN, ROAD),
-    "facing elastic": (shear(2e7), STEEL, WORN, ROAD),
-    "facing rubber": (RUBBER, shear(1e6), WORN, ROAD),
-    "facing a slab": (RUBBER | {"thickness": 1e-3}, shear(1e6), WORN, ROAD),
-}
-SLOW = set(CASES) - {"facing elastic"}
-
-
-@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in SLOW)) for n in CASES])
-def test_scenes(name):
-    names = ("solid1", "solid2", "psd1", "psd2")
-    given = dict(zip(names, CASES[name], strict=True)) | {"v": 0.03, "pressure": 2e5, "gamma": 0.5}
-    exact = oracle.solve(given, halvings=60, order=10)
-    found = quantities(as_arrays((scene(given), given["v"], given["pressure"])))
-    np.testing.assert_allclose(found, [exact[quantity] for quantity in QUANTITIES], rtol=1e-9)
-
-
-@pytest.mark.slow
-def test_gradients():
-    """Forward = reverse, and against differences of the oracle for the bulk modulus and all G."""
-    names = ("solid1", "solid2", "psd1", "psd2")
-    given = dict(zip(names, CASES["facing elastic"], strict=True)) | {
-        "v": 0.03,
-        "pressure": 2e5,
-        "gamma": 0.5,
-    }
-    arguments = as_arrays((scene(given), given["v"], given["pressure"]))
-    reverse, forward = (jax.jit(d(quantities))(arguments) for d in (jax.jacrev, jax.jacfwd))
-    for a, b, x in zip(*map(jax.tree.leaves, (reverse, forward, arguments)), strict=True):
-        scale = np.maximum(np.abs(x), 1e-3)
-        np.testing.assert_allclose(a * scale, b * scale, rtol=1e-9, atol=1e-11)
-    slopes, numbers = reverse[0].lower.material, arguments[0].lower.material
-    for name in ("bulk", "G", "tau"):
-        found = np.sum((np.asarray(getattr(slopes, name)) * getattr(numbers, name)).reshape(3, -1), -1)
-        ends = []
-        for h in (-1e-4, 1e-4):
-            solid = given["solid1"] | {name: (np.array(given["solid1"][name]) * (1 + h)).tolist()}
-            end = oracle.solve(given | {"solid1": solid}, halvings=60, order=10)
-            ends.append([end[quantity] for quantity in QUANTITIES])
-        np.testing.assert_allclose(found, (np.array(ends[1]) - ends[0]) / 2e-4, rtol=2e-6, atol=1e-12)
 
 
 def test_temperature_shifts_the_shear():

@@ -202,9 +202,7 @@ def loss_of(solid, omega):
     return jnp.sum(solid[1] * (a / (1 + a * a)))
 
 
-@pytest.mark.parametrize(
-    "relaxes", [pytest.param(False, id="spring", marks=pytest.mark.slow), pytest.param(True, id="solid")]
-)
+@pytest.mark.parametrize("relaxes", [False, True], ids=["spring", "solid"])
 def test_a_term_of_no_weight_loses_nothing(relaxes):
     """Neither energy nor a derivative, however far its time is from the others."""
     rest, weight, times = SOFT

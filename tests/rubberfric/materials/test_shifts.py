@@ -6,6 +6,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
+from support.cases.stored import slow_if
 from support.scenes.shifts import ARRHENIUS, TABLE, WLF
 
 import rubberfric as rf
@@ -140,36 +141,19 @@ def test_table_goes_on_along_its_end_lines_under_jit():
         assert jax.jit(TABLE.log_factor)(at) == pytest.approx(float(line), rel=1e-13)
 
 
-def solids(shift):
-    """One of every material that can be rough's counterpart."""
-    table = [1e-2, 1e2, 1e6], [1e6, 1e7, 1e9], [1e5, 5e6, 1e8]
-    yield rf.Elastic(2e6, 0.5)
-    yield rf.Prony(1e6, [1e6, 1e7], [1.0, 1e-3], shift=shift)
-    yield rf.PronyShear(1e6, [1e6, 1e7], [1.0, 1e-3], 1e9, shift=shift)
-    yield from (rf.TabulatedModulus(*table, shift=shift, outside=o) for o in ("fall", "hold", "none"))
-
-
 ROAD = rf.Body(rf.Rigid(), rf.TabulatedSpectrum([1e3, 1e4], [1e-13, 1e-17]))
 CHEAP = rf.Quadrature(order=4, panels=2, graded=0, angular_order=4)
 
 
-# Every kind of solid with a table, every law with Prony terms.
-PAIRS = [(TABLE, kind) for kind in range(6)] + [(law, 1) for law in (None, *LAWS) if law is not TABLE]
-ORDINARY = ((WLF, 1),)
-PAIRS = [pytest.param(*pair, marks=[pytest.mark.slow] * (pair not in ORDINARY)) for pair in PAIRS]
-
-
-@pytest.mark.parametrize(("law", "kind"), PAIRS, ids=lambda x: x if isinstance(x, int) else type(x).__name__)
-def test_conditions_alone_traced(law, kind):
+@pytest.mark.parametrize("law", slow_if(lambda name: name != "WLF", {type(x).__name__: x for x in LAWS}))
+def test_conditions_alone_traced(law):
     """A scene that is closed over is concrete in a trace, where operations on it are staged all the same."""
-    material = list(solids(law))[kind]
-    shear = rf.ContactShear(6.5e6, 0.1, 6e-3, shift=law)
-    scene = rf.Scene(rf.Body(material), ROAD, shear=shear)
-    T = 300.0 if law is not None else None
+    material = rf.Prony(1e6, [1e6, 1e7], [1.0, 1e-3], shift=law)
+    scene = rf.Scene(rf.Body(material), ROAD, shear=rf.ContactShear(6.5e6, 0.1, 6e-3, shift=law))
 
     def area(scene, velocity):
-        modulus = rf.complex_modulus(material, velocity, T)
-        return rf.friction(scene, velocity, 1e5, T, quadrature=CHEAP), modulus
+        modulus = rf.complex_modulus(material, velocity, 300.0)
+        return rf.friction(scene, velocity, 1e5, 300.0, quadrature=CHEAP), modulus
 
     as_argument = jax.jit(area)(scene, 0.1)
     for closed_over in (jax.jit(lambda v: area(scene, v)), jax.jit(lambda _: area(scene, 0.1))):

@@ -4,9 +4,9 @@ import dataclasses
 
 import jax
 import jax.numpy as jnp
-import mpmath as mp
 import numpy as np
 import pytest
+from support.oracles.oracle import tabulated_factor
 from support.scenes.fits import AFFINE as ROAD
 
 import fitting
@@ -35,24 +35,10 @@ def shifts(vertical):
 
 
 def factor(law, T):
-    """b_T, to 30 digits."""
-    with mp.workdps(30):
-        T, T_ref = mp.mpf(T), mp.mpf(T_REF)
-        if isinstance(law, rf.Entropic):
-            return float(T / T_ref * mp.exp(-mp.mpf(6e-4) * (T - T_ref)))
-
-        def log(T):
-            i = 0 if T < 300 else 1
-            x, y = [mp.mpf(v) for v in (250, 300, 400)], [mp.log(mp.mpf(b)) for b in (1.3, 1.0, 0.6)]
-            line = [(y[k + 1] - y[k]) / (x[k + 1] - x[k]) for k in range(2)]
-            # Harmonic mean, its weights 2 h_1 + h_0 and h_1 + 2 h_0.
-            middle = 450 / (250 / line[0] + 200 / line[1])
-            slopes, h = [line[0], middle, line[1]], x[i + 1] - x[i]
-            t = (T - x[i]) / h
-            of_values = y[i] * (1 + 2 * t) * (1 - t) ** 2 + y[i + 1] * t * t * (3 - 2 * t)
-            return of_values + h * (slopes[i] * t * (1 - t) ** 2 - slopes[i + 1] * t * t * (1 - t))
-
-        return float(mp.exp(log(T) - log(T_ref)))
+    """b_T, of the table by the monotone cubics of SciPy."""
+    if isinstance(law, rf.Entropic):
+        return T / T_REF * np.exp(-6e-4 * (T - T_REF))
+    return float(tabulated_factor(law.T, law.bT, T, T_REF))
 
 
 @pytest.mark.parametrize("law", LAWS, ids=name_of)

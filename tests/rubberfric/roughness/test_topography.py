@@ -6,7 +6,6 @@ import re
 
 import numpy as np
 import pytest
-from support.folders import PUBLIC
 
 import rubberfric as rf
 
@@ -179,22 +178,6 @@ def test_knots_of_a_profile_have_its_mean_square_height(n, window, per_decade):
     np.testing.assert_allclose(table.C, rf.roughness.spectrum_from("C_1D", q, C, 0.8), rtol=1e-12)
     factor = np.sqrt(np.pi) * math.gamma(1.8) / math.gamma(1.3)
     np.testing.assert_allclose(rf.roughness.moment(table, 0) / exact, factor, rtol=1e-9)
-
-
-@pytest.mark.skipif(not PUBLIC.exists(), reason="needs measured road profiles")
-@pytest.mark.parametrize("window", ["none", "hann"])
-@pytest.mark.parametrize("station", [0, 1])
-def test_knots_of_road_profiles(station, window):
-    """A chip-seal road, 1.6 m at 37.5 um; drop-outs are bridged."""
-    lines = (PUBLIC / f"road_profiles/aylesbury_station_{station}.dat").read_text().splitlines()[11:]
-    rows = np.array([[float(x) for x in line.split()[1:]] for line in lines if len(line.split()) == 3])
-    rows = rows[np.isfinite(rows).all(1)]
-    x = np.arange(150.0, 1750.0, 0.0375)
-    found = rf.roughness.spectrum_of_profile(3.75e-5, 1e-3 * np.interp(x, *rows.T), window=window)
-    assert 2e-3 < found.h_rms < 3e-3
-    exact = found.h_rms**2 - found.left_out
-    assert mean_square(found.q, found.C, 1) < 0.97 * exact
-    assert mean_square(*found.knots(), 1) == pytest.approx(exact, rel=1e-5)
 
 
 def test_table_needs_hurst_for_a_profile_only():

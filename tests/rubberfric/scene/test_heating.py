@@ -82,27 +82,15 @@ VELOCITIES = np.logspace(-12, 12, 9)
 
 
 @pytest.mark.parametrize("diffusivity", DIFFUSIVITIES)
-def test_kernel_is_its_closed_form(diffusivity):
-    q = np.array([1e2, 1e2 * (1 + 1e-9), 3e3, 1e5, 4e7])
-    found = kernels(heating(diffusivity), q, q, VELOCITIES)
-    for j in (0, 4, 8):
-        inside, surface = closed_form(diffusivity, R / VELOCITIES[j], q)
-        np.testing.assert_allclose(found[0][j], inside, rtol=1e-9)
-        np.testing.assert_allclose(found[1][j], surface, rtol=1e-11)
-
-
-@pytest.mark.parametrize("decades", [0.0, 0.01, 3.0, 9.0])
-def test_kernel_is_its_quadrature(decades):
-    """Over 24 decades of v, 30 of D and 8 of R."""
-    q = np.geomspace(1e2, 10 ** (2 + decades), 5)
-    for diffusivity in DIFFUSIVITIES:
-        for radius in (1e-8, 1.0):
-            found = kernels(heating(diffusivity, radius), q, q, VELOCITIES)
-            law = {**LAW, "conductivity": diffusivity * HEAT, "radius": radius}
-            for j, v in enumerate(VELOCITIES):
-                np.testing.assert_allclose(found[0][j], oracle_heating.kernel(law, v, q, q), rtol=1e-9)
-                surface = oracle_heating.surface_kernel(law, v, q)
-                np.testing.assert_allclose(found[1][j], surface, rtol=1e-9)
+@pytest.mark.parametrize("radius", [1e-8, R, 1.0])
+def test_kernel_is_its_closed_form(diffusivity, radius):
+    """Over 24 decades of v, 30 of D and 8 of R, and up to nine of q."""
+    for q in (np.array([1e2, 1e2 * (1 + 1e-9), 3e3, 1e5, 4e7]), np.geomspace(1e2, 1e11, 5)):
+        found = kernels(heating(diffusivity, radius), q, q, VELOCITIES)
+        for j in (0, 4, 8):
+            inside, surface = closed_form(diffusivity, radius / VELOCITIES[j], q)
+            np.testing.assert_allclose(found[0][j], inside, rtol=1e-9)
+            np.testing.assert_allclose(found[1][j], surface, rtol=1e-11)
 
 
 @pytest.mark.parametrize(("q", "source_q", "v"), [(1e2, 1e4, 1e-3), (3e4, 5e2, 10.0), (1e3, 1e3, 1e7)])

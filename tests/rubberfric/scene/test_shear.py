@@ -9,9 +9,8 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from support.cases.extremes import changed
-from support.cases.stored import arguments, leaf_value, paths, reference, slow_if
-from support.counting.operations import primitives, work
+from support.cases.stored import paths, slow_if
+from support.counting.operations import primitives
 from support.scenes.common import ROAD, SHEAR, TREAD, WORN
 from support.scenes.shifts import ARRHENIUS, TABLE, WLF
 
@@ -51,29 +50,10 @@ def parts(s, *conditions, quantities=PARTS):
 
 
 def exact_log_factor(shift, T):
-    """ln a_T in the working precision of mpmath, from the leaves of a shift."""
+    """ln a_T of a WLF or Arrhenius shift in the working precision of mpmath."""
     if isinstance(shift, rf.WLF):
         return -mp.log(10) * shift.C1 * (T - shift.T_ref) / (shift.C2 + T - shift.T_ref)
-    if isinstance(shift, rf.Arrhenius):
-        return shift.energy / mp.mpf("8.617333262e-5") * (1 / T - 1 / shift.T_ref)
-
-    # Monotone cubics: slopes are weighted harmonic means, at the ends slopes of the lines.
-    log, knots = [mp.log(a) for a in shift.aT], list(shift.T)
-    h = [b - a for a, b in itertools.pairwise(knots)]
-    d = [(b - a) / step for (a, b), step in zip(itertools.pairwise(log), h, strict=True)]
-    slopes = [d[0], *(3 * (h[k] + h[k + 1]) / _weighted(h, d, k) for k in range(len(h) - 1)), d[-1]]
-
-    def table(x):
-        k = max(i for i in range(len(h)) if knots[i] <= x)
-        t = (x - knots[k]) / h[k]
-        ends = (1 + 2 * t) * (1 - t) ** 2 * log[k] + t**2 * (3 - 2 * t) * log[k + 1]
-        return ends + h[k] * (t * (1 - t) ** 2 * slopes[k] - t**2 * (1 - t) * slopes[k + 1])
-
-    return table(T) - table(shift.T_ref)
-
-
-def _weighted(h, d, k):
-    return (h[k] + 2 * h[k + 1]) / d[k] + (2 * h[k] + h[k + 1]) / d[k + 1]
+    return shift.energy / mp.mpf("8.617333262e-5") * (1 / T - 1 / shift.T_ref)
 
 
 def exact(tree):
@@ -117,7 +97,6 @@ POINTS = {
     "no-temperature": (SHEAR, *AT),
     "arrhenius": (SHEAR, *AT, 283.15),
     "wlf": (replace(SHEAR, shift=WLF), *AT, 330.0),
-    "table": (replace(SHEAR, shift=TABLE), *AT, 271.0),
     "backwards": (SHEAR, 0.02, -0.1, 2e5, 313.15),
     "hot": (SHEAR, 0.02, 0.1, 2e5, 900.0),
     "cold": (SHEAR, 0.02, 1e-8, 2e5, 200.0),
@@ -241,71 +220,6 @@ def test_scenes_without_viscoelastic_friction_still_resist_shear():
     assert found.friction == pytest.approx(full, rel=1e-14)  # nothing rough: A = A0
 
 
-DERIVATIVES = reference("derivative_cases")
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        "one-rubber",
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("corrected", "light", "wlf-hot")),
-    ],
-)
-def test_scene_against_the_oracle(name):
-    """mu and slopes: area and viscoelastic friction by brute force, tau_f exact."""
-    case = DERIVATIVES[name]
-    at_scene, v, p, *T = arguments(case)
-    at = (replace(at_scene, shear=jax.tree.map(jnp.asarray, SHEAR)), v, p, *T)
-    value, slopes = jax.jit(jax.value_and_grad(lambda at: rf.friction(*at)))(at)
-    with mp.workdps(60):
-        point = (SHEAR, case["area"], *map(float, (v, p, *T)))
-        shear, direct = float(exact(as_mp(point))), exact_slopes(point)
-    assert value == pytest.approx(case["friction"] + shear, rel=1e-9)
-    names = [*paths(SHEAR), "area", "v", "pressure", *(["temperature"] if T else [])]
-    direct = dict(zip(names, direct, strict=True))
-    for parameter, expected in case["derivatives"].items():
-        path = parameter.split(".")
-        kind = case[path[0]]["kind"] if path[0].startswith("solid") else None
-        found = leaf_value(slopes, path, kind) * leaf_value(at, path, kind)
-        total = expected["friction"] + expected["area"] / case["area"] * shear + direct.get(parameter, 0.0)
-        scale = abs(value) + abs(expected["friction"]) + abs(direct.get(parameter, 0.0))
-        assert abs(found - total) <= 1e-6 * scale, parameter
-    for path, slope, leaf in zip(
-        paths(SHEAR), jax.tree.leaves(slopes[0].shear), jax.tree.leaves(SHEAR), strict=True
-    ):
-        assert slope * leaf == pytest.approx(direct[path], rel=1e-9, abs=1e-15), path
-
-
-CORNERS = {
-    "at-rest": {"v": 0.0},
-    "backwards": {"v": -0.1},
-    "slowest": {"v": 1e-30},
-    "fastest": {"v": 1e12},
-    "lightest": {"pressure": 1e-6},
-    "heaviest": {"pressure": 1e12},
-    "liquid-at-rest": {"solid1.E_inf": 0.0, "v": 0.0},
-    "no-roughness": {"psd1.h_rms": 0.0, "psd2.h_rms": 0.0},
-}
-
-
-@pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", CORNERS)
-def test_extreme_scenes(name, dtype):
-    case = changed("one", CORNERS[name])
-    at_scene, v, p = arguments(case, dtype)
-    shear = jax.tree.map(lambda x: jnp.asarray(x, dtype), SHEAR)
-    at = (replace(at_scene, shear=shear), v, p)
-    value, slopes = gradient(at)
-    assert value.dtype == dtype
-    assert np.isfinite(value)
-    for path, slope in zip(paths(slopes), jax.tree.leaves(slopes), strict=True):
-        assert slope.dtype == dtype, path
-        assert np.isfinite(slope).all(), path
-
-
-gradient = jax.jit(jax.value_and_grad(lambda at: rf.friction(*at)))
-
-
 @pytest.mark.parametrize("shift", [ARRHENIUS, WLF, TABLE, None], ids=lambda shift: type(shift).__name__)
 def test_python_numbers_do_not_widen_a_float32_scene(shift):
     single = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), replace(SCENES["case-I"], shear=None))
@@ -327,22 +241,6 @@ def test_single_precision_is_accurate():
     assert found.friction.dtype == np.float32
     np.testing.assert_allclose(found.shear_friction, exact.shear_friction, rtol=2e-5)
     np.testing.assert_allclose(found.friction, exact.friction, rtol=2e-5)
-
-
-@pytest.mark.slow
-def test_jit_vmap_loop_and_blocks():
-    s = SCENES["case-I"]
-    v, T = np.logspace(-7, 2, 1030), 300.0
-    whole = parts(s, v, 3e5, T)
-    some = slice(None, None, 103)
-    mapped = jax.jit(jax.vmap(lambda v: parts(s, v, 3e5, T)))(v[some])
-    loop = [parts(s, x, 3e5, T) for x in v[some]]
-    grid = parts(s, v[some][:, None], np.array([1e5, 3e5]), T)
-    for name in PARTS:
-        expected = np.array([getattr(point, name) for point in loop])
-        np.testing.assert_allclose(getattr(whole, name)[some], expected, rtol=1e-12)
-        np.testing.assert_allclose(getattr(mapped, name), expected, rtol=1e-12)
-        np.testing.assert_allclose(getattr(grid, name)[:, 1], expected, rtol=1e-12)
 
 
 @pytest.mark.slow
@@ -445,30 +343,8 @@ def test_a_scene_without_shear_traces_nothing_new():
         assert [name for name in friction if name not in plumbing] == bare
 
 
-def test_shear_alone_costs_little_more_than_the_area():
-    s = SCENES["case-I"]
-
-    def cost(quantities, s=s):
-        return work(lambda s, v: parts(s, v, 1e5, quantities=quantities), s, VELOCITY)
-
-    per_point = VELOCITY.size
-    assert cost("shear_friction") <= cost("area") + 8 * per_point
-    assert cost("shear_friction") < 0.75 * cost("viscoelastic_friction")
-    assert cost("area") == cost("area", replace(s, shear=None))
-    assert cost("viscoelastic_friction") == cost("friction", replace(s, shear=None))
-    # The sum shares G and the stiffness: the friction's cost, and the last panel border per point.
-    assert cost("friction") <= cost("viscoelastic_friction") + 16 * per_point
-    assert cost(PARTS) == cost("friction")
-
-
 @pytest.mark.parametrize("name", ["case-II", "case-III", "smooth"])
 def test_no_graded_panels_where_only_the_shear_dissipates(name):
     names = primitives(lambda s, v: rf.friction(s, v, 1e5), SCENES[name], VELOCITY)
     area = primitives(lambda s, v: rf.contact_area(s, v, 1e5), SCENES[name], VELOCITY)
     assert len(names) <= len(area) + 30
-
-
-def test_shear_of_a_scene_without_it_is_a_constant():
-    s = replace(SCENES["two-rubbers"], shear=None)
-    names = primitives(lambda s, v: parts(s, v, 1e5, quantities="shear_friction"), s, VELOCITY)
-    assert not {"erf", "exp", "log", "sqrt", "sort", "dot_general"} & set(names)

@@ -151,27 +151,6 @@ def test_hysteresis():
     assert rising[1][5] > 18.4 and rising[1][6] < 12.1 and rising[1][7] > 12.8 and rising[1][8] < 0.13
 
 
-def test_a_point_depends_on_itself_alone():
-    scene, v = folded(), np.geomspace(1e-4, 3.0, POINTS)
-    curve, order = solved(scene, v), np.random.default_rng(1).permutation(POINTS)
-    shuffled = solved(scene, v[order])
-    for i in range(0, POINTS, 3):
-        alone = solved(scene, v[i : i + 1])
-        # Among others of other temperatures and pressures.
-        where = np.arange(POINTS) == i
-        mixed = solved(
-            scene,
-            np.where(where, v, v[::-1]),
-            np.where(where, PRESSURE, np.geomspace(1e5, 1e6, POINTS)),
-            np.where(where, COLD, np.linspace(250.0, 300.0, POINTS)),
-        )
-        for whole, one, other in zip(curve, alone, mixed, strict=True):
-            np.testing.assert_allclose(one[0], whole[i], rtol=1e-9)
-            np.testing.assert_allclose(other[i], whole[i], rtol=1e-9)
-    for whole, one in zip(curve, shuffled, strict=True):
-        np.testing.assert_allclose(one, whole[order], rtol=1e-9)
-
-
 # --- Random scenes
 
 

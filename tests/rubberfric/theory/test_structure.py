@@ -154,22 +154,6 @@ def test_absent_parts_and_requested_quantities_only():
     assert many <= one + 5 * VELOCITY.size
 
 
-def test_equal_structure_is_not_traced_again():
-    s = scene((TREAD,), (RIGID, ROAD))
-    traced = 0
-
-    @jax.jit
-    def friction(s, v):
-        nonlocal traced
-        traced += 1
-        return rf.friction(s, v, 1e5)
-
-    friction(s, VELOCITY)
-    friction(jax.tree_util.tree_map(lambda x: 1.01 * jnp.asarray(x), s), VELOCITY)
-    friction(jax.tree_util.tree_map(lambda x: 1.02 * jnp.asarray(x), s), 2 * VELOCITY)
-    assert traced <= 2  # Python scalars are weakly typed: once for them, once for arrays
-
-
 @pytest.mark.slow
 def test_many_points_are_taken_in_blocks_with_equal_results():
     from rubberfric.theory.model import BLOCK

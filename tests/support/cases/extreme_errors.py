@@ -3,7 +3,6 @@
 import dataclasses
 import functools
 import json
-import re
 
 import jax
 import jax.numpy as jnp
@@ -14,8 +13,9 @@ from support.cases.stored import (
     QUANTITIES,
     arguments,
     as_arrays,
+    elements,
     h_rms,
-    paths,
+    names_of,
     reverse,
     three,
     with_jacobian,
@@ -37,37 +37,6 @@ def conditions(case, dtype=float):
         shear = rf.ContactShear(**case["shear"] | {"shift": rf.WLF(**law)})
         at = dataclasses.replace(at, shear=as_arrays(shear, dtype))
     return (at, *rest)
-
-
-WORDS = {
-    "lower.material": "solid1",
-    "lower.layer": "solid1",
-    "lower.spectrum": "psd1",
-    "upper.material": "solid2",
-    "upper.layer": "solid2",
-    "upper.spectrum": "psd2",
-    "poisson": "nu",
-    "young": "E",
-    "hurst": "H",
-}
-
-
-def names_of(tree):
-    """The name that a case's dictionary has for every leaf element of its arguments: psd2.q0, solid1.E.2."""
-    names = []
-    for path, leaf in zip(paths(tree), jax.tree.leaves(tree), strict=True):
-        number, name = re.fullmatch(r"\[(\d)\]\.?(.*)", path).groups()
-        for word, own in WORDS.items():
-            name = re.sub(rf"\b{word}\b", own, name)
-        name = name or (None, "v", "pressure", "temperature")[int(number)]
-        names += [f"{name}.{i}" for i in range(leaf.size)] if leaf.ndim else [name]
-    return names
-
-
-def elements(jacobian):
-    """A Jacobian as (leaf element, quantity)."""
-    rows = [np.asarray(x, float).reshape(len(QUANTITIES), -1).T for x in jax.tree.leaves(jacobian)]
-    return np.concatenate(rows)
 
 
 @functools.cache

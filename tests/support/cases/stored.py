@@ -2,6 +2,7 @@
 
 import functools
 import json
+import re
 
 import jax
 import jax.numpy as jnp
@@ -111,33 +112,35 @@ def paths(tree):
     return [jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_flatten_with_path(tree)[0]]
 
 
-TO_LEAF = {
-    "solid1": "lower.material",
-    "solid2": "upper.material",
-    "psd1": "lower.spectrum",
-    "psd2": "upper.spectrum",
-    "nu": "poisson",
-    "H": "hurst",
+# Words of the library's paths, and those of the cases.
+WORDS = {
+    r"\.spectrum\.base\.": ".spectrum.",
+    r"\blower\.(material|layer)\b": "solid1",
+    r"\bupper\.(material|layer)\b": "solid2",
+    r"\blower\.spectrum\b": "psd1",
+    r"\bupper\.spectrum\b": "psd2",
+    r"\bpoisson\b": "nu",
+    r"\byoung\b": "E",
+    r"\bhurst\b": "H",
 }
 
 
-def leaf_value(tree, path, solid_kind):
-    """The entry of a tree shaped like the arguments that a parameter of the dictionary names."""
-    tree = dict(zip(("scene", "v", "pressure", "temperature"), tree, strict=False))
-    if path[0] in tree:
-        return tree[path[0]]
-    node = tree["scene"]
-    if path[-1] == "thickness":
-        path = [path[0].replace("solid1", "lower").replace("solid2", "upper"), "layer", "thickness"]
-    for key in path:
-        if key == "E" and solid_kind == "elastic":
-            node = node.young
-        elif key.isdigit():
-            node = node[..., int(key)]
-        else:
-            for part in TO_LEAF.get(key, key).split("."):
-                node = getattr(node, part)
-    return node
+def names_of(tree):
+    """The name that a case's dictionary has for every leaf element of its arguments: psd2.q0, solid1.E.2."""
+    names = []
+    for path, leaf in zip(paths(tree), jax.tree.leaves(tree), strict=True):
+        number, name = re.fullmatch(r"\[(\d)\]\.?(.*)", path).groups()
+        for word, own in WORDS.items():
+            name = re.sub(word, own, name)
+        name = name or (None, "v", "pressure", "temperature")[int(number)]
+        names += [".".join([name, *map(str, index)]) for index in np.ndindex(leaf.shape)]
+    return names
+
+
+def elements(jacobian):
+    """A Jacobian as (leaf element, quantity)."""
+    rows = [np.asarray(x, float).reshape(len(x), -1).T for x in jax.tree.leaves(jacobian)]
+    return np.concatenate(rows)
 
 
 def _material(data):

@@ -9,7 +9,6 @@ import math
 import numpy as np
 from scipy import special
 from scipy.interpolate import CubicSpline
-from scipy.optimize import brentq
 
 _NODE, _WEIGHT = (0.5 * x for x in np.polynomial.legendre.leggauss(12))
 _NODE = _NODE + 0.5
@@ -55,8 +54,9 @@ class DmtAttraction:
         """Return G times the squared pressure, of the roughness between two wavevectors."""
         return math.pi / 4 * self.modulus**2 * self.moment(3, low, high)
 
-    def area(self, pressure):
-        return math.erf(0.5 * pressure / math.sqrt(self.stress(self.q0, self.q1)))
+    def load_of(self, area):
+        """Return the load at which contact without adhesion has an area."""
+        return 2 * math.sqrt(self.stress(self.q0, self.q1)) * special.erfinv(area)
 
     def _first_gap(self, q, pressure):
         """Return u1 at each q."""
@@ -95,6 +95,8 @@ class DmtAttraction:
         density = math.pi / 4 * self.modulus**2 * self.spectrum(q) * q**4
         lost = weight * np.exp(-X * X) * X / math.sqrt(math.pi) * density / G
         some = lost > 1e-17
+        if not some.any():
+            return 1.0
         q, lost = q[some], lost[some]
         u1, h = self._first_gap(q, pressure), np.sqrt(2 * math.pi * self.moment(1, q, self.q1))
         a, t = h / reach, u1 / h
@@ -104,20 +106,8 @@ class DmtAttraction:
         far = np.exp(np.where(below, 0.0, a * (0.5 * a - t)))
         far = far * special.erfc(np.where(below, 0.0, a - t) / math.sqrt(2))
         mean = 0.5 * (np.where(below, near, far) + bell * special.erfcx((a + t) / math.sqrt(2)))
-        return self.area(pressure) + np.sum(lost * mean)
-
-    def load(self, pressure, work, reach, tried=25):
-        """Solve p = pressure + work / reach <e^-u/r> for the least p; evenly spaced ln p bracket it."""
-
-        def excess(z):
-            return z - math.log1p(work / reach / pressure * self.attraction(pressure * math.exp(z), reach))
-
-        low = 0.0
-        for high in np.linspace(0.0, math.log1p(work / reach / pressure), tried)[1:]:
-            if excess(high) > 0:
-                return pressure * math.exp(float(brentq(excess, low, high, xtol=1e-12)))  # pyright: ignore[reportArgumentType]
-            low = high
-        return pressure + work / reach
+        area = math.erf(0.5 * pressure / math.sqrt(self.stress(self.q0, self.q1)))
+        return area + np.sum(lost * mean)
 
 
 def _composite(edges):

@@ -133,11 +133,6 @@ def _softened(softening, spectra, weight, q, active, order):
     return soft
 
 
-def full_contact_friction(case, order=12):
-    """Return mu with P = S = 1, as at a huge load."""
-    return solve({**case, "pressure": 1e30}, order=order)["friction"] * 1e30 / case["pressure"]
-
-
 def pressure_integral(sigma, g, gamma):
     """int_sigma^inf dp / (2 p) d(S P)/dp with P = erf(p / (2 sqrt g)), over p in u = ln(p / sigma)."""
     out = np.empty(g.size)
@@ -269,9 +264,9 @@ def complex_poisson(G, bulk):
     return (3 * bulk - 2 * G) / (2 * (3 * bulk + G))
 
 
-def slab_factor(x, nu, base="bonded"):
-    """Sbar as printed, in 60 digits and more; infinite arguments are cut at x = 1e4."""
-    with mp.workdps(60):
+def slab_factor(x, nu, base="bonded", digits=60):
+    """Sbar as printed; infinite arguments are cut at x = 1e4."""
+    with mp.workdps(digits):
         x, nu = mp.mpf(min(x, 1e4)), mp.mpf(nu)
         if base == "frictionless":
             return mp.coth(x) + x / mp.sinh(x) ** 2

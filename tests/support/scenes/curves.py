@@ -5,6 +5,7 @@ import scipy.integrate
 import scipy.special
 
 import rubberfric as rf
+from rubberfric.scene.interface import shear_friction
 
 TAU = 10.0 ** np.arange(-12, 1)
 E = np.array([1.18e9, 8.2e8, 1.82e9, 7.6e8, 1.43e8, 4.5e7, 1.55e7, 6.5e6, 3.6e6, 2.2e6, 1.6e6, 1.1e6, 9.0e5])
@@ -18,22 +19,32 @@ VELOCITY = np.logspace(-6, 1, 50)
 PRESSURE = 0.15e6
 
 
-def numpy_friction(nodes_q=200, nodes_phi=64):
-    """Uniform trapezoids in ln q and phi, all velocities at once."""
-    q = np.geomspace(100.0, 3.1e4, nodes_q)
-    phi = np.linspace(0, 2 * np.pi, nodes_phi, endpoint=False)
-    omega = q[None, :, None] * VELOCITY[:, None, None] * np.cos(phi)
-    modulus = np.full(omega.shape, 3.6e6, complex)
-    for weight, tau in zip(E, TAU, strict=True):
+def numpy_friction(scene=ONE, velocity=VELOCITY, pressure=PRESSURE, temperature=None):
+    """Friction of a Prony solid on a self-affine surface by 200 trapezoids in ln q and 64 in phi, vectorised.
+
+    With the contact shear of the scene, and with the shifts of both if there is a temperature.
+    """
+    rigid_first = isinstance(scene.lower.material, rf.Rigid)
+    road, rubber = (scene.lower, scene.upper) if rigid_first else (scene.upper, scene.lower)
+    road, rubber, shear = road.spectrum, rubber.material, scene.shear
+    shift = 1.0 if temperature is None else np.exp(np.asarray(rubber.shift.log_factor(temperature)))
+    q = np.geomspace(float(road.q0), float(road.q1), 200)
+    phi = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    omega = q[None, :, None] * (velocity * shift)[:, None, None] * np.cos(phi)
+    modulus = np.full(omega.shape, float(rubber.E_inf), complex)
+    for weight, tau in zip(np.asarray(rubber.E), np.asarray(rubber.tau), strict=True):
         s = 1j * omega * tau
         modulus += weight * s / (1 + s)
-    modulus /= 1 - 0.5**2
-    roughness = q**4 * np.asarray(rf.power_spectrum(ROAD, q))
-    step = 2 * np.pi / nodes_phi
-    density = roughness / (8 * PRESSURE**2) * np.sum(abs(modulus) ** 2, -1) * step
+    modulus /= 1 - float(rubber.poisson) ** 2
+    p, step = np.broadcast_to(pressure, velocity.shape)[:, None], 2 * np.pi / 64
+    roughness = q**4 * np.asarray(rf.power_spectrum(road, q))
+    density = roughness / (8 * p**2) * np.sum(abs(modulus) ** 2, -1) * step
     G = scipy.integrate.cumulative_trapezoid(density, np.log(q), axis=-1, initial=0.0)
     with np.errstate(divide="ignore"):
         P = scipy.special.erf(0.5 / np.sqrt(G))
     S = 0.5 + 0.5 * P**2
-    integrand = roughness * S * P * np.sum(np.cos(phi) * modulus.imag, -1) * step / (2 * PRESSURE)
-    return np.trapezoid(integrand, np.log(q), axis=-1)
+    integrand = roughness * S * P * np.sum(np.cos(phi) * modulus.imag, -1) * step / (2 * p)
+    friction = np.trapezoid(integrand, np.log(q), axis=-1)
+    if shear is None:
+        return friction
+    return friction + np.asarray(shear_friction(shear, P[:, -1], velocity, pressure, temperature))

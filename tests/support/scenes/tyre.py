@@ -12,6 +12,14 @@ def read(name):
     return np.loadtxt(TYRE / name, delimiter=",", skiprows=2).T
 
 
+def rubber(compound, shifted=False):
+    """Return the measured modulus of a compound, with its table of shift factors if wanted."""
+    f, storage, loss = read(f"master_curve_{compound}.csv")
+    celsius, factor = read(f"shift_factor_{compound}.csv")
+    shift = rf.TabulatedShift(celsius + 273.15, factor, T_ref=293.15) if shifted else None
+    return rf.TabulatedModulus(2 * np.pi * f, storage, loss, poisson=0.5, shift=shift)
+
+
 def road(q1=Q1):
     q, C = read("psd_asphalt.csv")
     kept = q < q1

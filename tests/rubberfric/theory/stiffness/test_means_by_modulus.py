@@ -7,8 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import quad_vec
-from support.oracles.tables import law
+from support.oracles.tables import by_quadrature
 
 import rubberfric as rf
 from rubberfric.materials.material import Material
@@ -28,25 +27,6 @@ SCALE = 1e-8
 # Far below, between and far above the entries.
 QV = np.array([1e-9, 1e-3, 0.4, 17.0, 2e3, 5e5, 1e8, 1e12])
 HARMONICS = np.array([0.3, -0.2, 0.1]), np.array([0.25, 0.1, -0.15])
-
-
-def exact_means(qv, spring, outside):
-    """The four means, harmonics included, by Gauss panels of 1/20 in ln cos(phi)."""
-    edges = np.arcsin(np.exp(-0.05 * np.arange(800)))
-    node, weight = np.polynomial.legendre.leggauss(20)
-    width = -np.diff(edges)[:, None]
-    psi = (edges[1:, None] + 0.5 * width * (1 + node)).ravel()
-    measure = (width * weight).ravel() / np.pi
-    phi = 0.5 * np.pi - psi
-    storage, loss = law([np.log(column) for column in TABLE.values()], outside, np.log(qv * np.sin(psi)))
-    f = SCALE * (storage + 1j * loss)
-    if spring is not None:
-        f = f * spring / (f + spring)
-    m = np.arange(1, 4)
-    even = 1 + HARMONICS[0] @ np.cos(2 * np.outer(m, phi))
-    odd = np.sin(phi) * (HARMONICS[1] @ np.sin(2 * np.outer(m, phi)))
-    means = abs(f) ** 2 * even, f.imag * np.sin(psi) * even, f.real * even, f.imag * odd
-    return np.array(means) @ measure
 
 
 @pytest.mark.parametrize(
@@ -71,12 +51,16 @@ def test_means_of_a_table(spring, outside):
         return F.means(qv[None], ALL, harmonics=harmonics), tabled
 
     found, tabled = both(F, QV, HARMONICS)
-    exact = np.array([exact_means(qv, None if spring is None else float(spring), outside) for qv in QV])
+    scaled = [
+        np.log(TABLE["omega"]),
+        *(np.log(SCALE * np.array(TABLE[name])) for name in ("storage", "loss")),
+    ]
+    exact = by_quadrature(scaled, outside, np.log(QV), spring, HARMONICS)
     # The transverse mean may cancel, so errors are relative to the dissipation; a loss that steps to
     # zero is far less than the largest of all.
-    scale = dict(zip(ALL.kinds, np.abs(exact.T), strict=True))
+    scale = dict(zip(ALL.kinds, np.abs(exact), strict=True))
     scale["mean_sin_loss"] = scale["mean_sin_loss"] + scale["mean_cos_loss"]
-    for kind, known in zip(ALL.kinds, exact.T, strict=True):
+    for kind, known in zip(ALL.kinds, exact, strict=True):
         floor = 1e-3 * scale[kind].max() if outside == "none" else 0.0
         for mean in (found, tabled):
             error = np.abs(mean[kind][0][0] - known)
@@ -152,31 +136,10 @@ def test_harmonics_that_vary_and_a_modulus_of_every_node():
 
 
 def test_softened_solids_in_series():
-    """1 / (1/(f E' + i g E'') + 1/k), f and g of every node, against scipy; a series and a modulus alike."""
+    """1 / (1/(f E' + i g E'') + 1/k), f and g of every node: a modulus has the means of its series."""
     needs = RequiredMeans(mean_abs2=True, mean_cos_loss=True, mean_storage=True)
     factors = jnp.array([[1.0, 0.4]]), jnp.array([[1.0, 0.7]]), jnp.array([[50.0, 200.0]])
     qv = jnp.array([[[0.3, 7.0], [200.0, -4e3]]])  # panels, points, order
-    solids = Maxwell(), alike()[0]
-
-    @jax.jit
-    def both(factors, qv):
-        return [SoftenedInSeries(solid, *factors).means(qv, needs) for solid in solids]
-
-    found = both(factors, qv)
-    assert_alike(found[1], found[0], 1e-8)
-    f, g, k = (np.asarray(x)[0] for x in factors)
-
-    def stiffness(phi, qv, i):
-        a = 1j * qv * np.cos(phi) * Maxwell.tau
-        E = Maxwell.rest + np.sum(Maxwell.weight * a / (1 + a))
-        solid = f[i] * E.real + 1j * g[i] * E.imag
-        return 1 / (1 / solid + 1 / k[i])
-
-    def integrand(phi, qv, i):
-        F = stiffness(phi, qv, i)
-        return np.array([abs(F) ** 2, F.imag * np.cos(phi), F.real]) * 2 / np.pi
-
-    for (_, point, i), at in np.ndenumerate(qv):
-        exact = quad_vec(integrand, 0, np.pi / 2, epsabs=0, epsrel=1e-11, limit=2000, args=(at, i))[0]
-        values = [found[0][kind][0][0, point, i] for kind in needs.kinds]
-        np.testing.assert_allclose(values, exact, rtol=1e-8)
+    by_modulus, by_series = (SoftenedInSeries(solid, *factors) for solid in (Maxwell(), alike()[0]))
+    means = jax.jit(lambda qv: [one.means(qv, needs) for one in (by_modulus, by_series)])
+    assert_alike(*means(qv), 1e-8)
