@@ -156,7 +156,9 @@ class PronyFit(WithUncertainty):
         E' and E'' differ.
         """
         if self.weights[0] != self.weights[1]:
-            raise ValueError(f"weights = {self.weights}: must be equal for `.fit`: fitting.fit has none")
+            raise ValueError(
+                f"weights = {self.weights}: must be equal for `.fit`; fitting.fit weights E' and E'' equally"
+            )
         body = self.names[0].split(".")[0]
         own, other = rf.Body(self.material), rf.Body(rf.Rigid())
         scene = rf.Scene(own, other) if body == "lower" else rf.Scene(other, own)

@@ -292,7 +292,9 @@ def _twins(problem: Problem, members: int, key: jax.Array) -> tuple[np.ndarray, 
     known = [i for prior in drawn for i in prior.elements]
     bare = [name for i, name in enumerate(problem.names) if i not in known]
     if bare:
-        raise ValueError(f"{bare[0]} has no Gaussian prior; every free number needs one to draw true values")
+        raise ValueError(
+            f"{bare[0]} has no Gaussian prior; every free parameter needs one, to draw true values from"
+        )
     draw_truth, draw_noise = jax.random.split(key)
     x = np.empty((members, len(known)))
     mean, sigma = (np.concatenate([getattr(prior, k) for prior in drawn]) for k in ("mean", "sigma"))

@@ -60,7 +60,7 @@ class Gaussian:
         mean = np.broadcast_to(np.asarray(self.mean, float), part.shape)
         low, width = np.asarray(constants.low)[part], np.asarray(constants.width)[part]
         if group.kind == "Positive" and not (mean > 0).all():
-            raise ValueError(f"{place.where}: mean = {mean.min():g}: must be > 0, because it is Positive")
+            raise ValueError(f"{place.where}: mean = {mean.min():g}: must be > 0 for a Positive parameter")
         inside = (low < mean) & (mean < low + width)
         if group.kind == "Bounded" and not inside.all():
             bad = mean[np.argmin(inside)]

@@ -123,14 +123,15 @@ class Scene(PhysicalObject):
         correlation of the roughness of both solids, which must be at rest.
     contact_model : "paper" or "boundary_elements" (static)
         With "boundary_elements", area and friction follow a law that was fitted to boundary elements
-        (`rubberfric.theory.area.boundary_elements_law`), for one rough isotropic surface. Both solids are
-        half-spaces, or one is a `Slab` and the other one is rigid. In test cases with A/A0 > 1 %, 92 to 97 %
-        of the friction values and 99 to 100 % of the areas are within 10 % of boundary elements (paper: 19 to
-        31 % and 16 to 22 %). With A/A0 < 1 %, 75 to 93 % of the friction values are. The law is least
-        accurate for A/A0 < 0.5 %, q1/qr < 3.5 and hurst > 0.85. Slabs that are over 4 times as stiff as a
-        half-space at qr raise an error. The cases have q1/q0 = 4 ... 512. At q1/q0 = 1e4 on a road, other
-        fits of the law give friction that differs by at most 5 % (notebooks/law_table.md). The separation is
-        the paper's.
+        (`rubberfric.theory.area.boundary_elements_law`), for one rough surface. Both solids are half-spaces,
+        or one is a `Slab` and the other one is rigid. In test cases with A/A0 > 1 %, 92 to 97 % of the
+        friction values and 98 to 99 % of the areas are within 10 % of boundary elements (paper: 19 to 30 %
+        and 15 to 22 %). With A/A0 < 1 %, 80 to 100 % of the friction values are. The law is least accurate
+        for A/A0 < 0.5 %, q1/qr < 3.5 and hurst > 0.85. Slabs that are over 4 times as stiff as a half-space
+        at qr raise an error, and so does anisotropic roughness with rms slopes across the grooves over 1.9
+        times the slopes along them. The cases have q1/q0 = 4 ... 512. At q1/q0 = 1e4 on a road, other fits of
+        the law give friction that differs by at most 7 % (notebooks/law_table.md). The separation is the
+        paper's.
     quadrature : Quadrature or None (static)
         accuracy setting of calls without a `quadrature`. If None, every call chooses the setting.
         `rubberfric.tuned` chooses the setting for `jit` and `vmap` with the scene as an argument. Files do
