@@ -41,8 +41,8 @@ displacements in light contact are less anisotropic than the roughness.
 In full contact W = 1 and T = 0, so that area and friction are the paper's. At light load W and T are
 proportional to A, so that mu does not depend on the load. The constants were fitted in
 `tests/rubberfric/theory/area/test_law_and_boundary_elements.py`, to cases with q1/q0 = 4 to 512 and
-A/A0 = 0.2 to 100 %. Other cases test them (notebooks/law_table.md). N describes how fast F grows: the power of
-the displacements decreases towards q1 if F grows slowly, as for H = 1.
+A/A0 = 0.2 to 100 %. Other cases test them (notebooks/law_table.md). N describes how fast F grows: the power
+of the displacements decreases towards q1 if F grows slowly, as for H = 1.
 """
 
 import dataclasses

@@ -288,8 +288,8 @@ def test_profile():
     np.testing.assert_allclose(full.friction[-1], full.friction[np.argmax(full.q > ROAD.q1)], rtol=1e-9)
 
 
-def _five_scenes():
-    """Five kinds of scenes; the last one is rough elastic on rubber with a temperature shift and shear."""
+def _six_scenes():
+    """Six kinds of scenes; the last one is rough elastic on rubber with a temperature shift and shear."""
     q, omega = np.logspace(2, 4, 7), np.logspace(-4, 8, 25)
     E = np.asarray(rf.complex_modulus(RUBBER, omega))
     shifted = rf.Prony(
@@ -300,6 +300,7 @@ def _five_scenes():
     return {
         "half-space": (_scene(), None),
         "slab": (_scene().replace(lower=rf.Body(RUBBER, layer=rf.Slab(5e-3, "bonded"))), None),
+        "grooves": (_scene(road=rf.Anisotropic(ROAD, 1.7, 0.5)), None),
         "tabulated roughness": (_scene(road=rf.TabulatedSpectrum(q, rf.power_spectrum(ROAD, q))), None),
         "tabulated modulus": (_scene(rf.TabulatedModulus(omega, E.real, E.imag, poisson=0.5)), None),
         "rough elastic": (
@@ -310,11 +311,11 @@ def _five_scenes():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", list(_five_scenes()))
+@pytest.mark.parametrize("name", list(_six_scenes()))
 def test_derivatives(name):
     """Forward mode, differences of fourth order, and the Jacobian of fits, which uses reverse mode, agree."""
     velocity, pressure = jnp.array([1e-3, 0.3]), jnp.array([2e5, 2e4])
-    scene, temperature = _five_scenes()[name]
+    scene, temperature = _six_scenes()[name]
     quantities = ("area", "friction", "shear_friction") if scene.shear else ("area", "friction")
     leaves, structure = jax.tree.flatten(jax.tree.map(jnp.asarray, scene))
     sizes = np.cumsum([leaf.size for leaf in leaves])
