@@ -50,7 +50,7 @@ _CONDITIONS = {
 }
 # Ratio of the stiffness of a slab and of a half-space up to which notebooks/law_table.md confirms the law.
 _STIFFEST_SLAB = 4.0
-# Largest ratio of the rms slopes across and along the grooves at which it was compared.
+# Ratio of the rms slopes across and along the grooves up to which that page confirms the law.
 _MOST_ANISOTROPIC = 1.9
 _OFF = 'warnings.simplefilter("ignore", rubberfric.UnitWarning) silences this warning'
 

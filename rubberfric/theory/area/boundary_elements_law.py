@@ -113,7 +113,7 @@ class Shape(NamedTuple):
     weight: jax.Array  # q^4 C / height2 times d ln q, (panels, order)
     log_F: jax.Array  # at the nodes, (nodes,)
     log_D: jax.Array  # (nodes,)
-    N2: jax.Array  # N^2 (nodes,)
+    N2: jax.Array  # N^2, (nodes,)
     log_D_end: jax.Array  # ln D(q1)
     height2: jax.Array  # scale of the roughness [m^2]
     total: jax.Array  # integral of q^3 C / height2 over q
@@ -203,7 +203,7 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
 
 
 def _densities(c_g, cosines, sines, phi):
-    """Return the directions of g and of light contact, for roughness with these harmonics."""
+    """Return the `Directions` of g and of light contact, for roughness with these harmonics."""
     m = 2 * jnp.arange(1, cosines.size + 1)[:, None]
 
     def light_and_full(phi):
@@ -236,9 +236,8 @@ class Moduli(NamedTuple):
     loss: jax.Array  # Im E of the half-space, (points, grid)
     log_E: jax.Array  # ln |E| of the half-space, (points, grid)
     softest: jax.Array  # smallest log_E, (points, 1)
-    circle: list[
-        jax.Array
-    ]  # means of log_E, E^2 and (softest / E)^2 for each density, (3, points, all nodes)
+    # Means of log_E, E^2 and (softest / E)^2 for each density over phi, (3, points, all nodes).
+    circle: list[jax.Array]
 
 
 def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None) -> State:
@@ -289,9 +288,9 @@ def _means(B, moduli, shape):
 def _log_W_m(A, B, law):
     shape, c = law.shape, law.constants
     A, B = A[:, None], B[:, None]
-    N2 = c.c_n * shape.N2
-    light = c.c_0 - c.c_D * shape.log_D + c.c_f * shape.log_F - N2
-    heavy = c.h_0 - c.h_D * shape.log_D + c.h_F * shape.log_F - N2
+    slow = c.c_n * shape.N2
+    light = c.c_0 - c.c_D * shape.log_D + c.c_f * shape.log_F - slow
+    heavy = c.h_0 - c.h_D * shape.log_D + c.h_F * shape.log_F - slow
     if shape.e2 is not None:
         light = light - c.c_e0 * shape.e2
     # ln(A psi) / B is finite in full contact.

@@ -60,7 +60,7 @@ def circle_matrices(
         return CircleMatrices(jnp.exp(log_q[-1:]), one, 0 * one, 0 * none)
     finer = 1.0 if detail is None else min(8.0, max(1.0, 2 * _GRID / detail))
     count = round(finer * (_ENTRIES + _PER_PANEL * panels))
-    # A density that is stretched by r has poles at sin(Im t) = 1/r, so its rule needs smaller steps.
+    # The density of a stretched surface has poles at sin(Im t) = r or 1/r, so its rule needs smaller steps.
     angular_step = _STEP / (finer if densities is None else 3 * finer)
     t = angular_step * np.arange(int(_LAST / angular_step))
     dphi = 4 * angular_step / np.cosh(t)
