@@ -238,6 +238,7 @@ class Moduli(NamedTuple):
     softest: jax.Array  # smallest log_E, (points, 1)
     # Means of log_E, E^2 and (softest / E)^2 for each density over phi, (3, points, all nodes).
     circle: list[jax.Array]
+    means: Means | None  # None if anisotropic, where they depend on B
 
 
 def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None) -> State:
@@ -273,10 +274,13 @@ def _moduli(E, shape):
     log_E = 0.5 * jnp.log(jnp.real(E) ** 2 + jnp.imag(E) ** 2)
     softest = jax.lax.stop_gradient(jnp.min(log_E, 1, keepdims=True))
     powers = jnp.stack([log_E, jnp.exp(2 * log_E), jnp.exp(2 * (softest - log_E))])
-    return Moduli(jnp.imag(E), log_E, softest, [powers @ mean.T for mean in shape.circle.mean])
+    moduli = Moduli(jnp.imag(E), log_E, softest, [powers @ mean.T for mean in shape.circle.mean], None)
+    return moduli if shape.e2 is not None else moduli._replace(means=_means(None, moduli, shape))
 
 
 def _means(B, moduli, shape):
+    if moduli.means is not None:
+        return moduli.means
     log_E, E2, over_E2 = _at(B, moduli.circle)
     return Means(
         log_E + shape.log_slab,
