@@ -68,7 +68,10 @@ def test_fit_and_blind_prediction(one, other):
 
 @pytest.mark.parametrize("model", CONTACT_MODELS)
 def test_next_measurement(model):
-    """Contact shear and cut-off compensate each other in R20. A fast run or a contact area separates them."""
+    """Contact shear and cut-off compensate each other in R20.
+
+    Friction at a much larger velocity or another pressure separates them, and so does a contact area.
+    """
     fit, pressure = fitted("R20", model), np.array([1e5, 3e5, 6e5])
     aim = fitting.prediction(np.geomspace(1e-2, 10, 7)[:, None], pressure)
     candidates = (np.geomspace(1e-4, 10, 11)[:, None], pressure)
@@ -83,7 +86,8 @@ def test_next_measurement(model):
         before, after = design.predicted
         assert after < 0.05 < before
     assert not np.isfinite(fit.stderr[list(fit.names).index("lower.spectrum.q1")])
-    assert designs["friction"].velocity[0] > 10 * fit.data[0].velocity.max()
+    best = designs["friction"]
+    assert best.velocity[0] > 10 * fit.data[0].velocity.max() or best.pressure[0] > 1.5 * PRESSURE
     errors = dict(zip(FREE, designs["area"].rate * designs["area"].after, strict=True))
     assert errors["shear.tau_f0"] < 0.1 and errors["lower.spectrum.q1"] < 0.15
 
