@@ -131,7 +131,7 @@ def test_smooth_rows_of_other_parameters():
             {"upper.material.E_inf": Gaussian(1e7, 1e6)},
             f"the key must be one of the free parameters {E}, gamma",
         ),
-        ({E: Gaussian(-1e7, 1e6)}, "mean = -1e+07: must be > 0, because it is Positive"),
+        ({E: Gaussian(-1e7, 1e6)}, "mean = -1e+07: must be > 0 for a Positive parameter"),
         ({E: Gaussian([1e7, 2e7], 1e6)}, "mean has 2 numbers: must have 4 or one"),
         ({"gamma": Gaussian(1.0, 0.1)}, "mean = 1: must be inside the parameter's bounds"),
         ({"gamma": Gaussian(7.0, 0.1)}, "mean = 7: must be inside the parameter's bounds"),
