@@ -70,6 +70,7 @@ SCENES = {
 
 # Scenes of parts that other scenes have as well.
 SLOW = (
+    "shear relaxes",
     "shear relaxes on a slab",
     "rough rubber",
     "vertical shift",
