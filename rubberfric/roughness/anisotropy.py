@@ -170,6 +170,18 @@ def harmonics_left_out(spectrum: Spectrum) -> jax.Array:
     return spectrum.harmonics_left_out()
 
 
+def slope_anisotropy(spectrum: Spectrum) -> jax.Array:
+    r"""Return e^2 at q1 [-], with :math:`e = |\langle C\,e^{2i\varphi}\rangle| / \langle C\rangle`.
+
+    If the anisotropy does not depend on q, e is the difference of the mean square slopes along the two
+    principal directions over their sum.
+    """
+    if not spectrum.harmonic_count():
+        return jnp.zeros(())
+    cosine, sine = spectrum.harmonics_at(spectrum.power_law().q[-1])
+    return (cosine[0] ** 2 + sine[0] ** 2) / 4
+
+
 def _turned(size, angle):
     """Return c_m and s_m of the function sum_m size_m cos(2 m (phi - angle))."""
     m = np.arange(1, size.shape[0] + 1, dtype=size.dtype)

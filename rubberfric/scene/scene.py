@@ -27,6 +27,7 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.material import Material, poisson_of
 from rubberfric.materials.shifts import Shift
 from rubberfric.materials.slab import Layer
+from rubberfric.roughness.anisotropy import slope_anisotropy
 from rubberfric.roughness.spectra import Spectrum
 from rubberfric.scene.heating import Heating, ThermalProperties
 from rubberfric.scene.interface import Adhesion, ContactShear, Correlation
@@ -219,10 +220,9 @@ class Scene(PhysicalObject):
     def _check_anisotropy(self):
         """Refuse anisotropy for which the law disagrees with boundary elements, if the numbers are known."""
         for spectrum, _ in rough_surfaces(self):
-            if not spectrum.harmonic_count() or not all(map(is_concrete, jax.tree.leaves(spectrum))):
+            if not all(map(is_concrete, jax.tree.leaves(spectrum))):
                 continue
-            cosine, sine = (float(one[0]) for one in spectrum.harmonics_at(spectrum.power_law().q[0]))
-            e = min(float(np.hypot(cosine, sine)) / 2, 1 - 1e-9)  # few harmonics may give more than 1
+            e = min(float(slope_anisotropy(spectrum)) ** 0.5, 1 - 1e-9)  # few harmonics may give more than 1
             slopes = np.sqrt((1 + e) / (1 - e))
             if slopes > _MOST_ANISOTROPIC * (1 + 1e-6):
                 raise ValueError(

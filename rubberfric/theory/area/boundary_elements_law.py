@@ -58,6 +58,7 @@ from jax.scipy.special import erf
 from rubberfric.base.fixed_points import implicit
 from rubberfric.base.quadrature import Quadrature, gauss, typed
 from rubberfric.materials.material import apply_vertical_shift, poisson_of, relaxation, series_of
+from rubberfric.roughness.anisotropy import slope_anisotropy
 from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.radial_mesh import Mesh, build_mesh
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio
@@ -173,7 +174,7 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
     if surface.spectrum.harmonic_count():
         cosines, sines = surface.spectrum.harmonics_at(q1)
         densities = functools.partial(_densities, constants.c_g, cosines, sines)
-        e2 = (cosines[0] ** 2 + sines[0] ** 2) / 4
+        e2 = slope_anisotropy(surface.spectrum)
     body = surface.strained if surface.strained.material.deforms else surface.rough
     log_slab = jnp.zeros_like(log_q)
     if body.layer is not None:

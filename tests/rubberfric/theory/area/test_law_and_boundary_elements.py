@@ -23,6 +23,7 @@ from support.scenes.common import CONTACT_MODELS
 
 import rubberfric as rf
 from rubberfric.analysis.validity import AREAS, GROWTH, RATIOS, WIDEST
+from rubberfric.roughness.anisotropy import slope_anisotropy
 from rubberfric.theory.area.boundary_elements_law import CONSTANTS, prepare_law, solve_law
 from rubberfric.theory.structure import rough_surfaces_of
 
@@ -116,14 +117,19 @@ def column(chosen, name):
     return np.array([case.get(name, np.nan) for case in chosen])
 
 
-def padded(body):
-    """Return a body whose series has 17 terms, so that scenes share compiled functions."""
-    series = body.material
-    if not isinstance(series, rf.Prony):
-        return body
+def padded(material):
+    """Return E and tau with 17 terms, so that all cases share compiled functions; E = 0 in added terms."""
     E, tau = np.zeros(17), np.ones(17)
-    E[: series.tau.size], tau[: series.tau.size] = series.E, series.tau
-    return body.replace(material=series.replace(E=E, tau=tau))
+    if isinstance(material, rf.Prony):
+        E[: material.tau.size], tau[: material.tau.size] = material.E, material.tau
+    return E, tau
+
+
+def padded_body(body):
+    if not isinstance(body.material, rf.Prony):
+        return body
+    E, tau = padded(body.material)
+    return body.replace(material=body.material.replace(E=E, tau=tau))
 
 
 def ratios(chosen, models=tuple(CONTACT_MODELS)):
@@ -132,7 +138,7 @@ def ratios(chosen, models=tuple(CONTACT_MODELS)):
     For two rough surfaces, the result of the law is NaN.
     """
     scenes = [scene_of(case) for case in chosen]
-    scenes = [scene.replace(lower=padded(scene.lower), upper=padded(scene.upper)) for scene in scenes]
+    scenes = [one.replace(lower=padded_body(one.lower), upper=padded_body(one.upper)) for one in scenes]
     measured, logs = np.array([[case["area"], case["friction"]] for case in chosen]).T, {}
     for model in models:
         found = np.full((2, len(chosen)), np.nan)
@@ -257,8 +263,7 @@ def _slopes(case):
     """Return the rms slope across the grooves over the rms slope along them."""
     if "stretch" not in case:
         return 1.0
-    cosine, sine = scene_of(case).lower.spectrum.harmonics_at(1.0)
-    e = min(np.hypot(cosine[0], sine[0]) / 2, 0.999)
+    e = min(float(slope_anisotropy(scene_of(case).lower.spectrum)) ** 0.5, 0.999)
     return float(np.sqrt((1 + e) / (1 - e)))
 
 
@@ -355,13 +360,11 @@ ROBUST = 3.0  # errors beyond which a case has less weight [Charbonnier, pseudo-
 
 
 def columns(chosen):
-    """Return arrays of these cases, with series of 17 terms, so that all cases share a compiled function."""
+    """Return arrays of these cases, which share a compiled function."""
     found = []
     for case in chosen:
         series = material_of(case)
-        E, tau = np.zeros(17), np.ones(17)
-        if case["terms"]:
-            E[: series.tau.size], tau[: series.tau.size] = series.E, series.tau
+        E, tau = padded(series)
         q0, qr, hurst = 1 / case["ratio"], case["rolloff"] / case["ratio"], case["hurst"]
         height = 1 / float(rf.rms_slope(rf.SelfAffine(q0, qr, 1.0, hurst, h_rms=1.0)))
         rest = series.E_inf if series.relaxes else 1.0
