@@ -214,8 +214,9 @@ class Scene(PhysicalObject):
                     'Scene.contact_model: "boundary_elements" requires the same anisotropy at all '
                     f'wavevectors, but {name}.spectrum is a {kind}; use Anisotropic or "paper"'
                 )
-        self._check_slab()
-        self._check_anisotropy()
+        with jax.ensure_compile_time_eval():  # within jit, operations on known numbers would be traced too
+            self._check_slab()
+            self._check_anisotropy()
 
     def _check_anisotropy(self):
         """Refuse anisotropy for which the law disagrees with boundary elements, if the numbers are known."""

@@ -356,6 +356,30 @@ def test_derivative_by_the_modulus():
     np.testing.assert_allclose(values, [one(factor) for factor in factors], rtol=1e-12)
 
 
+@pytest.mark.parametrize(
+    "body",
+    [
+        rf.Body(rf.Rigid(), rf.Anisotropic(ROAD, 1.5, 0.5)),
+        pytest.param(rf.Body(rf.Rigid(), ROAD), id="slab"),
+    ],
+)
+def test_scenes_made_within_a_trace(body):
+    """Checks of the known numbers of grooves or a slab do not meet tracers.
+
+    Scenes with traced numbers have another quadrature.
+    """
+    layer = None if body.spectrum.harmonic_count() else rf.Slab(5e-3)
+    scene = rf.Scene(rf.Body(RUBBER, layer=layer), body, contact_model="boundary_elements")
+
+    @jax.jit
+    def areas(factor):
+        softer = scene.replace("lower.material.E", factor * scene.lower.material.E)
+        same = scene.replace("gamma", 0.5)
+        return [rf.contact_area(one, 0.3 * factor, 2e4) for one in (softer, same)]
+
+    np.testing.assert_allclose(areas(1.0), rf.contact_area(scene, 0.3, 2e4), rtol=1e-9)
+
+
 def test_derivative_by_the_thickness_of_a_slab():
     def friction(thickness):
         slab = rf.Slab(thickness, "bonded")
