@@ -267,7 +267,9 @@ def _planned(scene, data, free, prior, discrepancy, quadrature):
     """Return the problem of a planned fit, or raise ValueError if data cannot be drawn for it."""
     for one in data:
         if one.error is None:
-            raise ValueError(f"data {one.label!r} have no errors; give errors, as data are drawn with them")
+            raise ValueError(
+                f"data {one.label!r} have no errors; give errors, because simulated data are drawn with them"
+            )
     problem = make_problem(scene, data, free, prior, quadrature=quadrature)
     if discrepancy is not None:
         check_discrepancy(discrepancy, data, "linear", "auto")

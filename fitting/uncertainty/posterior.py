@@ -305,6 +305,8 @@ def _moved(paths, body):
     named = {".".join(one[: i + 1]) for one, i in zip(steps, at, strict=True) if i is not None}
     if len(named) != 1:
         what = " and ".join(sorted(named)) or "none"
-        raise ValueError(f"body = {body!r}: the fit has numbers of {what}, but all must belong to one body")
+        raise ValueError(
+            f"body = {body!r}: the fit has parameters of {what}, but all must belong to one body"
+        )
     pairs = zip(paths, steps, at, strict=True)
     return [path if i is None else ".".join([body, *one[i + 1 :]]) for path, one, i in pairs]
