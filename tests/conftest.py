@@ -1,13 +1,10 @@
-"""Double precision for every test, and a bound on what compiled functions pile up."""
+"""Double precision for every test, a bound on the memory of the run, and no files outside the project."""
 
-import gc
-import itertools
 import os
 import signal
 import subprocess
 import sys
 import tempfile
-from pathlib import Path
 
 # Threads of OpenBLAS that wait for each other take several times the processor time of one.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -19,9 +16,10 @@ jax.config.update("jax_enable_x64", True)
 
 pytest.register_assert_rewrite("support")
 
-MAPS = Path("/proc/self/maps")
+from support.processes import memory, outside  # noqa: E402
+
 CACHES = tempfile.TemporaryDirectory(prefix="rubberfric-caches-")
-_tests = itertools.count(1)
+PEAKS = pytest.StashKey[list]()
 
 
 # Make XLA compile in a third of the time what then runs more slowly.
@@ -37,8 +35,10 @@ def pytest_configure(config):
 
     Slow sets and benchmarks use the options of users.
     """
-    # Objects from tracing live long. Each garbage collection of them takes a second, a tenth of the run.
-    gc.set_threshold(100_000, 50, 20)
+    memory.collect_rarely()
+    sys.addaudithook(outside.refuse)
+    config.stash[PEAKS] = []
+    config.add_cleanup(CACHES.cleanup)
     # Compiled programs of the commands that are tested are nobody's but this run's.
     os.environ["XDG_CACHE_HOME"] = CACHES.name
     os.environ.pop("JAX_COMPILATION_CACHE_DIR", None)
@@ -78,15 +78,34 @@ def pytest_collection_modifyitems(items):
 
 
 @pytest.fixture(autouse=True)
-def few_memory_maps():
-    """Drop compiled functions before they crash the run.
-
-    Each holds memory maps. Linux allows 65530 per process; above that XLA's compiler ends in a
-    segmentation fault beyond, as the full sets of gradients showed.
-    """
+def little_memory():
+    """Drop compiled functions when they hold much memory."""
     yield
-    if next(_tests) % 20 == 0 and MAPS.exists() and MAPS.read_bytes().count(b"\n") > 30_000:
-        jax.clear_caches()
+    memory.drop_if_much()
+
+
+def pytest_sessionfinish(session):
+    """Report the largest memory of this process; fail the ordinary run if a process held too much."""
+    config = session.config
+    if hasattr(config, "workeroutput"):
+        config.workeroutput["peak"] = memory.peak()
+        return
+    peaks = config.stash[PEAKS]
+    peaks += [] if peaks else [memory.peak()]
+    if "not slow" in config.getoption("markexpr") and max(peaks) > memory.MOST and not session.exitstatus:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node):
+    """Keep the largest memory of a worker of pytest-xdist."""
+    node.config.stash[PEAKS].append(getattr(node, "workeroutput", {}).get("peak", 0))
+
+
+def pytest_terminal_summary(terminalreporter, config):
+    """Print the largest memory of each process."""
+    if line := memory.line_of(config.stash[PEAKS]):
+        terminalreporter.write_line(line)
 
 
 @pytest.fixture

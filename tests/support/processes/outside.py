@@ -1,0 +1,40 @@
+"""A guard that refuses to open files beside the project, so that a clone on its own passes the same tests."""
+
+import os
+import sys
+import tempfile
+
+from support.folders import ROOT
+
+EVENTS = ("open", "os.listdir", "os.scandir")
+_BESIDE = os.path.join(ROOT.parent, "")
+
+
+class OutsideError(Exception):
+    """A test opened a file beside the project."""
+
+
+def _allowed():
+    """Return the folders whose files may be opened wherever they lie, with a separator at the end."""
+    chosen = (value for name, value in os.environ.items() if name.startswith("RUBBERFRIC_"))
+    folders = filter(None, (ROOT, tempfile.gettempdir(), sys.prefix, sys.base_prefix, *sys.path, *chosen))
+    return tuple({os.path.join(os.path.abspath(folder), "") for folder in folders})
+
+
+_ALLOWED = _allowed()
+# Nothing lies beside the project if the folder above it is that of the system or of temporary files.
+GUARDS = ROOT.parent != ROOT.parent.parent and _BESIDE not in _ALLOWED
+
+
+def refuse(event, arguments):
+    """Raise OutsideError if a file beside the project is opened. This is a hook for `sys.addaudithook`."""
+    if event not in EVENTS or not GUARDS:
+        return
+    path = os.fsdecode(arguments[0]) if isinstance(arguments[0], bytes) else arguments[0]
+    if not isinstance(path, str):
+        return
+    path = os.path.join(os.path.abspath(path), "")
+    below = path.removeprefix(_BESIDE)
+    # The folder above may be the home folder. Its hidden folders have settings and caches of programs.
+    if below not in ("", path) and not below.startswith(".") and not path.startswith(_ALLOWED):
+        raise OutsideError(f"{path[:-1]} lies outside the project. Copy the numbers to tests/reference")
