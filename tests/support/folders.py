@@ -1,4 +1,4 @@
-"""Where tests find files: the project, its data, stored references, measurements not its own, README."""
+"""Where tests find files: the project, its data, stored references, README."""
 
 import os
 import re
@@ -9,9 +9,7 @@ DATA = ROOT / "data"
 REFERENCE = ROOT / "tests" / "reference"
 # For scripts that import from here. The project comes first, because test folders have its packages' names.
 PYTHONPATH = os.pathsep.join([str(ROOT), str(ROOT / "tests")])
-TYRE = ROOT.parent / "shared" / "data" / "tyre"
-PUBLIC = ROOT.parent / "shared" / "data" / "public"
-BOUNDARY_ELEMENTS = ROOT.parent / "shared" / "reference"
+BOUNDARY_ELEMENTS = REFERENCE / "boundary_elements"
 README = (ROOT / "README.md").read_text()
 _SNIPPET = re.compile(r"^```python\n(.*?)^```", re.M | re.S)
 _PAGES = ROOT / "notebooks"

@@ -1,13 +1,16 @@
-"""Sweeps of E' and E'' that other groups published, as plain numbers. Needs NumPy alone."""
+"""Sweeps of E' and E'' that other groups published, as plain numbers."""
 
 import csv
 
 import numpy as np
-from support.folders import PUBLIC
+from support.published import PUBLISHED, outside
 
 POLYISOPRENES = (2.4, 5.1, 23.4, 33.6, 94.9, 634.5, 1131.0)  # kg/mol
 NAMES = (*(f"polyisoprene {mass:g}" for mass in POLYISOPRENES), "Eplexor", "EPDM", "foam", "TRIOS")
 KELVIN = 273.15
+OUTSIDE = {
+    name: name.split()[0].lower() for name in NAMES if name.startswith(("poly", "EPDM"))
+}  # their folders
 PASCAL = {"Eplexor": 1e6, "foam": 1e3}  # of the units of the files
 
 
@@ -21,22 +24,18 @@ def columns_of(name):
     """Return omega, E', E'' and T in degrees Celsius, and published (T, log10 a_T) or None."""
     if name.startswith("polyisoprene"):
         mass = float(name.split()[1])
-        raw = numbers(PUBLIC / "polyisoprene" / "PI_raw_isotherms.csv", 1)
-        shifts = numbers(PUBLIC / "polyisoprene" / "PI_published_shifts.csv", 1)
+        raw = numbers(outside("polyisoprene") / "PI_raw_isotherms.csv", 1)
+        shifts = numbers(outside("polyisoprene") / "PI_published_shifts.csv", 1)
         _, T, omega, storage, loss = raw[raw[:, 0] == mass].T
         return omega, storage, loss, T, shifts[shifts[:, 0] == mass][:, [1, 4]]
     if name == "Eplexor":
-        f, storage, loss, T, _ = numbers(PUBLIC / "pyvisco" / "examples" / "freq_user_raw.csv", 2).T
-        folder = PUBLIC / "pyvisco" / "verification" / "freq_raw"
-        return 2 * np.pi * f, storage, loss, T, numbers(folder / "freq_Eplexor_raw__shift_factors.csv", 2)
+        folder = PUBLISHED / "pyvisco"
+        f, storage, loss, T, _ = numbers(folder / "examples" / "freq_user_raw.csv", 2).T
+        shifts = numbers(folder / "verification" / "freq_raw" / "freq_Eplexor_raw__shift_factors.csv", 2)
+        return 2 * np.pi * f, storage, loss, T, shifts
     if name == "EPDM":
-        f, T, storage, loss = numbers(PUBLIC / "epdm" / "tf_015p.csv", 1, slice(1, 5)).T
+        f, T, storage, loss = numbers(outside("epdm") / "tf_015p.csv", 1, slice(1, 5)).T
         return 2 * np.pi * f, storage, loss, T, None
-    if name == "foam":
-        tables = {
-            float(file.stem[9:-1]): np.loadtxt(file, skiprows=1) for file in (PUBLIC / "foam").iterdir()
-        }
-        omega, storage, loss = np.concatenate(list(tables.values())).T
-        return omega, storage, loss, np.repeat(list(tables), [len(x) for x in tables.values()]), None
-    T, omega, storage, loss, _ = numbers(PUBLIC / "trios" / "trios_tts_isotherms.csv", 1).T
+    file = {"foam": "foam_isotherms.csv", "TRIOS": "trios_isotherms.csv"}[name]
+    T, omega, storage, loss = numbers(PUBLISHED / "rheojax" / file, 1, slice(4)).T
     return omega, storage, loss, T, None

@@ -1,6 +1,6 @@
 """A measured tyre compound against the established commercial program (linear case).
 
-The data lie outside the project; tests are skipped if they are missing.
+The data lie outside the project; tests are skipped without them.
 """
 
 import itertools
@@ -11,12 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.cases.stored import slow_if
-from support.folders import TYRE
+from support.published import needs
 from support.scenes.tyre import GAMMA, PRESSURE, read, road, rubber
 
 import rubberfric as rf
 
-pytestmark = pytest.mark.skipif(not TYRE.is_dir(), reason="no measured tyre data beside the project")
+pytestmark = needs("tyre")
 
 
 def scene():

@@ -9,7 +9,7 @@ import functools
 
 import numpy as np
 import pytest
-from support.folders import TYRE
+from support.published import needs
 from support.scenes.common import CONTACT_MODELS
 from support.scenes.tyre import PRESSURE, read, road, rubber
 
@@ -18,7 +18,7 @@ import rubberfric as rf
 
 pytestmark = [
     pytest.mark.slow,
-    pytest.mark.skipif(not TYRE.is_dir(), reason="no measured tyre data beside the project"),
+    needs("tyre"),
 ]
 FREE = {
     "shear.tau_f0": fitting.Positive(),

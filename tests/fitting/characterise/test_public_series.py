@@ -5,15 +5,13 @@
 
 import numpy as np
 import pytest
-from support.folders import PUBLIC
 from support.public_sweeps import numbers
+from support.published import PUBLISHED
 
 import rubberfric as rf
 from fitting import ModulusData, fit_prony, kramers_kronig
 
-pytestmark = pytest.mark.skipif(not PUBLIC.is_dir(), reason="the public data are not beside the project")
-
-FOLDER = PUBLIC / "pyvisco"
+FOLDER = PUBLISHED / "pyvisco"
 CURVES = {
     "freq_raw": (FOLDER / "verification" / "freq_raw" / "input_master.csv", 1, 0.121),
     "freq_master": (FOLDER / "examples" / "freq_user_master.csv", 2, 0.377),

@@ -10,15 +10,14 @@ import time
 
 import numpy as np
 import pytest
-from support.folders import PUBLIC, REFERENCE
-from support.public_sweeps import KELVIN, NAMES, PASCAL, columns_of
+from support.public_sweeps import KELVIN, NAMES, OUTSIDE, PASCAL, columns_of
+from support.published import PUBLISHED, needs
 
 from fitting import ModulusData, fit_master_curve, kramers_kronig
 from fitting.characterise.sweeps import sweeps_of
 
-pytestmark = pytest.mark.skipif(not PUBLIC.is_dir(), reason="the public data are not beside the project")
-
-PYVISCO = json.loads((REFERENCE / "pyvisco_shifts.json").read_text())
+PYVISCO = json.loads((PUBLISHED / "pyvisco_shifts.json").read_text())
+QUICK = ("foam", "TRIOS", "EPDM", "polyisoprene 94.9")  # in the ordinary run
 
 
 def sweeps_and_shifts(name):
@@ -70,10 +69,12 @@ def fitted(name):
     return curve, published, time.perf_counter() - begin
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(n, marks=[pytest.mark.slow] * (n not in ("EPDM", "polyisoprene 94.9"))) for n in NAMES],
-)
+def marks(name):
+    """Return the marks of a test of one set."""
+    return [pytest.mark.slow] * (name not in QUICK) + [needs(OUTSIDE[name])] * (name in OUTSIDE)
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=marks(name)) for name in NAMES])
 def test_every_set_is_accepted_with_the_published_shifts(name):
     """The rms difference to the published shifts is no larger than pyvisco's."""
     curve, published, seconds = fitted(name)
@@ -99,6 +100,7 @@ def within_two(name, published):
 
 
 @pytest.mark.slow
+@needs("polyisoprene")
 def test_published_shifts_lie_within_the_error_bars():
     """The table of the Eplexor instrument does not superpose its sweeps (below); pyvisco's shifts do."""
     names = [name for name in NAMES if fitted(name)[1] is not None]
@@ -121,6 +123,7 @@ def test_shifts_of_the_instrument_do_not_superpose_its_warm_sweeps():
 
 
 @pytest.mark.slow
+@needs("polyisoprene")
 @pytest.mark.parametrize("mass", [94.9, 634.5, 1131])
 def test_the_contradiction_chooses_the_vertical_shift(mass):
     """The published b_T of the polyisoprenes is that of rubber elasticity within the errors."""
@@ -135,6 +138,8 @@ def test_the_contradiction_chooses_the_vertical_shift(mass):
 
 
 @pytest.mark.slow
+@needs("polyisoprene")
+@needs("epdm")
 def test_sweeps_that_are_left_out_are_predicted():
     inside, count = 0, 0
     for name in NAMES:

@@ -4,7 +4,6 @@ import warnings
 
 import numpy as np
 import pytest
-from support.folders import TYRE
 from support.scenes.common import ROAD, TREAD
 
 import rubberfric as rf
@@ -74,14 +73,6 @@ def test_from_a_file_to_friction(tmp_path):
     rf.save_scene(tmp_path / "soft.h5", soft)
     again = rf.load_scene(tmp_path / "soft.h5")
     assert float(rf.contact_area(again, 0.1, 3e5)) == after
-
-
-@pytest.mark.skipif(not TYRE.exists(), reason="the measured tyre data are not beside this checkout")
-def test_a_measured_sweep():
-    strain, f, g = np.loadtxt(TYRE / "strain_softening_R00.csv", delimiter=",", skiprows=2).T
-    found = softening_from_sweep(strain, 21e6 * f, 4e6 * g)
-    np.testing.assert_allclose(found.storage, f / f[0], rtol=1e-14)
-    np.testing.assert_allclose(found.loss, g / g[0], rtol=1e-14)
 
 
 def test_a_sweep_that_begins_too_late_is_named():

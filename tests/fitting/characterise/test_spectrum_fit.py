@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import scipy.optimize
-from support.folders import TYRE
 from support.html_tables import cells
+from support.published import needs, outside
 
 import rubberfric as rf
 from fitting import SpectrumData, SpectrumFit, fit_spectrum
@@ -12,7 +12,6 @@ from fitting.characterise.spectrum import broken_line
 
 TRUTH = rf.SelfAffine(100.0, 1000.0, 1e6, 0.8, 5e-4)
 Q = np.geomspace(100.0, 1e6, 60)
-ASPHALT = TYRE / "psd_asphalt.csv"
 
 
 def measured(spectrum=TRUTH, q=Q, noise=0.0, seed=0):
@@ -150,9 +149,9 @@ def test_report(noisy):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not ASPHALT.is_file(), reason="no measured tyre data beside the project")
+@needs("tyre")
 def test_measured_road():
-    q, C = np.loadtxt(ASPHALT, delimiter=",", skiprows=2).T
+    q, C = np.loadtxt(outside("tyre") / "psd_asphalt.csv", delimiter=",", skiprows=2).T
     found = fit_spectrum((q, C))
     assert found.fit.success and found.remarks == () and not found.fit.withheld
     np.testing.assert_allclose(

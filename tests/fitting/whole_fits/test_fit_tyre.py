@@ -10,14 +10,14 @@ import dataclasses
 import numpy as np
 import pytest
 import scipy.optimize
-from support.folders import TYRE
+from support.published import needs
 from support.scenes.fits import FAST
 from support.scenes.tyre import GAMMA, PRESSURE, read, road
 
 import rubberfric as rf
 from fitting import Bounded, FrictionData, ModulusData, Positive, fit, fit_prony
 
-pytestmark = pytest.mark.skipif(not TYRE.is_dir(), reason="no measured tyre data beside the project")
+pytestmark = needs("tyre")
 
 SHEAR = {"shear.tau_f0": Positive(), "shear.c": Positive(), "shear.v0": Positive()}
 

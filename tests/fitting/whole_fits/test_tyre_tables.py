@@ -12,7 +12,7 @@ import time
 import numpy as np
 import pytest
 from support.counting.compilations import compilations
-from support.folders import TYRE
+from support.published import needs
 from support.scenes.tyre import GAMMA, PRESSURE, read, road
 
 import fitting
@@ -20,7 +20,7 @@ import rubberfric as rf
 from fitting import FrictionData, Positive
 
 pytestmark = [
-    pytest.mark.skipif(not TYRE.is_dir(), reason="no measured tyre data beside the project"),
+    needs("tyre"),
     pytest.mark.slow,
 ]
 

@@ -2,6 +2,8 @@
 
     python tests/reference/oracle/make_pyvisco_shifts.py      (needs pyvisco; not rubberfric)
 
+RUBBERFRIC_PUBLISHED names a folder with the sets that are not in the project.
+
 pyvisco shifts E' alone: power laws through neighbouring sweeps are brought to overlap
 [https://github.com/NREL/pyvisco]. A set that pyvisco refuses is stored as its error message.
 """
@@ -12,8 +14,8 @@ from importlib.metadata import version
 
 import numpy as np
 import pyvisco
-from support.folders import REFERENCE
 from support.public_sweeps import NAMES, columns_of
+from support.published import PUBLISHED
 
 
 def shifts_of(name):
@@ -39,7 +41,7 @@ def main():
         except Exception as error:
             result[name] = {"refused": f"{type(error).__name__}: {error}"}
         print(name, result[name])
-    (REFERENCE / "pyvisco_shifts.json").write_text(json.dumps(result, indent=1) + "\n")
+    (PUBLISHED / "pyvisco_shifts.json").write_text(json.dumps(result, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -3,27 +3,45 @@
 captif-slp (MIT), where the profiles come from, tests its mean profile depths: 3.0332 mm with a standard
 deviation of 0.4497 mm between segments for station 1, 3.2778 and 0.8531 mm for station 0. Its list of three
 results begins with station 10 (3.420 mm).
+
+The project stores heights in micrometres. The tests write them as the profilometer does.
 """
 
 import functools
+import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.signal
-from support.folders import PUBLIC
+from support.published import PUBLISHED
 
 import rubberfric as rf
 
-FOLDER = PUBLIC / "road_profiles"
-pytestmark = pytest.mark.skipif(not FOLDER.exists(), reason="the public data are not beside the project")
+SPACING = 0.037489  # [mm]
 SEGMENTS = 16
 
 
 @functools.cache
+def stored(station):
+    """Return the heights of a profile [um], NaN at dropouts."""
+    return np.loadtxt(PUBLISHED / "captif-slp" / f"aylesbury_station_{station}.txt.gz")
+
+
+@functools.cache
 def read(station):
+    """Return distances and heights [m] as read from a file of the profilometer."""
+    height = stored(station) / 1e3
+    rows = np.column_stack([np.arange(1, height.size + 1), SPACING * np.arange(height.size), height])
+    titles = ["Road Name\tCAPTIF\t", "Direction\tincreasing\t", "File No.\t0\t", "*****DATA*****\t\t"]
+    titles += ["Data Point No:\tDistance (mm)\tDepth (mm)"]
     share = ("8.6%", "9.4%")[station]
-    with pytest.warns(UserWarning, match=f"{share} of the heights are dropouts and are interpolated"):
-        x, (height,) = rf.io.read_traces(FOLDER / f"aylesbury_station_{station}.dat")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "profile.dat"
+        np.savetxt(path, rows, fmt="%.3f", delimiter="\t", header="\n".join(titles), comments="")
+        path.write_text(path.read_text().replace("nan", "NaN"))
+        with pytest.warns(UserWarning, match=f"{share} of the heights are dropouts and are interpolated"):
+            x, (height,) = rf.io.read_traces(path)
     return x, height
 
 
@@ -33,12 +51,6 @@ def road(station):
     inside = (x > 0.15) & (x < 1.75)
     x, height = x[inside], height[inside]
     return (x[-1] - x[0]) / (x.size - 1), height
-
-
-def dropouts(station):
-    """Mask of the heights that the file gives as NaN."""
-    lines = (FOLDER / f"aylesbury_station_{station}.dat").read_text().splitlines()[11:]
-    return np.array([line.split()[2] == "NaN" for line in lines if len(line.split()) == 3])
 
 
 def segment_depths(x, height, lost, spacing=0.5e-3):
@@ -74,7 +86,7 @@ def segment_depths(x, height, lost, spacing=0.5e-3):
 def test_mean_profile_depth(station, depth, deviation):
     """Heights are read right: published within 0.1 % after the standard's filters, within 5 % without."""
     x, height = read(station)
-    lost = dropouts(station)
+    lost = np.isnan(stored(station))
     depths = 1e3 * segment_depths(x, height, lost)
     assert depths.mean() == pytest.approx(depth, rel=1e-3)
     assert depths.std(ddof=1) == pytest.approx(deviation, rel=1e-3)

@@ -11,8 +11,8 @@ GB = 1e9
 MOST = 2 * GB
 # Resident memory above which compiled functions are dropped [bytes]. A process without any holds 0.45 GB.
 MUCH = 1.2 * GB
-# Factor by which memory must have grown since functions were last dropped, or each test would compile anew if
-# results of fixtures hold much.
+# Factor by which memory must have grown since functions were last dropped. Without it each test would compile
+# again if results of fixtures hold much.
 GROWTH = 1.2
 _STATUS = Path("/proc/self/status")
 _dropped = [0.0]  # resident memory after functions were last dropped [bytes]

@@ -4,7 +4,8 @@ import shutil
 import time
 
 import pytest
-from support.folders import PUBLIC, ROOT
+from support.folders import ROOT
+from support.published import OUTSIDE, VARIABLE, is_missing, reason
 
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 OF_FITS = [path for path in NOTEBOOKS if path.name[0] in "256"]
@@ -13,8 +14,11 @@ SECONDS = 150  # for one notebook; on a quiet core each takes a part of it
 
 def run(path, folder, monkeypatch):
     """In a copy of its folder and the data, with this checkout and the compiler options of `conftest`."""
-    if "published" in path.name and not PUBLIC.is_dir():
-        pytest.skip("no published data beside the project")
+    if "published" in path.name:
+        for name in ("epdm", "road_profiles"):
+            if is_missing(name):
+                pytest.skip(reason(name))
+        monkeypatch.setenv(VARIABLE, str(OUTSIDE))
     why = "notebooks need pip install 'rubberfric[notebooks]'"
     for name in ("matplotlib", "ipykernel", "numpyro", "arviz_stats"):
         pytest.importorskip(name, reason=why)
@@ -24,7 +28,6 @@ def run(path, folder, monkeypatch):
     shutil.copytree(ROOT / "data", folder / "data")
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     monkeypatch.setenv("JUPYTER_CONFIG_DIR", str(folder))
-    monkeypatch.setenv("RUBBERFRIC_PUBLISHED", str(PUBLIC))
     notebook = nbformat.read(path, as_version=4)
     end = time.monotonic() + SECONDS
     client = nbclient.NotebookClient(

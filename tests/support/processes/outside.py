@@ -1,4 +1,7 @@
-"""A guard that refuses to open files beside the project, so that a clone on its own passes the same tests."""
+"""A hook that refuses to open files in the folder above the project.
+
+A test that needs such a file would fail in a clone in another folder.
+"""
 
 import os
 import sys
@@ -7,11 +10,11 @@ import tempfile
 from support.folders import ROOT
 
 EVENTS = ("open", "os.listdir", "os.scandir")
-_BESIDE = os.path.join(ROOT.parent, "")
+_ABOVE = os.path.join(ROOT.parent, "")
 
 
 class OutsideError(Exception):
-    """A test opened a file beside the project."""
+    """A test opened a file in the folder above the project."""
 
 
 def _allowed():
@@ -22,19 +25,19 @@ def _allowed():
 
 
 _ALLOWED = _allowed()
-# Nothing lies beside the project if the folder above it is that of the system or of temporary files.
-GUARDS = ROOT.parent != ROOT.parent.parent and _BESIDE not in _ALLOWED
+# Tests use the folder above the project if it is the root folder or the folder of temporary files.
+GUARDS = ROOT.parent != ROOT.parent.parent and _ABOVE not in _ALLOWED
 
 
 def refuse(event, arguments):
-    """Raise OutsideError if a file beside the project is opened. This is a hook for `sys.addaudithook`."""
+    """Raise OutsideError if a file above the project is opened. This is a hook for `sys.addaudithook`."""
     if event not in EVENTS or not GUARDS:
         return
     path = os.fsdecode(arguments[0]) if isinstance(arguments[0], bytes) else arguments[0]
     if not isinstance(path, str):
         return
     path = os.path.join(os.path.abspath(path), "")
-    below = path.removeprefix(_BESIDE)
+    below = path.removeprefix(_ABOVE)
     # The folder above may be the home folder. Its hidden folders have settings and caches of programs.
     if below not in ("", path) and not below.startswith(".") and not path.startswith(_ALLOWED):
         raise OutsideError(f"{path[:-1]} lies outside the project. Copy the numbers to tests/reference")

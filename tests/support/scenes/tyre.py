@@ -1,7 +1,7 @@
 """A measured tyre compound and road: conditions and tables, which lie outside the project."""
 
 import numpy as np
-from support.folders import TYRE
+from support.published import outside
 
 import rubberfric as rf
 
@@ -9,7 +9,7 @@ PRESSURE, GAMMA, Q1 = 0.3e6, 0.578, 1.017e6  # [Pa], [-], [1/m]: inferred condit
 
 
 def read(name):
-    return np.loadtxt(TYRE / name, delimiter=",", skiprows=2).T
+    return np.loadtxt(outside("tyre") / name, delimiter=",", skiprows=2).T
 
 
 def rubber(compound, shifted=False):

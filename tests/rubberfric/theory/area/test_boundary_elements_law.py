@@ -190,7 +190,6 @@ def _extrapolated(E_of, road, velocity, pressure, count=500, angles=200, **optio
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not STORED.exists(), reason="needs the scenes of the stored evaluations")
 def test_brute_force_of_the_stored_scenes():
     """The 24 stored scenes by brute force with today's constants: five materials, q1/q0 = 8 to 128."""
     stored, errors = json.loads(STORED.read_text()), []

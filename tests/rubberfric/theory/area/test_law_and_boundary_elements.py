@@ -28,7 +28,6 @@ from rubberfric.theory.area.boundary_elements_law import CONSTANTS, prepare_law,
 from rubberfric.theory.structure import rough_surfaces_of
 
 OLDER = BOUNDARY_ELEMENTS / "sliding_boundary_elements.csv"
-pytestmark = pytest.mark.skipif(not OLDER.exists(), reason="needs the stored boundary elements")
 
 
 @functools.cache

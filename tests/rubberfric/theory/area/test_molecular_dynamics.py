@@ -7,12 +7,12 @@ corrected for the perimeter, to which the law was fitted.
 import numpy as np
 import pytest
 import scipy.special
-from support.folders import PUBLIC
+from support.published import needs, outside
 
 import rubberfric as rf
 
-TABLE = PUBLIC / "gfmd" / "gfmd_area_energy.csv"
-pytestmark = pytest.mark.skipif(not TABLE.exists(), reason="the public data are not beside the project")
+TABLE = outside("gfmd") / "gfmd_area_energy.csv"
+pytestmark = needs("gfmd")
 MODULUS = 1e9  # E / (1 - nu^2) [Pa]
 
 
