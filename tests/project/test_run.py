@@ -1,4 +1,4 @@
-"""The run of tests: it needs no file beside the project, and its processes hold little memory."""
+"""The run of tests: it opens no file above the project, and its processes hold little memory."""
 
 import os
 import re

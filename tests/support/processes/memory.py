@@ -11,7 +11,7 @@ GB = 1e9
 MOST = 2 * GB
 # Resident memory above which compiled functions are dropped [bytes]. A process without any holds 0.45 GB.
 MUCH = 1.2 * GB
-# Factor by which memory must have grown since functions were last dropped. Without it each test would compile
+# Functions are dropped again if memory has grown by this factor since. Otherwise each test would compile them
 # again if results of fixtures hold much.
 GROWTH = 1.2
 _STATUS = Path("/proc/self/status")
