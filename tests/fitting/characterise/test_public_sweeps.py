@@ -71,7 +71,8 @@ def fitted(name):
 
 def marks(name):
     """Return the marks of a test of one set."""
-    return [pytest.mark.slow] * (name not in QUICK) + [needs(OUTSIDE[name])] * (name in OUTSIDE)
+    slow = [] if name in QUICK else [pytest.mark.slow]
+    return [*slow, needs(OUTSIDE[name])] if name in OUTSIDE else slow
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=marks(name)) for name in NAMES])

@@ -9,8 +9,8 @@ import jax
 GB = 1e9
 # Largest resident memory of a process in the ordinary run [bytes], so that two fit into a laptop with 8 GB.
 MOST = 2 * GB
-# Resident memory above which compiled functions are dropped [bytes]. A process without any holds 0.45 GB.
-MUCH = 1.2 * GB
+# Resident memory above which compiled functions are dropped [bytes]. Tests add up to 0.6 GB.
+MUCH = 1.1 * GB
 # Functions are dropped again if memory has grown by this factor since. Otherwise each test would compile them
 # again if results of fixtures hold much.
 GROWTH = 1.2

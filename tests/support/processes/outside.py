@@ -21,7 +21,9 @@ def _allowed():
     """Return the folders whose files may be opened wherever they lie, with a separator at the end."""
     chosen = (value for name, value in os.environ.items() if name.startswith("RUBBERFRIC_"))
     folders = filter(None, (ROOT, tempfile.gettempdir(), sys.prefix, sys.base_prefix, *sys.path, *chosen))
-    return tuple({os.path.join(os.path.abspath(folder), "") for folder in folders})
+    paths = {os.path.join(os.path.abspath(folder), "") for folder in folders}
+    # A clone may lie in a folder of temporary files. What is around it may not be opened there either.
+    return tuple(path for path in paths if path == _ABOVE or not _ABOVE.startswith(path))
 
 
 _ALLOWED = _allowed()
