@@ -195,8 +195,18 @@ class Correlation(PhysicalObject):
     coherence: Number = leaf(between(-1.0, 1.0), unit="-")
 
 
-def difference(correlation: Correlation, lower: jax.Array, upper: jax.Array) -> jax.Array:
-    """Return the spectrum of the height difference of two surfaces with spectra `lower`, `upper` >= 0."""
-    one, other = safe_root(lower), safe_root(upper)
+def difference(
+    correlation: Correlation, heights: tuple[jax.Array, jax.Array], lower: jax.Array, upper: jax.Array
+) -> jax.Array:
+    """Return the spectrum of the height difference of two surfaces.
+
+    Parameters
+    ----------
+    correlation : Correlation
+    heights : scales of both heights [m], >= 0
+    lower, upper : spectra divided by the squares of the scales, >= 0, with the shape of the result
+    """
+    # The heights are outside the roots, because the root of a squared height has no derivative at height 0.
+    one, other = (height * safe_root(shape) for height, shape in zip(heights, (lower, upper), strict=True))
     # A square plus a remainder >= 0, so that the result is never negative.
     return (one - other) ** 2 + 2 * (1 - correlation.coherence) * (one * other)
