@@ -41,6 +41,7 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.base.checks import NONNEGATIVE, PLAUSIBLE_STRESS, POSITIVE, between
+from rubberfric.base.logarithms import floored_log
 from rubberfric.base.objects.fields import Number, OptionalNumber, child, leaf, static
 from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.materials.shifts import Shift, log_vertical
@@ -90,7 +91,9 @@ def shear_friction(
 
     The arrays area [-], velocity [m/s], pressure [Pa] and temperature [K] broadcast.
     """
-    log_ratio = _log(jnp.abs(velocity)) - _log(shear.v0)
+    # At rest the friction has the exact factor sign(v) = 0, which would otherwise multiply ln 0 in the value
+    # and 1/0 in derivatives.
+    log_ratio = floored_log(jnp.abs(velocity)) - jnp.log(shear.v0)
     if temperature is not None and shear.shift is not None:
         log_ratio = log_ratio + shear.shift.log_factor(temperature)
     largest = shear.tau_f0 * area / pressure
@@ -98,16 +101,6 @@ def shear_friction(
     if log_vertical_factor is not None:
         largest = largest * jnp.exp(log_vertical_factor)
     return jnp.sign(velocity) * largest * _bell(shear.c, log_ratio / _LN_10)
-
-
-def _log(speed):
-    """Return ln(speed) for speed >= 0, which is finite and has the derivative 0 at speed 0.
-
-    The result is constant below the smallest normal number. At rest the friction has the exact factor
-    sign(v) = 0, which would otherwise multiply ln 0 in the value and 1/0 in derivatives.
-    """
-    smallest = float(jnp.finfo(jnp.result_type(speed, 1.0)).tiny)
-    return jnp.log(jnp.maximum(speed, smallest))
 
 
 @jax.custom_jvp
