@@ -19,7 +19,16 @@ from fitting.data.fields import (
     numbers,
     unit_rule,
 )
-from rubberfric.base import POSITIVE, StrPath, check_values, check_writable, closest, replacing, shown
+from rubberfric.base import (
+    POSITIVE,
+    StrPath,
+    check_count,
+    check_values,
+    check_writable,
+    closest,
+    replacing,
+    shown,
+)
 from rubberfric.io import hdf5, write_table
 
 DATA_FORMAT = "rubberfric data"
@@ -74,6 +83,7 @@ class Measured:
         except ValueError:
             given = ", ".join(f"{name} has {values.shape}" for name, values in arrays.items())
             raise ValueError(f"{kind}: shapes differ ({given}); they must broadcast") from None
+        check_count(shape, f"{kind}: {', '.join(arrays)}")
         for name, values in arrays.items():
             own = np.broadcast_to(values, shape).flatten()
             own.flags.writeable = False

@@ -17,7 +17,7 @@ from fitting.parameters.priors import Prior
 from fitting.parameters.variables import slopes, to_values
 from fitting.uncertainty.information import Conditions, exchange, gain, information, known_of, variance
 from fitting.uncertainty.intervals import SolvedProblem
-from rubberfric.base import POSITIVE, StrPath, as_leaf, check_values, shown
+from rubberfric.base import POSITIVE, StrPath, as_leaf, check_count, check_values, shown
 from rubberfric.io import write_table
 from rubberfric.plot import style
 
@@ -233,10 +233,12 @@ def _points(candidates) -> Conditions:
         arrays.append(np.asarray(as_leaf(f"candidates: {name}", values, np.ndim(values)), float))
         check_values(f"candidates: {name}", arrays[-1], POSITIVE)
     try:
-        flat = [np.array(x).ravel() for x in np.broadcast_arrays(*arrays)]
+        given = np.broadcast_arrays(*arrays)
     except ValueError:
         shapes = ", ".join(str(x.shape) for x in arrays)
         raise ValueError(f"candidates: shapes {shapes}: must broadcast") from None
+    check_count(given[0].shape, "candidates: the conditions")
+    flat = [np.array(x).ravel() for x in given]
     return flat[0], flat[1], flat[2] if len(flat) == 3 else None
 
 

@@ -40,7 +40,7 @@ from fitting.solvers.runs import Callback, Runs, run_fits
 from fitting.uncertainty.covariance import OPEN, Uncertainty, WithUncertainty
 from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 from fitting.uncertainty.profile import Anchor, profile_from
-from rubberfric.base import quick_jit
+from rubberfric.base import broadcast_shape, quick_jit
 
 # Correlation above which a pair's error bars are checked, their confidence level, and the number of pairs.
 _CORRELATED, _LEVEL, _PAIRS = 0.98, 0.95, 2
@@ -148,6 +148,7 @@ class SolvedProblem(WithUncertainty):
         scene : name of the scene if there are several
         """
         conditions = velocity, pressure, temperature
+        broadcast_shape(velocity=velocity, pressure=pressure, temperature=temperature)
         given = np.broadcast_arrays(*(np.asarray(c, float) for c in conditions if c is not None))
         columns = (*(c.reshape(-1) for c in given), *[None] * (temperature is None))
 

@@ -17,7 +17,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.analysis.profiles import checked_wavevectors, contact_at_borders
-from rubberfric.base.blocks import over_points
+from rubberfric.base.blocks import broadcast_shape, over_points
 from rubberfric.base.checks import FINITE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.interface import shear_friction
@@ -75,6 +75,7 @@ def stress_distribution(
     stress = as_leaf("stress", stress, np.ndim(stress))
     check_values("stress", stress, FINITE)
     stress = jnp.asarray(stress, conditions[1].dtype)
+    broadcast_shape(stress=stress, velocity=velocity, pressure=pressure, temperature=temperature)
     density, converged = _stress_distribution(scene, stress, *conditions, q, quadrature=quadrature)
     warn_of_last_iterates(scene, converged, conditions)
     return density

@@ -14,7 +14,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.analysis.law_profile import last_wavevector, over_wavevectors
-from rubberfric.base.blocks import over_points
+from rubberfric.base.blocks import check_count, over_points
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import cumulative_moment, safe_root
@@ -130,6 +130,8 @@ def checked_wavevectors(
     if q is not None:
         q = as_leaf("q", q, ndim)
         check_values("q", q, POSITIVE)
+        shape = np.broadcast_shapes(*(np.shape(x) for x in conditions if x is not None))
+        check_count((*shape, *np.shape(q)), "the conditions and q")
         return jnp.asarray(q, result_dtype(conditions))
     if ndim and not rough_surfaces(scene):
         raise ValueError("q is None, but the scene has no roughness; give wavevectors")

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from rubberfric.base.atomic import check_writable as check_writable
     from rubberfric.base.atomic import replacing as replacing
     from rubberfric.base.atomic import write_durably as write_durably
+    from rubberfric.base.blocks import broadcast_shape as broadcast_shape
+    from rubberfric.base.blocks import check_count as check_count
     from rubberfric.base.blocks import recurring_length as recurring_length
     from rubberfric.base.checks import FINITE as FINITE
     from rubberfric.base.checks import NONNEGATIVE as NONNEGATIVE

@@ -1,10 +1,46 @@
 """Evaluation of functions at conditions of any shape, and standard lengths of padded arrays."""
 
+import math
 from collections.abc import Callable, Iterable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+
+# Largest number of points of one call. Conditions and results of so many points take several GB, and XLA
+# aborts the process if it gets no memory.
+MOST_POINTS = 50_000_000
+
+
+def broadcast_shape(**arrays: Any) -> tuple[int, ...]:
+    """Return the broadcast shape of arrays, which may be traced. Arrays that are None are left out.
+
+    Raises
+    ------
+    ValueError : the shapes do not broadcast, or the result has more than `MOST_POINTS` points.
+    """
+    shapes = {name: np.shape(x) for name, x in arrays.items() if x is not None}
+    given = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+    try:
+        shape = np.broadcast_shapes(*shapes.values())
+    except ValueError:
+        raise ValueError(f"shapes differ ({given}): the shapes must broadcast against each other") from None
+    check_count(shape, given)
+    return shape
+
+
+def check_count(shape: tuple[int, ...], given: str) -> None:
+    """Raise ValueError if an array of a shape has more than `MOST_POINTS` points.
+
+    The text `given` names the arrays that broadcast to this shape.
+    """
+    if math.prod(shape) > MOST_POINTS:
+        raise ValueError(
+            f"{given} broadcast to the shape {shape} with {math.prod(shape):.3g} points: must be at most "
+            f"{MOST_POINTS:.3g} points in one call; pass fewer points at a time, or compute a grid with "
+            "rubberfric.friction_map, which writes a file"
+        )
 
 
 def over_points(

@@ -2,9 +2,11 @@
 
 import difflib
 import functools
+import math
 import sys
 import warnings
 from collections.abc import Callable, Collection
+from numbers import Real
 from typing import Any, TypeAlias
 
 import jax
@@ -103,19 +105,50 @@ def as_leaf(name: str, value: Any, ndim: int) -> jax.Array:
             raise ValueError(f"{name} = {shown(value)}: must be within floating-point range") from None
     try:
         array = value if isinstance(value, jax.Array) else np.asarray(value)
+        if array.dtype == object:
+            array = _from_objects(array)
         if np.ma.is_masked(value):  # a mask would be lost without an error
             raise TypeError
         if not jnp.issubdtype(array.dtype, jnp.floating):
             if not jnp.issubdtype(array.dtype, jnp.integer):
                 raise TypeError
             array = array.astype(float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         kind = "a real number" if ndim == 0 else "a sequence of real numbers"
         raise ValueError(f"{name} = {shown(value)}: must be {kind}") from None
     if array.ndim != ndim:
         kind = ("a scalar", "one-dimensional", "two-dimensional")[ndim]
         raise ValueError(f"{name} has shape {array.shape}: must be {kind}")
     return as_array(array)
+
+
+def _from_objects(array):
+    """Convert an array of Python numbers, such as a column of pandas; raise TypeError for other objects."""
+    numbers = []
+    for x in array.flat:
+        missing = type(x).__name__ == "NAType"  # of pandas
+        if isinstance(x, bool) or not (missing or isinstance(x, Real)):
+            raise TypeError
+        numbers.append(math.nan if missing else float(x))
+    return np.array(numbers, float).reshape(array.shape)
+
+
+def as_numbers(name: str, value: Any, rule: Rule | None = None) -> Any:
+    """Convert numbers of any shape to a float array, or raise ValueError.
+
+    Python numbers become Python floats. `rule` is a rule for `check_values`, or None.
+    """
+    number = value
+    if not isinstance(value, float):
+        try:
+            ndim = np.ndim(value)
+        except ValueError:  # rows of different lengths, which `as_leaf` refuses
+            ndim = 1
+        number = as_leaf(name, value, ndim)
+    if rule is not None:
+        # Messages show a Python integer as it was given.
+        check_values(name, value if isinstance(value, int) else number, rule)
+    return number
 
 
 def as_array(value: ArrayLike, dtype: str | type | np.dtype | None = None) -> jax.Array:
@@ -150,11 +183,6 @@ def as_arguments(tree: Any, dtype: str | type | np.dtype) -> Any:
 @functools.partial(jax.jit, static_argnums=1)
 def _converted(values, dtype):
     return jax.tree.map(lambda x: jnp.asarray(x, dtype), values)
-
-
-def no_list(value: ArrayLike | None) -> Any:
-    """Convert a list or tuple to an array, because jit would take each element as an argument."""
-    return jnp.asarray(value) if isinstance(value, list | tuple) else value
 
 
 def check_lengths(owner: str, **vectors: jax.Array) -> None:

@@ -199,15 +199,16 @@ def quick_jit(**options: Any) -> Callable[[Callable[_Given, _Found]], Callable[_
 def exact_products(function: Callable[_Given, _Found]) -> Callable[_Given, _Found]:
     """Return a function whose matrix products do not round float32 factors, as GPUs do by default.
 
-    NVIDIA GPUs otherwise keep 11 bits of the factors. A derivative rule is traced on its own, so it needs
-    this decorator as well.
+    NVIDIA GPUs otherwise keep 11 bits of the factors. The function also promotes dtypes by JAX's standard
+    rules, whatever the user's `jax_numpy_dtype_promotion` is. A derivative rule is traced on its own, so it
+    needs this decorator as well.
     """
 
     @functools.wraps(function)
     def exact(*given: _Given.args, **named: _Given.kwargs) -> _Found:
         import jax
 
-        with jax.default_matmul_precision("highest"):
+        with jax.default_matmul_precision("highest"), jax.numpy_dtype_promotion("standard"):
             return function(*given, **named)
 
     return exact

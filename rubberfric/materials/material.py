@@ -12,7 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE, as_leaf, between, is_concrete, no_list
+from rubberfric.base.blocks import broadcast_shape
+from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE, as_numbers, between, is_concrete
+from rubberfric.base.compilation import exact_products
+from rubberfric.base.logarithms import floored_log
 from rubberfric.base.objects.fields import Number, leaf
 from rubberfric.base.objects.physical import Kind, check_kind, kinds, physical
 from rubberfric.materials.shifts import Shift, log_vertical
@@ -124,8 +127,8 @@ class Material(Kind):
         """
         if self.has_series:
             return series_modulus(series_of(self, plane_strain_factor(self)), omega)
-        # ln 0 has no finite derivative; below the smallest number E' is constant and E'' is 0.
-        storage, loss = self.storage_and_loss(jnp.log(jnp.maximum(omega, jnp.finfo(omega.dtype).tiny)))
+        # Below the smallest number E' is constant and E'' is 0.
+        storage, loss = self.storage_and_loss(floored_log(omega))
         return storage + 1j * jnp.where(omega > 0, loss, 0.0)
 
     def static_modulus(self) -> jax.Array:
@@ -149,7 +152,8 @@ class Material(Kind):
         Return False if the static modulus is traced, because the value is then unknown.
         """
         static = self.static_modulus()
-        return is_concrete(static) and not np.any(static)
+        # NumPy arrays, because operations on JAX arrays within jit would be traced.
+        return is_concrete(static) and not np.any(np.asarray(static))
 
     def _end(self, which):
         """Return E' [Pa] at the lower end (`which` = 0) or upper end (1) of `frequency_range`."""
@@ -229,7 +233,8 @@ def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike
 
     Raises
     ------
-    ValueError : if the material is Rigid or not a material, or if frequencies are not numbers.
+    ValueError : if the material is Rigid or not a material, if frequencies or temperatures are not numbers,
+        if a concrete temperature is <= 0, or if the shapes do not broadcast.
     """
     rigid = [cls for cls in kinds(Material).values() if not cls.deforms]
     if isinstance(material, tuple(rigid)):
@@ -237,13 +242,16 @@ def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike
             f"material is {type(material).__name__}, which has no modulus; use a deformable material"
         )
     check_kind("material", material, Material, rigid)
-    if not isinstance(omega, int | float):
-        omega = as_leaf("omega", omega, np.ndim(omega))
-    return _modulus(material, omega, no_list(temperature))
+    omega = as_numbers("omega", omega)
+    if temperature is not None:
+        temperature = as_numbers("temperature", temperature, POSITIVE)
+    broadcast_shape(omega=omega, temperature=temperature)
+    return _modulus(material, omega, temperature)
 
 
 # Jitted, so that a call compiles once instead of once per operation.
 @jax.jit
+@exact_products
 def _modulus(material, omega, temperature):
     omega = jnp.asarray(omega, jnp.result_type(omega, float))
     if temperature is not None and material.shift is not None:

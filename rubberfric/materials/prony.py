@@ -31,6 +31,14 @@ from rubberfric.materials.material import (
 from rubberfric.materials.shifts import Shift
 from rubberfric.materials.solids_in_series import in_series
 
+# Smallest relaxed modulus of rubber in MPa. Smaller numbers are rounding errors of fits and of files whose
+# moduli add up to the glassy modulus.
+_SOFTEST = 0.01
+
+# Ratio of E_inf to the smallest E above which both have the same unit: series that a fit gives to a melt fall
+# over many decades without a gap.
+_GAP = 1e-3
+
 
 @physical
 class Prony(Coatable):
@@ -159,11 +167,13 @@ def _check_terms(kind, name, rest, weight, tau):
 
 
 def _doubts_of_terms(name, rest, weight):
-    largest = float(np.max(np.asarray(weight)))
-    if 0 < float(rest) < 1e-6 * largest:
+    rest, weight = float(rest), np.asarray(weight, float)
+    largest = float(np.max(weight))
+    smallest = np.min(weight, initial=largest, where=weight > 0)
+    if _SOFTEST <= rest < min(1e-6 * largest, _GAP * smallest):
         return [
-            f"{name}_inf = {float(rest):g} Pa with {name} up to {largest:g} Pa: must be 0, or more than"
-            f" 1e-6 of the largest {name}; is it in MPa?"
+            f"{name}_inf = {rest:g} Pa with {name} up to {largest:g} Pa: must be 0, or more than"
+            f" 1e-6 of the largest {name}; is it in MPa? If a fit gave it, replace it by 0"
         ]
     return []
 

@@ -15,7 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.checks import POSITIVE, check_values, is_concrete, no_list, shown
+from rubberfric.base.checks import POSITIVE, as_leaf, as_numbers, is_concrete, shown
+from rubberfric.base.compilation import exact_products
 from rubberfric.base.objects.physical import check_kind
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, log_ratio, mean_growth
 
@@ -114,12 +115,11 @@ def rms_slope(spectrum: Spectrum, q: ArrayLike | None = None) -> jax.Array:
 
 def _root_moment(spectrum, order, q):
     check_kind("spectrum", spectrum, Spectrum)
-    if q is not None:
-        check_values("q", q, POSITIVE)
-    return _root(spectrum, order, no_list(q))
+    return _root(spectrum, order, None if q is None else as_numbers("q", q, POSITIVE))
 
 
 @functools.partial(jax.jit, static_argnames="order")
+@exact_products
 def _root(spectrum, order, q):
     law, distance = spectrum.power_law(), jnp.inf
     if q is not None:
@@ -174,11 +174,11 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
     is then infinite.
     """
     check_kind("spectrum", spectrum, Spectrum)
-    check_values("rms_slope", rms_slope, POSITIVE)
+    rms_slope = as_numbers("rms_slope", rms_slope, POSITIVE)
     if keep not in ("C", "h_rms"):
         raise ValueError(f'keep = {shown(keep)}: must be "C" or "h_rms"')
     at_height = keep == "h_rms" and spectrum.endless
-    found, reachable = (_cutoff_at_height if at_height else _cutoff_below)(spectrum, no_list(rms_slope))
+    found, reachable = (_cutoff_at_height if at_height else _cutoff_below)(spectrum, rms_slope)
     if is_concrete(reachable) and not np.all(reachable):
         wrong = float(np.asarray(rms_slope)[~np.asarray(reachable)].flat[0])
         if at_height:
@@ -193,6 +193,7 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
 
 
 @jax.jit
+@exact_products
 def _cutoff_below(spectrum, slope):
     """Return the cutoff q1 for an rms slope, and a mask that is True if q1 exists.
 
@@ -204,6 +205,7 @@ def _cutoff_below(spectrum, slope):
 
 
 @jax.jit
+@exact_products
 def _cutoff_at_height(spectrum, slope):
     """Return the q1 for which m_2 / m_0 = slope^2 / height^2, and a mask that is True if q1 exists.
 
@@ -298,5 +300,5 @@ def with_cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3) -> Spectrum:
     ------
     ValueError : as in `cutoff`, or if the spectrum is of another kind.
     """
-    q1 = cutoff(spectrum, rms_slope)
-    return spectrum.cut(q1)
+    check_kind("spectrum", spectrum, Spectrum)
+    return spectrum.cut(cutoff(spectrum, as_leaf("rms_slope", rms_slope, 0)))

@@ -67,16 +67,6 @@ class Mesh(NamedTuple):
         """
         return values.at[self.panel].get(mode="promise_in_bounds")
 
-    def joined(self, join: Callable[[jax.Array, jax.Array], jax.Array]) -> "Mesh":
-        """Return the mesh with its two spectra replaced by the spectrum `join(first, second)`.
-
-        `join` must be homogeneous of degree 1, because the spectra are multiplied by quadrature weights.
-        """
-        between = self.between
-        if between is not None:
-            between = between._replace(roughness=(join(*between.roughness),))
-        return self._replace(roughness=(join(*self.roughness),), between=between)
-
     def to_contact(self, values: jax.Array) -> jax.Array:
         """Interpolate `values` from the angular nodes to the contact nodes.
 
@@ -93,6 +83,7 @@ def build_mesh(
     logarithmic: bool = False,
     borders: jax.Array | None = None,
     moving: bool = False,
+    join: Callable[[jax.Array, jax.Array], jax.Array] | None = None,
 ) -> Mesh:
     """Return the mesh for one or two broken power laws.
 
@@ -109,6 +100,8 @@ def build_mesh(
     moving : let all borders carry derivatives
         This is necessary if integrands have kinks elsewhere, such as the kinks of flash temperatures with
         tabulated shift factors. Otherwise only the borders at kinks of the roughness need derivatives.
+    join : function of q^4 C of two laws that returns q^4 C of one spectrum, or None
+        The mesh then has this spectrum only.
     """
     panels = place_borders(laws, quadrature, graded, borders, moving)
     t, edges, start = panels.t, panels.edges, panels.start
@@ -121,6 +114,10 @@ def build_mesh(
         nodes = left[:, None] + (right - left)[:, None] * relative
         spectra = zip(laws, panels.kinks, panels.pieces, strict=True)
         roughness = tuple(_roughness(*one, nodes, start) for one in spectra)
+        if join is not None:
+            # Before the weights: where kinks coincide, the weight of a panel of zero width is 0, and its
+            # derivative must be multiplied by the joined spectrum.
+            roughness = (join(*roughness),)
         return nodes, (right - left)[:, None] * stretch, roughness
 
     node, weight = (typed(table, t) for table in gauss(quadrature.order))

@@ -22,11 +22,12 @@ from rubberfric.base.checks import (
     PLAUSIBLE_HEIGHT,
     PLAUSIBLE_WAVEVECTOR,
     POSITIVE,
+    as_numbers,
     between,
     either,
     is_concrete,
-    no_list,
 )
+from rubberfric.base.compilation import exact_products
 from rubberfric.base.objects.fields import Number, leaf
 from rubberfric.base.objects.physical import Kind, check_kind, kinds, physical
 
@@ -165,6 +166,7 @@ class SelfAffine(Spectrum):
 
 
 @jax.jit
+@exact_products
 def _when_cut(spectrum, q1):
     """Return qr and h_rms of a self-affine spectrum with another q1 and an unchanged plateau C0."""
     qr = jnp.minimum(spectrum.qr, q1)
@@ -192,12 +194,16 @@ def log_ratio(q: jax.Array | np.ndarray, start: jax.Array | np.ndarray) -> jax.A
 
 
 def power_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
-    """Return C [m^4] at wavevectors q [1/m] of any shape. C is zero outside the spectrum's range."""
+    """Return C [m^4] at wavevectors q [1/m] of any shape. C is zero outside the spectrum's range.
+
+    A ValueError is raised if q is not numeric.
+    """
     check_kind("spectrum", spectrum, Spectrum)
-    return _power_spectrum(spectrum, no_list(q))
+    return _power_spectrum(spectrum, as_numbers("q", q))
 
 
 @jax.jit
+@exact_products
 def _power_spectrum(spectrum, q):
     law = spectrum.power_law()
     inside = (q >= law.q[0]) & (q <= law.q[-1])

@@ -41,6 +41,7 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.base.checks import NONNEGATIVE, PLAUSIBLE_STRESS, POSITIVE, between
+from rubberfric.base.logarithms import floored_log
 from rubberfric.base.objects.fields import Number, OptionalNumber, child, leaf, static
 from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.materials.shifts import Shift, log_vertical
@@ -90,7 +91,9 @@ def shear_friction(
 
     The arrays area [-], velocity [m/s], pressure [Pa] and temperature [K] broadcast.
     """
-    log_ratio = _log(jnp.abs(velocity)) - _log(shear.v0)
+    # At rest the friction has the exact factor sign(v) = 0, which would otherwise multiply ln 0 in the value
+    # and 1/0 in derivatives.
+    log_ratio = floored_log(jnp.abs(velocity)) - jnp.log(shear.v0)
     if temperature is not None and shear.shift is not None:
         log_ratio = log_ratio + shear.shift.log_factor(temperature)
     largest = shear.tau_f0 * area / pressure
@@ -98,16 +101,6 @@ def shear_friction(
     if log_vertical_factor is not None:
         largest = largest * jnp.exp(log_vertical_factor)
     return jnp.sign(velocity) * largest * _bell(shear.c, log_ratio / _LN_10)
-
-
-def _log(speed):
-    """Return ln(speed) for speed >= 0, which is finite and has the derivative 0 at speed 0.
-
-    The result is constant below the smallest normal number. At rest the friction has the exact factor
-    sign(v) = 0, which would otherwise multiply ln 0 in the value and 1/0 in derivatives.
-    """
-    smallest = float(jnp.finfo(jnp.result_type(speed, 1.0)).tiny)
-    return jnp.log(jnp.maximum(speed, smallest))
 
 
 @jax.custom_jvp
@@ -195,8 +188,18 @@ class Correlation(PhysicalObject):
     coherence: Number = leaf(between(-1.0, 1.0), unit="-")
 
 
-def difference(correlation: Correlation, lower: jax.Array, upper: jax.Array) -> jax.Array:
-    """Return the spectrum of the height difference of two surfaces with spectra `lower`, `upper` >= 0."""
-    one, other = safe_root(lower), safe_root(upper)
+def difference(
+    correlation: Correlation, heights: tuple[jax.Array, jax.Array], lower: jax.Array, upper: jax.Array
+) -> jax.Array:
+    """Return the spectrum of the height difference of two surfaces.
+
+    Parameters
+    ----------
+    correlation : Correlation
+    heights : scales of both heights [m], >= 0
+    lower, upper : spectra divided by the squares of the scales, >= 0, with the shape of the result
+    """
+    # The heights are outside the roots, because the root of a squared height has no derivative at height 0.
+    one, other = (height * safe_root(shape) for height, shape in zip(heights, (lower, upper), strict=True))
     # A square plus a remainder >= 0, so that the result is never negative.
     return (one - other) ** 2 + 2 * (1 - correlation.coherence) * (one * other)

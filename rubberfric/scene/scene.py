@@ -357,7 +357,8 @@ def result_dtype(*values: Any) -> jnp.dtype:
     Python scalars adapt to the dtype of the other leaves.
     """
     leaves = jax.tree_util.tree_leaves(values)
-    dtype = jnp.result_type(*leaves) if leaves else jnp.result_type(float)
+    with jax.numpy_dtype_promotion("standard"):
+        dtype = jnp.result_type(*leaves) if leaves else jnp.result_type(float)
     return dtype if jnp.issubdtype(dtype, jnp.floating) else jnp.result_type(float)
 
 

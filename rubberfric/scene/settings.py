@@ -19,7 +19,15 @@ import jax
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.checks import NONNEGATIVE, POSITIVE, check_kind, check_values, is_concrete
+from rubberfric.base.checks import (
+    NONNEGATIVE,
+    POSITIVE,
+    as_leaf,
+    as_numbers,
+    check_kind,
+    check_values,
+    is_concrete,
+)
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.material import Elastic, Rigid
 from rubberfric.materials.prony import Prony
@@ -126,7 +134,7 @@ def default_quadrature(
     ValueError : if `scene` is not a Scene, or if a concrete pressure is <= 0.
     """
     check_kind("scene", scene, Scene)
-    check_values("pressure", pressure, POSITIVE)
+    pressure = as_numbers("pressure", pressure, POSITIVE)
     return _chosen(scene, pressure, margin, separation) if scene.quadrature is None else scene.quadrature
 
 
@@ -180,8 +188,8 @@ def tuned(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Scene:
     check_kind("scene", scene, Scene)
     if not all(is_concrete(x) for x in jax.tree.leaves((scene, pressure))):
         raise ValueError("scene and pressure: must be concrete numbers; call tuned outside jit and vmap")
-    check_values("pressure", pressure, POSITIVE)
-    check_values("margin", margin, NONNEGATIVE)
+    pressure = as_numbers("pressure", pressure, POSITIVE)
+    check_values("margin", as_leaf("margin", margin, 0), NONNEGATIVE)
     return dataclasses.replace(scene, quadrature=_chosen(scene, pressure, margin, separation=True))
 
 

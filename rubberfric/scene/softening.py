@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.base.checks import POSITIVE, check_table
+from rubberfric.base.logarithms import floored_log
 from rubberfric.base.objects.fields import Number, Vector, leaf
 from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.roughness.moments import cumulative_moment
@@ -65,9 +66,8 @@ def strain(softened: Softened, q: jax.Array) -> jax.Array:
 def softening_factors(softened: Softened, q: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Return the factors f of E' and g of E'' at wavevectors q [1/m] of any shape."""
     softening = softened.softening
-    # Below the roughness and where the slope underflows, the derivative of ln 0 is not finite.
-    square = jnp.maximum(_square_slope(softened.laws, q), float(jnp.finfo(jnp.result_type(q)).tiny))
-    log_strain = jnp.log(softening.factor) + 0.5 * jnp.log(square)
+    # The slope is 0 below the roughness, and it may underflow.
+    log_strain = jnp.log(softening.factor) + 0.5 * floored_log(_square_slope(softened.laws, q))
     knots = jnp.log(softening.strain)
     return jnp.interp(log_strain, knots, softening.storage), jnp.interp(log_strain, knots, softening.loss)
 

@@ -12,12 +12,13 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
+from rubberfric.base.blocks import broadcast_shape
 from rubberfric.base.checks import (
     FINITE,
     POSITIVE,
     Rule,
     as_arguments,
-    as_leaf,
+    as_numbers,
     check_kind,
     check_values,
     is_concrete,
@@ -41,6 +42,19 @@ AT_REST: Rule = (
     "must be 0, because correlated roughness is possible between solids at rest only",
     lambda v: v == 0,
 )
+
+# Smallest pressure and largest velocity for each dtype. Below this pressure, the square of modulus / pressure
+# in G overflows. Above this velocity, the squares of omega tau overflow.
+_LIMITS: dict[np.dtype, tuple[Rule, Rule]] = {
+    np.dtype("float64"): (
+        ("must be >= 1e-100 Pa", lambda p: p >= np.float64(1e-100)),
+        ("must be between -1e100 and 1e100 m/s", lambda v: np.abs(v) <= np.float64(1e100)),
+    ),
+    np.dtype("float32"): (
+        ("must be >= 1e-7 Pa in float32; use float64", lambda p: p >= 1e-7),
+        ("must be between -1e15 and 1e15 m/s in float32; use float64", lambda v: np.abs(v) <= 1e15),
+    ),
+}
 
 
 def validate(
@@ -74,27 +88,23 @@ def checked_arguments(
     A ValueError is raised if an argument is invalid.
     """
     check_kinds(scene, quadrature)
-    velocity = _condition("velocity", velocity, FINITE)
-    pressure = _condition("pressure", pressure, POSITIVE)
+    velocity = as_numbers("velocity", velocity, FINITE)
+    pressure = as_numbers("pressure", pressure, POSITIVE)
     if scene.correlation is not None:
         check_values("velocity", velocity, AT_REST)
     if temperature is not None:
-        temperature = _condition("temperature", temperature, POSITIVE)
+        temperature = as_numbers("temperature", temperature, POSITIVE)
         _check_temperature(scene, temperature)
     else:
         check_background(scene)
 
     warn_of_conditions(velocity=velocity, pressure=pressure, temperature=temperature)
-    shapes = {"velocity": jnp.shape(velocity), "pressure": jnp.shape(pressure)}
-    if temperature is not None:
-        shapes["temperature"] = jnp.shape(temperature)
-    try:
-        jnp.broadcast_shapes(*shapes.values())
-    except ValueError:
-        shown = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
-        raise ValueError(f"shapes differ ({shown}): the shapes must broadcast against each other") from None
+    broadcast_shape(velocity=velocity, pressure=pressure, temperature=temperature)
 
     dtype = result_dtype(scene, velocity, pressure, temperature)
+    lightest, fastest = _LIMITS[dtype]
+    check_values("pressure", pressure, lightest)
+    check_values("velocity", velocity, fastest)
     # None has no leaves and is unchanged.
     scene, conditions = as_arguments((scene, (velocity, pressure, temperature)), dtype)
     if dtype == jnp.float32:
@@ -144,17 +154,6 @@ def warn_of_last_iterates(
         f"{' and others' if left.sum() > len(named) else ''}: their values are the last iterate",
         RuntimeWarning,
     )
-
-
-def _condition(name, value, rule):
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        try:
-            ndim = np.ndim(value)
-        except ValueError:  # rows of different lengths, which `as_leaf` refuses
-            ndim = 1
-        value = as_leaf(name, value, ndim)
-    check_values(name, value, rule)
-    return value
 
 
 def _check_temperature(scene, temperature):
@@ -229,7 +228,7 @@ def _check_layer(name, body, wavevectors):
 
 def _check_table(name, C):
     smallest = float(jnp.finfo(jnp.float32).tiny)
-    if C is not None and is_concrete(C) and np.min(C) < smallest:
+    if C is not None and is_concrete(C) and np.min(np.asarray(C)) < smallest:
         raise ValueError(
             f"{name} has values below {smallest:.2g} m^4, the smallest number of float32; use float64"
         )

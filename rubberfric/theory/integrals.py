@@ -19,6 +19,7 @@ import jax.numpy as jnp
 
 from rubberfric.base.compilation import exact_products
 from rubberfric.base.quadrature import Quadrature
+from rubberfric.roughness.moments import unscaled
 from rubberfric.roughness.radial_mesh import build_mesh
 from rubberfric.scene.interface import Adhesion, ContactShear, difference, shear_friction
 from rubberfric.scene.scene import Scene
@@ -123,17 +124,23 @@ def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=N
     `like` is None, or the `Roughness` of the scene on another mesh, whose tables are reused.
     """
     details = [surface.detail for surface in surfaces if surface.detail is not None]
+    laws, join = [surface.law for surface in surfaces], None
+    if scene.correlation is not None:
+        heights = tuple(surface.spectrum.height_scale() for surface in surfaces)
+        laws = [unscaled(law) for law in laws]
+        join = functools.partial(difference, scene.correlation, heights)
     mesh = build_mesh(
-        [surface.law for surface in surfaces],
+        laws,
         quadrature if not details else quadrature.resolving(min(details)),
         graded=needs.everywhere or scene.heating is not None or borders is not None,
         logarithmic=any(surface.interpolation is MeansInterpolation.LOGARITHMIC for surface in surfaces),
         borders=_borders(scene, surfaces, borders),
         moving=scene.heating is not None,
+        join=join,
     )
-    if scene.correlation is not None:
+    if join is not None:
         # At rest both surfaces meet the same stiffness.
-        mesh, surfaces = mesh.joined(functools.partial(difference, scene.correlation)), surfaces[:1]
+        surfaces = surfaces[:1]
     scale, gamma = modulus_scale(scene), jnp.asarray(scene.gamma)
     correction = None
     if like is not None:

@@ -61,9 +61,10 @@ def contact_area(
 
     Raises
     ------
-    ValueError : concrete pressure <= 0, any NaN, a temperature outside a shift's range,
-        a temperature if nothing in the scene depends on it, no temperature if the scene is heated; in
-        float32 also values that single precision cannot represent.
+    ValueError : concrete pressure <= 0 or below 1e-100 Pa, speeds above 1e100 m/s, any NaN, a temperature
+        outside a shift's range, a temperature if nothing in the scene depends on it, no temperature if the
+        scene is heated, conditions that broadcast to more than 5e7 points; in float32 also pressures below
+        1e-7 Pa, speeds above 1e15 m/s and values that single precision cannot represent.
 
     Notes
     -----

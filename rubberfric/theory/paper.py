@@ -19,6 +19,7 @@ import numpy as np
 from jax.scipy.special import erf
 from jax.typing import ArrayLike
 
+from rubberfric.base.blocks import broadcast_shape
 from rubberfric.base.quadrature import gauss, legendre_transform
 from rubberfric.materials.material import Material, apply_vertical_shift, complex_modulus, poisson_of
 from rubberfric.materials.prony import PronyShear
@@ -115,6 +116,7 @@ def solve(
     """
     if not covers(scene):
         raise ValueError("scene has a part that the paper's general case lacks: use rubberfric.solve")
+    broadcast_shape(velocity=velocity, pressure=pressure, temperature=temperature)
     given = [jnp.asarray(x, float) for x in (velocity, pressure, temperature) if x is not None]
     given = jnp.broadcast_arrays(*given)
     points = tuple(x.reshape(-1) for x in given)

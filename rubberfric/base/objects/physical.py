@@ -49,6 +49,7 @@ class PhysicalObject:
     _settings: ClassVar[Sequence[str]] = ()
 
     def __post_init__(self) -> None:
+        _check_class(type(self))
         for name, field in fields_of(type(self)).items():
             where, value = f"{type(self).__name__}.{name}", getattr(self, name)
             if isinstance(field, Child):
@@ -240,6 +241,16 @@ def physical(cls: type[_T]) -> type[_T]:
     _register_pytree(cls)
     _CLASSES[cls.__name__] = cls
     return cls
+
+
+def _check_class(cls):
+    """Raise ValueError unless a class itself has the decorator, without which it is no pytree."""
+    if "_meanings" not in cls.__dict__:
+        base = next(known.__name__ for known in cls.__mro__ if "_meanings" in known.__dict__)
+        raise ValueError(
+            f"{cls.__name__} is a subclass of {base} without a decorator: write @rubberfric.base.physical "
+            "above the class"
+        )
 
 
 def _check_child(where, value, field):

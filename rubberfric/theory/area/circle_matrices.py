@@ -95,7 +95,7 @@ def _interpolation(position, count):
     The result has the shape (positions, count).
     """
     before = jnp.floor(position)
-    powers = (position - before - 0.5)[:, None] ** np.arange(_POINTS)
+    powers = (position - before - 0.5)[:, None] ** typed(np.arange(_POINTS), position)
     weights = powers @ typed(_polynomials(), position)
     which = np.arange(count) - before.astype(int)[:, None] + _POINTS // 2 - 1
     inside = (which >= 0) & (which < _POINTS)

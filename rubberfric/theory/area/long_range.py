@@ -34,6 +34,7 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.base.fixed_points import first, implicit, zero
+from rubberfric.base.logarithms import floored_log
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
 from rubberfric.theory.area.partial_contact import (
@@ -220,12 +221,23 @@ def _outer_nodes(stiffness, g_end, count):
     """Return ln(g_end / g) at the nodes of the outer integral, and the weights of these nodes."""
     node, weight = (typed(table, g_end) for table in gauss(count))
     # g_end is 0 if there is no roughness; then no area is lost.
-    log_end = jnp.log(jnp.maximum(g_end, jnp.finfo(g_end.dtype).tiny))
-    length = jnp.maximum(log_end + 2 * jnp.log(stiffness) - math.log(_FIRST), 0.0)
+    length = jnp.maximum(floored_log(g_end) + 2 * jnp.log(stiffness) - math.log(_FIRST), 0.0)
     # Next to q1 the width falls as a square root of g_end - g, which is smooth in the nodes.
     back = (1 - node) ** 2 * (1 + _BEND) / (1 - node + _BEND)
     stretch = (1 - node) * (1 + _BEND) * (1 - node + 2 * _BEND) / (1 - node + _BEND) ** 2
     return length * back, length * stretch * weight
+
+
+@jax.custom_jvp
+def _divide(numerator, denominator):
+    return numerator / denominator
+
+
+@_divide.defjvp
+def _divide_jvp(primals, tangents):
+    # The rule of JAX squares the denominator, which underflows in float32 for the innermost knots.
+    ratio = _divide(*primals)
+    return ratio, _divide(tangents[0] - ratio * tangents[1], primals[1])
 
 
 def _slopes(knots, values):
@@ -235,10 +247,11 @@ def _slopes(knots, values):
     """
     step = jnp.diff(knots)
     rising = step > 0
-    slope = jnp.where(rising, jnp.diff(values) / jnp.where(rising, step, 1.0), 0.0)
+    slope = jnp.where(rising, _divide(jnp.diff(values), jnp.where(rising, step, 1.0)), 0.0)
     both = step[:-1] + step[1:]
     some = both > 0
-    middle = (slope[:-1] * step[1:] + slope[1:] * step[:-1]) / jnp.where(some, both, 1.0)
+    share = _divide(step[1:], jnp.where(some, both, 1.0))
+    middle = slope[1:] + share * (slope[:-1] - slope[1:])
     return jnp.concatenate([slope[:1], jnp.where(some, middle, 0.0), slope[-1:]])
 
 
@@ -256,5 +269,5 @@ def _evaluate(knots, curve, k, at):
     values, slopes = curve
     step = knots[k + 1] - knots[k]
     some = step > 0
-    t = jnp.clip((at - knots[k]) / jnp.where(some, step, 1.0), 0.0, 1.0)
+    t = jnp.clip(_divide(at - knots[k], jnp.where(some, step, 1.0)), 0.0, 1.0)
     return cubic(t, values[k], values[k + 1], step * slopes[k], step * slopes[k + 1])

@@ -26,6 +26,7 @@ import numpy as np
 import scipy
 from jax.scipy.special import erf, erfc
 
+from rubberfric.base.compilation import exact_products
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.theory.area.partial_contact import TWO_OVER_ROOT_PI, contact_fraction, separation_weight
 
@@ -74,45 +75,45 @@ class LossTable(NamedTuple):
 
     def __call__(self, log_x: jax.Array, c: jax.Array) -> jax.Array:
         """Return -dk / d ln x, which is 0 for x > 5.4. The error is 3e-8 of the maximum."""
-        return _fall(self.gamma, jax.lax.stop_gradient((self.value, self.slope)), log_x, c)
+        table = jax.lax.stop_gradient((self.value, self.slope))
+        without, times_c = (_part(i, 0, self.gamma, table, log_x) for i in range(2))
+        return without + c * times_c
 
 
-@jax.custom_jvp
-def _fall(gamma, table, log_x, c):
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0, 1))
+def _part(row, order, gamma, table, log_x):
+    """Return the derivative of the given order by ln x of one row of a table for gamma."""
     # Only the derivative uses gamma.
     del gamma
-    without, times_c = _parts(table, log_x, cubic)
-    return without + c * times_c
+    return _derivative(order, table, row, log_x)
 
 
-@_fall.defjvp
-def _fall_jvp(primals, tangents):
+@_part.defjvp
+@exact_products
+def _part_jvp(row, order, primals, tangents):
     # The table is linear in gamma. The derivative with respect to each entry would cost a scatter per node.
-    (_, table, log_x, c), (by_gamma, _, by_log_x, by_c) = primals, tangents
+    (gamma, table, log_x), (by_gamma, _, by_log_x) = primals, tangents
     low, high = typed(_loss_tables(), log_x)
-    without, times_c = _parts(table, log_x, cubic)
-    without_slope, times_c_slope = (one / _STEP for one in _parts(table, log_x, _cubic_slope))
-    a, b = _parts(high - low, log_x, cubic)
-    tangent = (without_slope + c * times_c_slope) * by_log_x + times_c * by_c + (a + c * b) * by_gamma
-    return without + c * times_c, tangent
+    rise, value = _part(row, order + 1, gamma, table, log_x), _part(row, order, gamma, table, log_x)
+    return value, rise * by_log_x + _part(row, order, gamma, high - low, log_x) * by_gamma
 
 
-def _parts(table, log_x, polynomial):
-    """Evaluate both parts of a table.
+def _derivative(order, table, row, log_x):
+    """Evaluate a derivative of the polynomials of one row.
 
     Beyond the ends of the table, the polynomials are evaluated at the first or the last entry.
     """
     place = (log_x - _LOWEST) / _STEP
     k = jnp.clip(place, 0, _ENTRIES - 2).astype(int)
-    t = jnp.clip(place - k, 0.0, 1.0)
-    value, slope = table
-    return [polynomial(t, value[i][k], value[i][k + 1], slope[i][k], slope[i][k + 1]) for i in range(2)]
+    value, slope = (values[row] for values in table)
+    polynomial = functools.partial(cubic, f0=value[k], f1=value[k + 1], d0=slope[k], d1=slope[k + 1])
+    for _ in range(order):
+        polynomial = functools.partial(_by_share, polynomial)
+    return polynomial(jnp.clip(place - k, 0.0, 1.0)) / _STEP**order
 
 
-def _cubic_slope(t, f0, f1, d0, d1):
-    """Return the derivative of `cubic` with respect to t."""
-    rise = f1 - f0
-    return d0 + t * (2 * (3 * rise - 2 * d0 - d1) + 3 * t * (d0 + d1 - 2 * rise))
+def _by_share(function, t):
+    return jax.jvp(function, (t,), (jnp.ones_like(t),))[1]
 
 
 def loss_table(gamma: jax.Array) -> LossTable:

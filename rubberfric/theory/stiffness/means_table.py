@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from rubberfric.base.logarithms import floored_log
 from rubberfric.base.quadrature import typed
 from rubberfric.materials.material import Material
 from rubberfric.materials.tabulated_modulus import LONGEST_TABLE, REACH
@@ -132,7 +133,9 @@ def _mixed_weights(weights, mix):
 
 def _root(power):
     """Return the square root of <|F|^2>, with a positive floor. F and G are 0 if two liquids are at rest."""
-    return jnp.sqrt(jnp.maximum(power, float(jnp.finfo(power.dtype).tiny) ** 0.8))
+    floor = float(jnp.finfo(power.dtype).tiny) ** 0.8
+    above = power > floor
+    return jnp.where(above, jnp.sqrt(jnp.where(above, power, 1.0)), floor**0.5)
 
 
 def _stack(arrays):
@@ -195,7 +198,7 @@ def _passing(table, log_q, velocity, log_shift):
     # |v a_T| is bounded below such that all q lie far below the table. There E is E(0) and E'' is linear in
     # omega, so the derivative at v = 0 is right. If E'' does not vanish at v = 0+, only the sign remains.
     least = jax.lax.stop_gradient(low - far_below(table.material) - jnp.max(log_q))
-    log_speed = jnp.log(jnp.maximum(jnp.abs(velocity), float(jnp.finfo(velocity.dtype).tiny)))
+    log_speed = floored_log(jnp.abs(velocity))
     shifted = log_speed if log_shift is None else log_speed + log_shift
     sign = jnp.sign(velocity)
     if not table.material.loss_at_rest:

@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from rubberfric.base.logarithms import floored_log
 from rubberfric.materials.material import Material
 from rubberfric.materials.tabulated_modulus import LONGEST_TABLE, REACH
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means
@@ -84,8 +85,8 @@ def log_frequency(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.
     omega, so the derivative at v = 0 is right. If E'' does not vanish at v = 0+, the factor is only the sign.
     """
     floor = log_range(material)[0] - far_below(material)
-    tiny, largest = (float(x) for x in (jnp.finfo(omega.dtype).tiny, jnp.finfo(omega.dtype).max))
-    log_omega = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(omega), tiny)), floor)
+    largest = float(jnp.finfo(omega.dtype).max)
+    log_omega = jnp.maximum(floored_log(jnp.abs(omega)), floor)
     return log_omega, jnp.sign(omega) if material.loss_at_rest else jnp.clip(
         omega * jnp.exp(jnp.minimum(-floor, 0.85 * math.log(largest))), -1.0, 1.0
     )
@@ -277,4 +278,4 @@ def log_floored(values: jax.Array) -> jax.Array:
 
     Values are 0 if two liquids are at rest, where G is 0.
     """
-    return jnp.log(jnp.maximum(values, float(jnp.finfo(values.dtype).tiny) ** 0.8))
+    return floored_log(values, 0.8)

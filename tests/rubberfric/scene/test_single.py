@@ -107,3 +107,21 @@ def test_no_product_of_an_analysis_rounds_its_factors():
     found = precisions_of_products(stiffness, single)
     assert len(found) > 3
     assert set(found) == EXACT
+
+
+@pytest.mark.parametrize("pressure", [2e4, pytest.param(2e6, marks=pytest.mark.slow)])
+def test_gradients_with_long_range_adhesion(pressure):
+    adhesion = rf.Adhesion(0.05, limit="long", range=5e-7)
+    road = rf.Body(rf.Rigid(), rf.SelfAffine(5e4, 1e5, 3e6, 0.7, 1e-6))
+    scene = rf.Scene(rf.Body(rf.Elastic(3e5, 0.45)), road, adhesion=adhesion)
+    # The innermost panels are as narrow as with the default quadrature.
+    quadrature = rf.Quadrature(order=6, panels=3, graded=8, ratio=4.5, angular_order=6)
+
+    def values(scene, pressure):
+        found = rf.solve(scene, 0.0 * pressure, pressure, quadrature=quadrature)
+        return jnp.log(found.area) + 0.1 * jnp.log(found.separation)
+
+    slope = jax.jit(jax.grad(values, argnums=(0, 1)))
+    double = slope(*as_arrays((scene, pressure)))
+    single = slope(*as_arrays((scene, pressure), jnp.float32))
+    jax.tree.map(lambda x, y: np.testing.assert_allclose(x, y, rtol=2e-4), single, double)
