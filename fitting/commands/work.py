@@ -128,7 +128,10 @@ def _fit(path: StrPath, job: Job, interrupts: Interrupts, show: Progress, hold: 
 
     options = {"prior": job.prior, "callback": callback, "progress": show, **job.options}
     with about(path):
-        return fit(job.scene, job.data, job.free, **options)
+        result = fit(job.scene, job.data, job.free, **options)
+    if not interrupts.holding:
+        interrupts.check()  # a fit ends normally if an interrupt comes between its start and the first step
+    return result
 
 
 def _profile(
@@ -237,6 +240,7 @@ def run_calibration(arguments: argparse.Namespace, interrupts: Interrupts, show:
     show("calibration: compiling")
     with about(arguments.job):
         found = calibration(job.scene, job.data, job.free, job.prior, arguments.members, **options)
+    interrupts.check()  # a calibration ends normally with the members that are done
     drawing = ("drawing", arguments.plot, lambda path: save_figure(path, found.plot()))
     finish(show, _titled(job, found.report()), drawing)
     if not found.inside()[found.identified].all():

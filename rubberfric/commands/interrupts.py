@@ -67,13 +67,19 @@ class Interrupts:
     process : bool
         True if the command is a separate process, which a signal may end. Otherwise it was called from
         Python, and a signal raises KeyboardInterrupt.
+
+    Attributes
+    ----------
+    asked : True if a signal arrived
+    stopped : True if `check` ended the work
+    holding : True after `hold`, until `release`
     """
 
     def __init__(self, program: str, *, process: bool) -> None:
         self.program, self.process = program, process
-        self.asked = self.stopped = False
+        self.asked = self.stopped = self.holding = False
         self.which = signal.SIGINT
-        self._holding = self._seen = False
+        self._seen = False
         self._again: Any = None  # timer
         self._before: dict[signal.Signals, Any] = {}  # handlers
 
@@ -107,7 +113,7 @@ class Interrupts:
 
     def _arrived(self, which: int, frame: FrameType | None) -> None:
         first, self.asked, self.which = not self.asked, True, which
-        if self.process or (self._holding and first):
+        if self.process or (self.holding and first):
             return
         if not self._is_delayed(frame):
             raise KeyboardInterrupt
@@ -136,7 +142,7 @@ class Interrupts:
                 if which[0] not in self._before:
                     continue
                 first, self._seen = not self._seen, True
-                if self._holding and first:
+                if self.holding and first:
                     say(self.program, WAIT)
                 else:
                     self._leave(which[0])
@@ -159,14 +165,14 @@ class Interrupts:
 
     def hold(self) -> None:
         """Hold back the first signal from now on."""
-        self._holding = True
+        self.holding = True
 
     def release(self) -> None:
         """Stop holding signals back."""
-        self._holding = False
+        self.holding = False
 
     def check(self) -> None:
-        """Raise KeyboardInterrupt if a signal was held back."""
+        """Raise KeyboardInterrupt if a signal arrived."""
         if self.asked:
             self.stopped = True
             raise KeyboardInterrupt
