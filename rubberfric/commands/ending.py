@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import TextIO
 
 from rubberfric.base.compilation import compilation_cache
-from rubberfric.commands.interrupts import LOST, Interrupts
+from rubberfric.commands.interrupts import LATE, LOST, Interrupts
 
 try:
     import resource
@@ -41,6 +41,8 @@ def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> 
                 status = stop.code if isinstance(stop.code, int) else 1
             if sys.stdout is not None:
                 sys.stdout.flush()
+            if interrupts.asked and status == 0:  # it had to wait, and the work ended before
+                return complain(program, f"interrupted; {LATE}", interrupts.status)
             return status
         except KeyboardInterrupt:
             return complain(program, f"interrupted; {LOST}", interrupts.status)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from typing import Any, Self
 
 LOST = "incomplete files are not written"
+LATE = "all files are complete"
 DELAYED = "interrupted; stopping after this import or compilation"
 WAIT = "interrupted; stopping after this step (a second signal stops at once)"
 
@@ -30,8 +31,10 @@ SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP"
 
 # Functions in which an exception would do damage. JAX waits for XLA's compiler in the first one: the compiler
 # would keep running, and the process would end with a segmentation fault. A partly imported extension module
-# cannot be imported again. Python ignores exceptions in callbacks of the garbage collector.
+# cannot be imported again. Python ignores exceptions in callbacks of the garbage collector and of weak
+# references.
 _DELAYING = ("backend_compile_and_load", "_find_and_load", "_xla_gc_callback", "__del__")
+_DELAYING_MODULES = ("weakref", "_weakrefset")
 _AGAIN = 0.02  # seconds after which a signal in these functions is raised again
 
 
@@ -127,7 +130,7 @@ class Interrupts:
     def _is_delayed(self, frame: FrameType | None) -> bool:
         """Return True if a frame or one of its callers in the command must not be interrupted."""
         while frame is not None and frame is not self._entry:
-            if frame.f_code.co_name in _DELAYING:
+            if frame.f_code.co_name in _DELAYING or frame.f_globals.get("__name__") in _DELAYING_MODULES:
                 return True
             frame = frame.f_back
         return False
