@@ -3,7 +3,7 @@
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rubberfric.base import VERSION, check_readable, check_writable
 from rubberfric.commands import Parser, add_common, add_outputs, check_input, check_outputs
@@ -68,13 +68,55 @@ def _laboratory_parser(kind: str, description: str, out: str, plot: str | None, 
 
 
 def _add_scene_and_columns(parser: Parser, body: str) -> None:
-    add, bodies = parser.add_argument, ("lower", "upper")
+    add = parser.add_argument
     add("--scene", metavar="SCENE", help="scene that gets the result (default: a new one)")
-    add("--body", choices=bodies, default=body, help=f"body of the scene (default: {body})")
-    text = "rows with empty or invalid values: an error (default), or left out"
-    add("--bad-rows", choices=("error", "drop"), default="error", help=text)
-    text = '"name [unit]" of each column of a table, "-" to skip one'
-    add("--columns", nargs="+", metavar="NAME", help=text)
+    add("--body", choices=_BODIES, default=body, help=f"body of the scene (default: {body})")
+    for name in ("columns", "bad_rows", "check_units"):
+        _add_reading(parser, name)
+
+
+_BODIES = ("lower", "upper")
+# Options for reading data: keyword arguments of `fitting.read`, and keys of [[data]] in a job.
+READING: dict[str, dict[str, Any]] = {
+    "pressure": {"type": float, "metavar": "Pa", "help": "used if the data lack it [Pa]"},
+    "temperature": {"type": float, "metavar": "K", "help": "used if the data lack it [K]"},
+    "relative": {"type": float, "metavar": "R", "help": "error of the data, 0.05 for 5 %%"},
+    "body": {"choices": _BODIES, "help": "body of moduli or spectra"},
+    "normalisation": {"metavar": "NAME", "help": "normalisation of spectra, see `rubberfric.roughness`"},
+    "hurst": {"type": float, "metavar": "H", "help": "Hurst exponent, needed for a spectrum along a line"},
+    "poisson": {"type": float, "metavar": "NU", "help": "Poisson's ratio, needed for shear moduli"},
+    "columns": {
+        "nargs": "+",
+        "metavar": "NAME",
+        "help": '"name [unit]" of each column, "-": skip',
+    },
+    "kind": {
+        "choices": ("friction", "area", "modulus", "spectrum"),
+        "help": "kind of data in tables that hold several",
+    },
+    "check_units": {
+        "flag": "--no-check-units",
+        "action": "store_const",
+        "const": False,
+        "help": "accept values that look like values in another unit",
+    },
+    "bad_rows": {
+        "choices": ("error", "drop"),
+        "help": "rows with empty or invalid values: an error (default), or left out",
+    },
+}
+
+
+def _add_reading(parser: Parser, name: str) -> None:
+    options = dict(READING[name])
+    flag = options.pop("flag", f"--{name.replace('_', '-')}")
+    parser.add_argument(flag, dest=name, default=None, **options)
+
+
+def reading_options(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """Return the options for reading data that were given, of all names or of `names`."""
+    values = {name: getattr(arguments, name) for name in names or READING}
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _mastercurve_parser() -> Parser:
@@ -98,6 +140,7 @@ def _mastercurve_parser() -> Parser:
     text = "Poisson's ratio, needed for shear moduli (default: 0.5)"
     add("--poisson", type=float, metavar="NU", help=text)
     add("--strain", metavar="DATA", help="strain sweep of a filled rubber, for its softening in the scene")
+    add("--strain-columns", nargs="+", metavar="NAME", help="as --columns, for the strain sweep")
     _add_scene_and_columns(parser, "upper")
     return parser
 
@@ -132,10 +175,9 @@ def _job_parser() -> Parser:
     )
     add = parser.add_argument
     add("scene", metavar="SCENE", help="scene file (.toml or .h5)")
-    add("data", nargs="+", metavar="DATA", help="tables of measured friction")
-    for name, unit in (("pressure", "Pa"), ("temperature", "K")):
-        add(f"--{name}", type=float, metavar=unit, help=f"used if the data lack it [{unit}]")
-    add("--relative", type=float, metavar="R", help="error of the data, 0.05 for 5 %%")
+    add("data", nargs="+", metavar="DATA", help="tables of measured friction, area, moduli or spectra")
+    for name in READING:
+        _add_reading(parser, name)
     text = "add contact shear to the scene, written as OUT_scene.toml, and free it"
     add("--shear", action="store_true", help=text)
     text = "free parameters, all > 0 (default: q1 of each spectrum, and contact shear with --shear)"

@@ -40,7 +40,7 @@ from fitting.results.result import FitResult
 from fitting.uncertainty.design import MOST_MEASUREMENTS, Design, design, prediction
 from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 from rubberfric.base import Progress, StrPath, shown
-from rubberfric.commands import Interrupts, complain, write_outputs
+from rubberfric.commands import Interrupts, complain, reworded, write_outputs
 from rubberfric.io import read_conditions, toml
 from rubberfric.plot import save_figure
 
@@ -60,7 +60,7 @@ def finish(show: Progress, text: str, *outputs: Output) -> None:
     """Write the files of a command, print its text, and raise the error of a file that was not written."""
     failure = write_outputs(show, *outputs)
     show.end()
-    print(text, end="", flush=True)
+    print(reworded(text), end="", flush=True)
     if failure is not None:
         raise failure
 

@@ -16,5 +16,7 @@ if TYPE_CHECKING:
     from rubberfric.commands.ending import ended as ended
     from rubberfric.commands.interrupts import Interrupts as Interrupts
     from rubberfric.commands.interrupts import leave_at_once as leave_at_once
+    from rubberfric.commands.wording import reworded as reworded
+    from rubberfric.commands.wording import use_words_of as use_words_of
 
 lazily(__name__, __file__)

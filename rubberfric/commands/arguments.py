@@ -3,7 +3,7 @@
 import argparse
 import importlib.util
 from collections.abc import Callable
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from rubberfric.base.atomic import TABLE_SUFFIXES, StrPath, check_readable, check_suffix, check_writable
 from rubberfric.base.release import VERSION
@@ -19,7 +19,22 @@ _MOST_DEVICES = 256
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose error message is one line."""
+    """A parser whose error message is one line.
+
+    The dict `options` has the options of the command by their names in Python.
+    """
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        self.options: dict[str, argparse.Action] = {}
+        super().__init__(*arguments, **options)
+        self.set_defaults(words=self.options)
+
+    def add_argument(self, *arguments: Any, **options: Any) -> argparse.Action:
+        """Add an argument as `argparse` does."""
+        action = super().add_argument(*arguments, **options)
+        if action.option_strings:
+            self.options[action.dest] = action
+        return action
 
     def error(self, message: str) -> NoReturn:
         """Print the message on one line without the usage, and exit."""
@@ -108,6 +123,10 @@ def _add_map(command: argparse.ArgumentParser) -> None:
 def _add_explore(command: argparse.ArgumentParser) -> None:
     data = "measured friction: a table with v, mu, and optionally p and T"
     command.add_argument("--data", metavar="FILE", help=data)
+    columns = '"name [unit]" of each column of --data, "-" to skip one'
+    command.add_argument("--columns", nargs="+", metavar="NAME", help=columns)
+    rows = "rows of --data with empty or invalid values: an error (default), or left out"
+    command.add_argument("--bad-rows", choices=("error", "drop"), help=rows)
     command.add_argument("--port", type=int, default=0, metavar="N", help="port (default: any free port)")
     browser = "print the address without opening a browser"
     command.add_argument("--no-browser", action="store_true", help=browser)

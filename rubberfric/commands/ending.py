@@ -12,6 +12,7 @@ from typing import TextIO
 
 from rubberfric.base.compilation import compilation_cache
 from rubberfric.commands.interrupts import LATE, LOST, Interrupts
+from rubberfric.commands.wording import reworded, use_words_of
 
 try:
     import resource
@@ -33,14 +34,12 @@ def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> 
     """
     if process and not _have_streams():
         return complain(program, "standard output is closed: must be open, for example as /dev/null", 1)
+    use_words_of({})
+    if process:
+        warnings.formatwarning = lambda text, *_, **__: _line(program, text)
     with Interrupts(program, process=process) as interrupts:
         try:
-            try:
-                status = work(interrupts)
-            except SystemExit as stop:  # from argparse, which has printed the reason
-                status = stop.code if isinstance(stop.code, int) else 1
-            if sys.stdout is not None:
-                sys.stdout.flush()
+            status = _status_of(work, interrupts)
             if interrupts.asked and status == 0:  # it had to wait, and the work ended before
                 return complain(program, f"interrupted; {LATE}", interrupts.status)
             return status
@@ -56,6 +55,16 @@ def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> 
             if isinstance(error, OSError):
                 _give_up(sys.stdout)  # its disk may be full
             return complain(program, _text(error), status)
+
+
+def _status_of(work: Callable[[Interrupts], int], interrupts: Interrupts) -> int:
+    try:
+        status = work(interrupts)
+    except SystemExit as stop:  # from argparse, which has printed the reason
+        status = stop.code if isinstance(stop.code, int) else 1
+    if sys.stdout is not None:
+        sys.stdout.flush()
+    return status
 
 
 def _status(error: Exception) -> int | None:
@@ -77,10 +86,14 @@ def _text(error: Exception) -> str:
 def complain(program: str, error: object, status: int) -> int:
     """Print an error on one line of stderr, and return `status`."""
     try:
-        print(f"{program}: {' '.join(str(error).split())}", file=sys.stderr)
+        print(_line(program, error), end="", file=sys.stderr)
     except OSError:  # stderr takes no output
         _give_up(sys.stderr)
     return status
+
+
+def _line(program: str, text: object) -> str:
+    return f"{program}: {reworded(' '.join(str(text).split()))}\n"
 
 
 def _give_up(stream: TextIO | None) -> None:
