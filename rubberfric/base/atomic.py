@@ -83,13 +83,15 @@ def replacing(path: StrPath) -> Iterator[Path]:
 
     If the block raises an exception, the temporary file is removed. The temporary file lies in a hidden
     folder in the folder of `path`, so that the rename stays on one file system. The temporary file has the
-    name of `path`, so that the suffix shows the format.
+    name of `path`, so that the suffix shows the format. A file that exists keeps its permissions.
     """
     place = Path(path).resolve()  # a link is followed, not replaced
     with temporary_folder(place.parent) as folder:
         temporary = folder / place.name
         try:
             yield temporary
+            with contextlib.suppress(FileNotFoundError):
+                temporary.chmod(stat.S_IMODE(place.stat().st_mode))
             os.replace(temporary, place)
         except OSError as error:
             if error.errno in _FULL:  # an error of writing does not name the file
