@@ -6,7 +6,15 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rubberfric.base import VERSION, check_readable, check_writable
-from rubberfric.commands import Parser, add_common, add_outputs, check_input, check_outputs
+from rubberfric.commands import (
+    Parser,
+    add_common,
+    add_outputs,
+    check_input,
+    check_no_input,
+    check_outputs,
+    named_files,
+)
 
 PROGRAM = "rubberfric-fit"
 _SCENES = (".toml", ".h5")
@@ -19,10 +27,11 @@ def _check_fit(arguments: argparse.Namespace) -> None:
     if arguments.resume and checkpoint is None:
         raise ValueError("--resume: must come with --checkpoint FILE.h5")
     check_input(arguments.job, (".toml",))
-    check_outputs(arguments, ".h5")
+    check_outputs(arguments, ".h5", inputs=[arguments.job])
     if checkpoint is None:
         return
     check_writable(checkpoint, (".h5",))
+    check_no_input("--checkpoint", checkpoint, [arguments.job, *named_files(arguments.job)])
     if arguments.out is not None and Path(checkpoint).resolve() == Path(arguments.out).resolve():
         raise ValueError(f"--checkpoint {checkpoint}: is the file of --out; must be another file")
     if Path(checkpoint).exists() and not arguments.resume:
@@ -206,28 +215,30 @@ def _table_parser() -> Parser:
 
 def _check_planning(arguments: argparse.Namespace) -> None:
     check_input(arguments.job, (".toml",))
-    check_outputs(arguments, ".csv")
+    check_outputs(arguments, ".csv", inputs=[arguments.job])
 
 
 def _check_characterisation(arguments: argparse.Namespace) -> None:
-    check_outputs(arguments, *_SCENES, ".csv")
+    data = arguments.data if isinstance(arguments.data, list) else [arguments.data]
+    inputs = [arguments.scene, getattr(arguments, "strain", None), *data]
+    check_outputs(arguments, *_SCENES, ".csv", inputs=inputs)
     if arguments.scene is not None:
         check_input(arguments.scene, _SCENES)
-    for path in arguments.data if isinstance(arguments.data, list) else [arguments.data]:
+    for path in data:
         check_readable(path)
     if len(getattr(arguments, "spacing", None) or [0]) > 2:
         raise ValueError("--spacing: must be dx, or dx and dy")
 
 
 def _check_job(arguments: argparse.Namespace) -> None:
-    check_outputs(arguments, ".toml")
+    check_outputs(arguments, ".toml", inputs=[arguments.scene, *arguments.data])
     check_input(arguments.scene, _SCENES)
     for path in arguments.data:
         check_readable(path)
 
 
 def _check_table(arguments: argparse.Namespace) -> None:
-    check_outputs(arguments, ".inp", ".k", ".csv", ".json", ".txt")
+    check_outputs(arguments, ".inp", ".k", ".csv", ".json", ".txt", inputs=[arguments.fit])
     check_input(arguments.fit, _SCENES)
     for name in ("velocity", "pressure", "temperature"):
         if len(getattr(arguments, name) or [0]) > 2:

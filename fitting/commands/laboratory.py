@@ -2,8 +2,8 @@
 
 ::
 
-    rubberfric-fit mastercurve dma.csv --out scene.toml
-    rubberfric-fit spectrum stylus.csv --scene scene.toml --slope 1.3 --out scene.toml
+    rubberfric-fit mastercurve dma.csv --out material.toml
+    rubberfric-fit spectrum stylus.csv --scene material.toml --slope 1.3 --out scene.toml
     rubberfric-fit job scene.toml friction.csv --relative 0.05 --shear --out job.toml
     rubberfric-fit job.toml --out fit.h5
     rubberfric-fit table fit.h5 --velocity 1e-4 0.1 --pressure 1e5 4e5 --out friction.inp
@@ -84,7 +84,7 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
         if as_path(path).suffix.lower() == ".csv":
             return moduli.write(path)
         scene = _with_body(arguments, rf.Body(rf.Rigid()), **changes)
-        return rf.save_scene(path, scene)
+        return rf.save_scene(path, scene, like=arguments.scene)
 
     return _ended(arguments, show, texts, write, lambda: (series if curve is None else curve).plot())
 
@@ -130,7 +130,8 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
     def write(path: str) -> None:
         if as_path(path).suffix.lower() == ".csv":
             return data.write(path)
-        return rf.save_scene(path, _with_body(arguments, rf.Body(_BLOCK), spectrum=spectrum))
+        scene = _with_body(arguments, rf.Body(_BLOCK), spectrum=spectrum)
+        return rf.save_scene(path, scene, like=arguments.scene)
 
     drawn = {"measured": data, "table" if arguments.table else "fit": spectrum}
     return _ended(arguments, show, texts, write, lambda: plot_spectrum(drawn))

@@ -67,8 +67,7 @@ def finish(show: Progress, text: str, *outputs: Output) -> None:
 
 def run_fit(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
     """Fit a job, write files, print the report, and return the exit status."""
-    outputs = (arguments.out, arguments.plot, arguments.checkpoint)
-    job = _job(arguments, show, *outputs)
+    job = _job(arguments, show)
     try:
         result = _fit(arguments.job, job, interrupts, show)
         interrupts.hold()
@@ -102,9 +101,9 @@ def run_fit(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
     return 0
 
 
-def _job(arguments: argparse.Namespace, show: Progress, *outputs: StrPath | None) -> Job:
+def _job(arguments: argparse.Namespace, show: Progress) -> Job:
     show(f"reading {arguments.job}")
-    return read_job(arguments.job, [path for path in outputs if path is not None])
+    return read_job(arguments.job)
 
 
 def _titled(job: Job, report: str) -> str:
@@ -169,7 +168,7 @@ def _bootstrap(
 
 def run_design(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
     """Fit a job, choose measurements, write files, print the report, and return the exit status."""
-    job, program = _job(arguments, show, arguments.out, arguments.plot), f"{_PROGRAM} design"
+    job, program = _job(arguments, show), f"{_PROGRAM} design"
     if job.design is None:
         raise ValueError(f"{arguments.job}: design: is missing; add a table [design] with the candidates")
     if not isinstance(job.scene, rf.Scene):
@@ -230,7 +229,7 @@ def _grid(path, table, content, scene):
 
 def run_calibration(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
     """Run a calibration, draw a figure, print the report, and return the exit status."""
-    job = _job(arguments, show, arguments.plot)
+    job = _job(arguments, show)
     if not isinstance(job.scene, rf.Scene) or isinstance(job.data, dict):
         raise ValueError(f"{arguments.job}: calibration needs one scene, not several")
     if job.options.get("loss", "linear") != "linear":

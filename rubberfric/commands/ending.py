@@ -3,11 +3,12 @@
 JAX is imported after the arguments have been checked, and uses double precision.
 """
 
+import contextlib
 import io
 import os
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TextIO
 
 from rubberfric.base.compilation import compilation_cache
@@ -29,15 +30,14 @@ _SPACE = 2**31
 def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> int:
     """Run the function `work` of a command and return the exit status.
 
-    An expected error is printed on one line that begins with `program`. An unexpected error is raised.
+    An expected error is printed on one line that begins with `program`, and so is a warning. An unexpected
+    error is raised.
     `process` is explained in `Interrupts`.
     """
     if process and not _have_streams():
         return complain(program, "standard output is closed: must be open, for example as /dev/null", 1)
     use_words_of({})
-    if process:
-        warnings.formatwarning = lambda text, *_, **__: _line(program, text)
-    with Interrupts(program, process=process) as interrupts:
+    with Interrupts(program, process=process) as interrupts, _plain_warnings(program):
         try:
             status = _status_of(work, interrupts)
             if interrupts.asked and status == 0:  # it had to wait, and the work ended before
@@ -65,6 +65,22 @@ def _status_of(work: Callable[[Interrupts], int], interrupts: Interrupts) -> int
     if sys.stdout is not None:
         sys.stdout.flush()
     return status
+
+
+@contextlib.contextmanager
+def _plain_warnings(program: str) -> Iterator[None]:
+    """Print each warning of a command on one line of stderr, without the line of the source."""
+    usual = warnings.formatwarning
+
+    def plain(message: Warning | str, *place: object) -> str:
+        del place
+        return _line(program, f"warning: {message}")
+
+    warnings.formatwarning = plain
+    try:
+        yield
+    finally:
+        warnings.formatwarning = usual
 
 
 def _status(error: Exception) -> int | None:
