@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from rubberfric.base.atomic import StrPath
+from rubberfric.base.atomic import StrPath, read_text
 
 # Keys whose values are names of files, relative to the folder of the TOML file.
 _KEYS = ("file", "scene")
@@ -20,8 +20,8 @@ def named_files(path: StrPath) -> Iterator[Path]:
     if path.suffix.lower() != ".toml":
         return
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError, RecursionError):
+        content = tomllib.loads(read_text(path))
+    except (ValueError, RecursionError):
         return
     for name in _names(content):
         yield path.parent / name
