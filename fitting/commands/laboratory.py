@@ -202,7 +202,7 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
 
 
 def _new_scene(out):
-    """Return a path for the scene of a job at which there is no file: the user has not named it."""
+    """Return an unused path for the scene of a job, because the user has not named a file."""
     ends = ("", *(f"_{k}" for k in range(2, 10_000)))
     paths = (out.with_name(f"{out.stem}_scene{end}.toml") for end in ends)
     return next(path for path in paths if not os.path.lexists(path))

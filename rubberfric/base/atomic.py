@@ -160,7 +160,10 @@ def check_writable(path: StrPath, suffixes: tuple[str, ...]) -> None:
             raise ValueError(f"{path}: is a folder; must be a file")
         if path.exists() and not path.is_file():
             raise ValueError(f"{path}: is a pipe or a device; must be a file")
-        with temporary_folder(path.resolve().parent):
+        place = os.path.realpath(path)  # Path.resolve raises RuntimeError for a link to itself
+        if os.path.islink(place):
+            raise ValueError(f"{path}: is a link to itself; must be a file")
+        with temporary_folder(os.path.dirname(place)):
             pass
     except OSError as error:
         raise ValueError(f"{path}: cannot be written: {error.strerror}") from None

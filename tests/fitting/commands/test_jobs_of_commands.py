@@ -1,4 +1,4 @@
-"""`rubberfric-fit job`: what it writes, what it leaves, and scenes that it refuses."""
+"""`rubberfric-fit job`: files that it writes or keeps, and scenes that it refuses."""
 
 import os
 import tomllib

@@ -39,6 +39,15 @@ def test_a_new_file_has_the_permissions_of_other_new_files(tmp_path):
     assert len(modes) == 1
 
 
+@pytest.mark.parametrize("links", [["a.txt"], ["b.txt", "a.txt"]])
+def test_a_link_to_itself_is_refused(tmp_path, monkeypatch, links):
+    monkeypatch.chdir(tmp_path)
+    for name, target in zip(("a.txt", "b.txt"), links, strict=False):
+        os.symlink(target, name)
+    with pytest.raises(ValueError, match="a.txt: is a link to itself"):
+        atomic.check_writable("a.txt", (".txt",))
+
+
 def test_nothing_begins_between_the_removal_and_the_end(tmp_path):
     """Another thread waits to make a folder until `then` has run, which ends the process."""
     order, began = [], threading.Event()

@@ -40,7 +40,7 @@ def saved(path):
 
 
 def equals_scene(scene):
-    """Compare numbers of a scene with those that were saved."""
+    """Compare numbers of a scene with the saved numbers."""
     np.testing.assert_array_equal(scene.upper.material.E, [5e7, 8e6])
     return float(scene.lower.spectrum.q0) == 100.0
 
