@@ -101,7 +101,7 @@ def test_mastercurve_of_a_strain_sweep_without_titles(run):
     write_rows("strain.csv", "", strains, storage, loss)
     columns = ("--strain-columns", "strain [-]", "E_stor [MPa]", "E_loss [MPa]")
     run("mastercurve", "one.csv", "--strain", "strain.csv", *columns, "--out", "new.toml")
-    softening = rf.load_scene("new.toml").softening
+    softening = rf.load_scene("new.toml").upper.softening
     np.testing.assert_allclose(softening.strain[-1], 1.0)
     np.testing.assert_allclose(np.asarray(softening.storage)[-1], 0.5, rtol=0.02)
 
