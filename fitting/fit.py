@@ -14,8 +14,8 @@ from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import as_scenes, each_scene
 from fitting.results.record import Minimum
 from fitting.results.result import FitResult
-from fitting.solvers.evaluation import residual_rows
-from fitting.solvers.objective import NEGLIGIBLE, succeeded
+from fitting.solvers.evaluation import model_rows, residual_rows
+from fitting.solvers.objective import INTERRUPTED, NEGLIGIBLE, RUNNING, succeeded, was_interrupted
 from fitting.solvers.options import check_options, make_solver
 from fitting.solvers.problem import ASSUMED, finer, make_problem
 from fitting.solvers.runs import FIT_BATCH, Callback, run_fits
@@ -100,14 +100,15 @@ def fit(
     Returns
     -------
     FitResult
-        the fit from the start with the lowest cost. An interrupt from the keyboard ends the fit with the best
-        values so far and `success` False.
+        the fit from the start with the lowest cost. An interrupt from the keyboard during the steps ends the
+        fit with the best values so far and `success` False.
 
     Raises
     ------
     ValueError : an invalid path, start, prior or option, data that the scene cannot predict, or more free
         parameters than values and priors.
-    FloatingPointError : the model is not finite at any start.
+    FloatingPointError : the model or a prior is not finite at any start.
+    KeyboardInterrupt : an interrupt before the first evaluation, or while the covariance is computed.
 
     Notes
     -----
@@ -177,6 +178,8 @@ class _Run:
         self.evaluations = np.array([runs.nfev.sum(), runs.njev.sum()])
         costs = np.where(np.isfinite(runs.cost), runs.cost, np.inf)  # argmin would return a NaN
         if not np.isfinite(costs).any():
+            if was_interrupted(runs.status).any():
+                raise KeyboardInterrupt
             raise FloatingPointError(_not_finite(self.problem, self.data))
         self.end = runs.row(int(np.argmin(costs)))
         return _minima(self.problem, runs)
@@ -187,6 +190,16 @@ class _Run:
         self.evaluations += end.nfev, end.njev
         return end
 
+    def go_on(self, problem):
+        """Continue with another problem, and return False if an interrupt came before its evaluation."""
+        before, self.problem = self.problem, problem
+        end = self.onward(self.end.x)
+        if end.status == RUNNING:  # no cost of the other problem is known
+            self.problem, self.end = before, self.end._replace(status=INTERRUPTED)
+            return False
+        self.end = end
+        return True
+
     def judge(self):
         """Compute the uncertainty of the result."""
         self.model = linearised(self.problem, self.end.x)
@@ -196,8 +209,7 @@ class _Run:
         """Continue the fit as long as the scene at its end needs a finer quadrature."""
         while succeeded(self.end.status) and (more := finer(self.problem, self.end.x, self.data)) is not None:
             self.tell("fitting on, with the quadrature that the scene at the end of the fit needs")
-            self.problem = more
-            self.end = self.onward(self.end.x)
+            self.go_on(more)
 
     def confirm(self):
         """Check the minimum, continue from a lower point if there is one, and compute the uncertainty."""
@@ -215,26 +227,28 @@ class _Run:
             if freedom < 0.5 or not succeeded(self.end.status):
                 return
             before, known = self.problem, (self.known, self.model)
-            self.problem, self.scales, factor = rescaled_errors(
-                before, self.scales, *known, rescaled, self.error_scale
-            )
-            self.error_scale, self.assumed = self.error_scale * factor, False
-            ratio = common_ratio(before, self.problem)
+            problem, scales, factor = rescaled_errors(before, self.scales, *known, rescaled, self.error_scale)
+            ratio = common_ratio(before, problem)
+            if ratio is None:
+                self.tell("fitting again, with errors from the scatter")
+                if not self.go_on(problem):
+                    return
+            else:
+                self.problem, self.end = problem, self.end._replace(cost=self.end.cost / ratio**2)
+            self.scales, self.error_scale, self.assumed = scales, self.error_scale * factor, False
             if ratio is not None:
-                self.end = self.end._replace(cost=self.end.cost / ratio**2)
                 self.known = uncertainty(self.problem, self.end.x, self.model)
                 return
-            self.tell("fitting again, with errors from the scatter")
-            self.end = self.onward(self.end.x)
             self.judge()
 
     def estimate_discrepancy(self, asked, scenes):
         """Return the discrepancy with its estimated amplitude and width, for which the fit is repeated."""
         found = first_guess(asked, scenes)
         for _ in range(ROUNDS if succeeded(self.end.status) and is_open(asked) else 0):
-            found = averaged(self.problem, self.model, scenes, self.data, asked)
-            self.problem = with_discrepancy(self.problem, scenes, self.data, found)
-            self.end = self.onward(self.end.x)
+            estimate = averaged(self.problem, self.model, scenes, self.data, asked)
+            if not self.go_on(with_discrepancy(self.problem, scenes, self.data, estimate)):
+                break
+            found = estimate
             self.judge()
         solved = self.problem, self.model, scenes, self.data, asked
         return with_remark(found, asked, solved if succeeded(self.end.status) else None)
@@ -255,10 +269,10 @@ def _minima(problem, runs):
 
 
 def _not_finite(problem, data):
-    """Return the error message for a model that is not finite at the start."""
-    rows = residual_rows(problem, problem.start)
+    """Return the error message for a cost that is not finite at the start."""
+    model, errors = model_rows(problem, problem.start), np.asarray(problem.targets.error)
     for one, where in zip(data, problem.order, strict=True):
-        bad = np.flatnonzero(~np.isfinite(rows[where]))
+        bad = np.flatnonzero(~np.isfinite(model[where]))
         if bad.size == 0:
             continue
         advice = "check the start values of the free parameters"
@@ -270,4 +284,19 @@ def _not_finite(problem, data):
             f"data {one.label!r}: the model is not finite at the start at {bad.size} of {where.size} values,"
             f" first at {one.place(bad[0])}: {advice}"
         )
-    return "a prior is not finite at the start; check the start values of the parameters in the prior"
+    with np.errstate(over="ignore", invalid="ignore"):
+        overflows = ~np.isfinite(residual_rows(problem, problem.start) ** 2)
+    for one, where in zip(data, problem.order, strict=True):
+        bad = np.flatnonzero(overflows[where])
+        if bad.size:
+            error, place = errors[where][bad[0]], one.place(bad[0])
+            return (
+                f"data {one.label!r}: the error {error:.3g} at {place} is so small that the cost overflows:"
+                " check the errors of the data and their unit"
+            )
+    if overflows[model.size :].any():
+        return (
+            "a prior is not finite at the start: check the start values of the parameters in the prior, and"
+            " its sigma"
+        )
+    return "the cost overflows at the start: check the start values and the errors of the data"

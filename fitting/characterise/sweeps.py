@@ -78,7 +78,7 @@ def _rows(i, one):
     if one.temperature is None:
         raise ValueError(
             f"isotherms[{i}], {one.label!r}, has no temperature: must have one for every row; give"
-            " temperature=... to `fitting.read` if only the name of the file states it"
+            " temperature=... when reading it if only the name of the file states it"
         )
     positive = np.where(one.measured > 0, one.measured, np.nan)
     error = one.error

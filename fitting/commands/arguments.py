@@ -3,10 +3,18 @@
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from rubberfric.base import VERSION, check_readable, check_writable
-from rubberfric.commands import Parser, add_common, add_outputs, check_input, check_outputs
+from rubberfric.commands import (
+    Parser,
+    add_common,
+    add_outputs,
+    check_input,
+    check_no_input,
+    check_outputs,
+    named_files,
+)
 
 PROGRAM = "rubberfric-fit"
 _SCENES = (".toml", ".h5")
@@ -19,10 +27,11 @@ def _check_fit(arguments: argparse.Namespace) -> None:
     if arguments.resume and checkpoint is None:
         raise ValueError("--resume: must come with --checkpoint FILE.h5")
     check_input(arguments.job, (".toml",))
-    check_outputs(arguments, ".h5")
+    check_outputs(arguments, ".h5", inputs=[arguments.job])
     if checkpoint is None:
         return
     check_writable(checkpoint, (".h5",))
+    check_no_input("--checkpoint", checkpoint, [arguments.job, *named_files(arguments.job)])
     if arguments.out is not None and Path(checkpoint).resolve() == Path(arguments.out).resolve():
         raise ValueError(f"--checkpoint {checkpoint}: is the file of --out; must be another file")
     if Path(checkpoint).exists() and not arguments.resume:
@@ -68,13 +77,55 @@ def _laboratory_parser(kind: str, description: str, out: str, plot: str | None, 
 
 
 def _add_scene_and_columns(parser: Parser, body: str) -> None:
-    add, bodies = parser.add_argument, ("lower", "upper")
+    add = parser.add_argument
     add("--scene", metavar="SCENE", help="scene that gets the result (default: a new one)")
-    add("--body", choices=bodies, default=body, help=f"body of the scene (default: {body})")
-    text = "rows with empty or invalid values: an error (default), or left out"
-    add("--bad-rows", choices=("error", "drop"), default="error", help=text)
-    text = '"name [unit]" of each column of a table, "-" to skip one'
-    add("--columns", nargs="+", metavar="NAME", help=text)
+    add("--body", choices=_BODIES, default=body, help=f"body of the scene (default: {body})")
+    for name in ("columns", "bad_rows", "check_units"):
+        _add_reading(parser, name)
+
+
+_BODIES = ("lower", "upper")
+# Options for reading data: keyword arguments of `fitting.read`, and keys of [[data]] in a job.
+READING: dict[str, dict[str, Any]] = {
+    "pressure": {"type": float, "metavar": "Pa", "help": "used if the data lack it [Pa]"},
+    "temperature": {"type": float, "metavar": "K", "help": "used if the data lack it [K]"},
+    "relative": {"type": float, "metavar": "R", "help": "error of the data, 0.05 for 5 %%"},
+    "body": {"choices": _BODIES, "help": "body of moduli or spectra"},
+    "normalisation": {"metavar": "NAME", "help": "normalisation of spectra, see `rubberfric.roughness`"},
+    "hurst": {"type": float, "metavar": "H", "help": "Hurst exponent, needed for a spectrum along a line"},
+    "poisson": {"type": float, "metavar": "NU", "help": "Poisson's ratio, needed for shear moduli"},
+    "columns": {
+        "nargs": "+",
+        "metavar": "NAME",
+        "help": '"name [unit]" of each column, "-": skip',
+    },
+    "kind": {
+        "choices": ("friction", "area", "modulus", "spectrum"),
+        "help": "kind of data in tables that hold several",
+    },
+    "check_units": {
+        "flag": "--no-check-units",
+        "action": "store_const",
+        "const": False,
+        "help": "accept values that look like values in another unit",
+    },
+    "bad_rows": {
+        "choices": ("error", "drop"),
+        "help": "rows with empty or invalid values: an error (default), or left out",
+    },
+}
+
+
+def _add_reading(parser: Parser, name: str) -> None:
+    options = dict(READING[name])
+    flag = options.pop("flag", f"--{name.replace('_', '-')}")
+    parser.add_argument(flag, dest=name, default=None, **options)
+
+
+def reading_options(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """Return the options for reading data that were given, of all names or of `names`."""
+    values = {name: getattr(arguments, name) for name in names or READING}
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _mastercurve_parser() -> Parser:
@@ -98,6 +149,7 @@ def _mastercurve_parser() -> Parser:
     text = "Poisson's ratio, needed for shear moduli (default: 0.5)"
     add("--poisson", type=float, metavar="NU", help=text)
     add("--strain", metavar="DATA", help="strain sweep of a filled rubber, for its softening in the scene")
+    add("--strain-columns", nargs="+", metavar="NAME", help="as --columns, for the strain sweep")
     _add_scene_and_columns(parser, "upper")
     return parser
 
@@ -132,10 +184,9 @@ def _job_parser() -> Parser:
     )
     add = parser.add_argument
     add("scene", metavar="SCENE", help="scene file (.toml or .h5)")
-    add("data", nargs="+", metavar="DATA", help="tables of measured friction")
-    for name, unit in (("pressure", "Pa"), ("temperature", "K")):
-        add(f"--{name}", type=float, metavar=unit, help=f"used if the data lack it [{unit}]")
-    add("--relative", type=float, metavar="R", help="error of the data, 0.05 for 5 %%")
+    add("data", nargs="+", metavar="DATA", help="tables of measured friction, area, moduli or spectra")
+    for name in READING:
+        _add_reading(parser, name)
     text = "add contact shear to the scene, written as OUT_scene.toml, and free it"
     add("--shear", action="store_true", help=text)
     text = "free parameters, all > 0 (default: q1 of each spectrum, and contact shear with --shear)"
@@ -164,28 +215,30 @@ def _table_parser() -> Parser:
 
 def _check_planning(arguments: argparse.Namespace) -> None:
     check_input(arguments.job, (".toml",))
-    check_outputs(arguments, ".csv")
+    check_outputs(arguments, ".csv", inputs=[arguments.job])
 
 
 def _check_characterisation(arguments: argparse.Namespace) -> None:
-    check_outputs(arguments, *_SCENES, ".csv")
+    data = arguments.data if isinstance(arguments.data, list) else [arguments.data]
+    inputs = [arguments.scene, getattr(arguments, "strain", None), *data]
+    check_outputs(arguments, *_SCENES, ".csv", inputs=inputs)
     if arguments.scene is not None:
         check_input(arguments.scene, _SCENES)
-    for path in arguments.data if isinstance(arguments.data, list) else [arguments.data]:
+    for path in data:
         check_readable(path)
     if len(getattr(arguments, "spacing", None) or [0]) > 2:
         raise ValueError("--spacing: must be dx, or dx and dy")
 
 
 def _check_job(arguments: argparse.Namespace) -> None:
-    check_outputs(arguments, ".toml")
+    check_outputs(arguments, ".toml", inputs=[arguments.scene, *arguments.data])
     check_input(arguments.scene, _SCENES)
     for path in arguments.data:
         check_readable(path)
 
 
 def _check_table(arguments: argparse.Namespace) -> None:
-    check_outputs(arguments, ".inp", ".k", ".csv", ".json", ".txt")
+    check_outputs(arguments, ".inp", ".k", ".csv", ".json", ".txt", inputs=[arguments.fit])
     check_input(arguments.fit, _SCENES)
     for name in ("velocity", "pressure", "temperature"):
         if len(getattr(arguments, name) or [0]) > 2:

@@ -44,9 +44,8 @@
 """
 
 import dataclasses
-import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -90,11 +89,10 @@ class Job(NamedTuple):
     design: Any = None  # the table [design], see `fitting.commands.work`
 
 
-def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
+def read_job(path: StrPath) -> Job:
     """Read a job file with its scene and data.
 
-    `outputs` are paths of output files, which must not be files of the job. If the job, a scene or data are
-    invalid, a ValueError names the file, the key, the value and the rule.
+    If the job, a scene or data are invalid, a ValueError names the file, the key, the value and the rule.
     """
     path = Path(path)
     if path.suffix.lower() != ".toml":
@@ -122,7 +120,7 @@ def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
     if "discrepancy" in content:
         options["discrepancy"] = _discrepancy(path, content["discrepancy"])
     if not several:
-        scene, data = _scene(path, "scene", content["scene"], "data", content["data"], outputs)
+        scene, data = _scene(path, "scene", content["scene"], "data", content["data"])
         return Job(scene, data, free, prior, options, title, content.get("design"))
     tables = content["scenes"]
     toml.check_keys(path, "scenes", tables, tables)
@@ -132,22 +130,14 @@ def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
         where = f"scenes.{name}"
         toml.check_keys(path, where, table, ("file", "data"), ("file", "data"))
         file, data = table["file"], table["data"]
-        scenes[name], sets[name] = _scene(path, f"{where}.file", file, f"{where}.data", data, outputs)
+        scenes[name], sets[name] = _scene(path, f"{where}.file", file, f"{where}.data", data)
     return Job(scenes, sets, free, prior, options, title, content.get("design"))
 
 
-def _scene(path, key, file, of_data, data, outputs):
+def _scene(path, key, file, of_data, data):
     """Return the scene in `file`, and the data sets that the tables `data` of the job describe."""
     if not isinstance(data, list) or not data:
         raise ValueError(f"{path}: {of_data} = {shown(data)}: must be tables with the header [[{of_data}]]")
-    files = {key: file}
-    for i, one in enumerate(data):
-        files[f"{of_data}[{i}].file"] = one.get("file") if isinstance(one, dict) else None
-    # Path.resolve raises RuntimeError for a link to itself.
-    written = [os.path.realpath(output) for output in outputs]
-    for own, name in files.items():
-        if isinstance(name, str) and os.path.realpath(path.parent / name) in written:
-            raise ValueError(f"{path}: {own} = {name!r}: is an input file of the job; choose another output")
     scene = _read(path, key, file, rf.load_scene)
     return scene, [_data(path, f"{of_data}[{i}]", one) for i, one in enumerate(data)]
 

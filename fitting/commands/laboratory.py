@@ -2,8 +2,8 @@
 
 ::
 
-    rubberfric-fit mastercurve dma.csv --out scene.toml
-    rubberfric-fit spectrum stylus.csv --scene scene.toml --slope 1.3 --out scene.toml
+    rubberfric-fit mastercurve dma.csv --out material.toml
+    rubberfric-fit spectrum stylus.csv --scene material.toml --slope 1.3 --out scene.toml
     rubberfric-fit job scene.toml friction.csv --relative 0.05 --shear --out job.toml
     rubberfric-fit job.toml --out fit.h5
     rubberfric-fit table fit.h5 --velocity 1e-4 0.1 --pressure 1e5 4e5 --out friction.inp
@@ -24,12 +24,13 @@ from fitting.characterise.master_curve import fit_master_curve
 from fitting.characterise.prony import fit_prony
 from fitting.characterise.softening import softening_from_sweep
 from fitting.characterise.spectrum import fit_spectrum
+from fitting.commands.arguments import reading_options
 from fitting.commands.work import Output, finish
 from fitting.data.files import read
 from fitting.data.kinds import ModulusData, SpectrumData
 from fitting.parameters.constraints import Positive
 from fitting.results.result import FitResult, friction_table
-from fitting.solvers.problem import make_problem
+from fitting.solvers.problem import CURVE_QUANTITIES, make_problem
 from rubberfric.base import Progress, as_path, check_writable, write_durably
 from rubberfric.commands import Interrupts
 from rubberfric.io import toml
@@ -72,7 +73,7 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
     texts.append(series.report())
     changes: dict[str, Any] = {"material": series.material}
     if arguments.strain is not None:
-        sweep = rf.io.read_table(arguments.strain, ["strain", "E_stor", "E_loss"], poisson=arguments.poisson)
+        sweep = _strain_sweep(arguments)
         softening: Any = softening_from_sweep(sweep["strain"], sweep["E_stor"], sweep["E_loss"])
         changes["softening"] = softening
         ends = (float(values[-1]) for values in (softening.strain, softening.storage, softening.loss))
@@ -83,16 +84,24 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
         if as_path(path).suffix.lower() == ".csv":
             return moduli.write(path)
         scene = _with_body(arguments, rf.Body(rf.Rigid()), **changes)
-        return rf.save_scene(path, scene)
+        return rf.save_scene(path, scene, like=arguments.scene)
 
     return _ended(arguments, show, texts, write, lambda: (series if curve is None else curve).plot())
 
 
 def _moduli(arguments, path, temperature):
-    options = {"columns": arguments.columns, "poisson": arguments.poisson, "kind": "modulus"}
-    data = read(path, temperature=temperature, bad_rows=arguments.bad_rows, **options)
+    options = reading_options(arguments, "columns", "poisson", "check_units", "bad_rows")
+    data = read(path, temperature=temperature, kind="modulus", **options)
     assert isinstance(data, ModulusData)
     return data
+
+
+def _strain_sweep(arguments):
+    options = {"columns": arguments.strain_columns, **reading_options(arguments, "poisson", "bad_rows")}
+    try:
+        return rf.io.read_table(arguments.strain, ["strain", "E_stor", "E_loss"], **options)
+    except ValueError as error:
+        raise ValueError(str(error).replace("columns=", "strain_columns=")) from None
 
 
 def _with_body(arguments, other, **changes):
@@ -121,7 +130,8 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
     def write(path: str) -> None:
         if as_path(path).suffix.lower() == ".csv":
             return data.write(path)
-        return rf.save_scene(path, _with_body(arguments, rf.Body(_BLOCK), spectrum=spectrum))
+        scene = _with_body(arguments, rf.Body(_BLOCK), spectrum=spectrum)
+        return rf.save_scene(path, scene, like=arguments.scene)
 
     drawn = {"measured": data, "table" if arguments.table else "fit": spectrum}
     return _ended(arguments, show, texts, write, lambda: plot_spectrum(drawn))
@@ -134,9 +144,8 @@ def _measured_spectrum(arguments):
             arguments.data,
             normalisation=arguments.normalisation,
             hurst=arguments.hurst,
-            columns=arguments.columns,
-            bad_rows=arguments.bad_rows,
             kind="spectrum",
+            **reading_options(arguments, "columns", "check_units", "bad_rows"),
         )
         assert isinstance(data, SpectrumData)
         return data, None, f"{data.q.size} wavevectors"
@@ -164,25 +173,39 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
     if added:
         if scene.shear is not None:
             raise ValueError(f"{place}: has contact shear already: leave out --shear")
-        scene, place = scene.replace(shear=_SHEAR), out.with_name(f"{out.stem}_scene.toml")
+        scene, place = scene.replace(shear=_SHEAR), _new_scene(out)
         check_writable(place, (".toml",))
+    reading = reading_options(arguments)
+    data = [read(path, **reading) for path in arguments.data]
     rough = [side for side in ("lower", "upper") if getattr(scene, side).spectrum is not None]
-    cutoffs = [f"{side}.spectrum.q1" for side in rough]
+    if not rough and any(one.quantity in CURVE_QUANTITIES for one in data):
+        raise ValueError(
+            f"{arguments.scene}: has no roughness, so that the contact is complete: add a spectrum, for"
+            " example with `rubberfric-fit spectrum`"
+        )
+    cutoffs = [f"{side}.spectrum.q1" for side in rough if getattr(scene, side).spectrum.q1 is not None]
     free = arguments.free or [*(_FREE_SHEAR if added else ()), *cutoffs]
-    given = {name: getattr(arguments, name) for name in ("pressure", "temperature", "relative")}
-    given = {name: value for name, value in given.items() if value is not None}
+    if not free:
+        raise ValueError("--free: must name the free parameters; the scene has no cutoff q1")
     # Errors in the job show before anything is written.
-    make_problem(scene, [read(path, **given) for path in arguments.data], dict.fromkeys(free, Positive()))
+    make_problem(scene, data, dict.fromkeys(free, Positive()))
     lines = [f"scene = {toml.string(_from(out, place))}"]
     for path in arguments.data:
         lines += ["", "[[data]]", f"file = {toml.string(_from(out, path))}"]
-        lines += [f"{name} = {value!r}" for name, value in given.items()]
+        lines += [f"{name} = {toml.literal(value)}" for name, value in reading.items()]
     lines += ["", "[free]", *(f'{toml.string(path)} = "positive"' for path in free)]
     text = "\n".join(lines) + "\n"
     if added:
-        rf.save_scene(place, scene)
+        rf.save_scene(place, scene, like=arguments.scene)
     finish(show, text, ("writing", str(out), lambda path: write_durably(path, text.encode())))
     return 0
+
+
+def _new_scene(out):
+    """Return an unused path for the scene of a job, because the user has not named a file."""
+    ends = ("", *(f"_{k}" for k in range(2, 10_000)))
+    paths = (out.with_name(f"{out.stem}_scene{end}.toml") for end in ends)
+    return next(path for path in paths if not os.path.lexists(path))
 
 
 def _from(out, path):

@@ -43,11 +43,12 @@ def _run(given: Sequence[str], interrupts: Interrupts, process: bool) -> int:
     from importlib import import_module
 
     from fitting.commands.arguments import COMMANDS
-    from rubberfric.commands import begin_jax, command_progress
+    from rubberfric.commands import begin_jax, command_progress, use_words_of
 
     kind, rest = (given[0], given[1:]) if given and given[0] in COMMANDS else ("fit", given)
     command = COMMANDS[kind]
     arguments = command.parser().parse_args(rest)
+    use_words_of(arguments.words)
     command.check(arguments)
     with command_progress(arguments.verbose) as show:
         show("loading JAX")

@@ -40,7 +40,7 @@ from fitting.results.result import FitResult
 from fitting.uncertainty.design import MOST_MEASUREMENTS, Design, design, prediction
 from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 from rubberfric.base import Progress, StrPath, shown
-from rubberfric.commands import Interrupts, complain, write_outputs
+from rubberfric.commands import Interrupts, complain, reworded, write_outputs
 from rubberfric.io import read_conditions, toml
 from rubberfric.plot import save_figure
 
@@ -60,15 +60,14 @@ def finish(show: Progress, text: str, *outputs: Output) -> None:
     """Write the files of a command, print its text, and raise the error of a file that was not written."""
     failure = write_outputs(show, *outputs)
     show.end()
-    print(text, end="", flush=True)
+    print(reworded(text), end="", flush=True)
     if failure is not None:
         raise failure
 
 
 def run_fit(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
     """Fit a job, write files, print the report, and return the exit status."""
-    outputs = (arguments.out, arguments.plot, arguments.checkpoint)
-    job = _job(arguments, show, *outputs)
+    job = _job(arguments, show)
     try:
         result = _fit(arguments.job, job, interrupts, show)
         interrupts.hold()
@@ -102,9 +101,9 @@ def run_fit(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
     return 0
 
 
-def _job(arguments: argparse.Namespace, show: Progress, *outputs: StrPath | None) -> Job:
+def _job(arguments: argparse.Namespace, show: Progress) -> Job:
     show(f"reading {arguments.job}")
-    return read_job(arguments.job, [path for path in outputs if path is not None])
+    return read_job(arguments.job)
 
 
 def _titled(job: Job, report: str) -> str:
@@ -128,7 +127,10 @@ def _fit(path: StrPath, job: Job, interrupts: Interrupts, show: Progress, hold: 
 
     options = {"prior": job.prior, "callback": callback, "progress": show, **job.options}
     with about(path):
-        return fit(job.scene, job.data, job.free, **options)
+        result = fit(job.scene, job.data, job.free, **options)
+    if not interrupts.holding:
+        interrupts.check()  # a fit ends normally if an interrupt comes between its start and the first step
+    return result
 
 
 def _profile(
@@ -166,7 +168,7 @@ def _bootstrap(
 
 def run_design(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
     """Fit a job, choose measurements, write files, print the report, and return the exit status."""
-    job, program = _job(arguments, show, arguments.out, arguments.plot), f"{_PROGRAM} design"
+    job, program = _job(arguments, show), f"{_PROGRAM} design"
     if job.design is None:
         raise ValueError(f"{arguments.job}: design: is missing; add a table [design] with the candidates")
     if not isinstance(job.scene, rf.Scene):
@@ -227,7 +229,7 @@ def _grid(path, table, content, scene):
 
 def run_calibration(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
     """Run a calibration, draw a figure, print the report, and return the exit status."""
-    job = _job(arguments, show, arguments.plot)
+    job = _job(arguments, show)
     if not isinstance(job.scene, rf.Scene) or isinstance(job.data, dict):
         raise ValueError(f"{arguments.job}: calibration needs one scene, not several")
     if job.options.get("loss", "linear") != "linear":
@@ -237,6 +239,7 @@ def run_calibration(arguments: argparse.Namespace, interrupts: Interrupts, show:
     show("calibration: compiling")
     with about(arguments.job):
         found = calibration(job.scene, job.data, job.free, job.prior, arguments.members, **options)
+    interrupts.check()  # a calibration ends normally with the members that are done
     drawing = ("drawing", arguments.plot, lambda path: save_figure(path, found.plot()))
     finish(show, _titled(job, found.report()), drawing)
     if not found.inside()[found.identified].all():

@@ -34,7 +34,7 @@ from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import GaussianRows, Prior
 from fitting.solvers.evaluation import errors_of_slopes, evaluate_rows
 from fitting.solvers.levenberg_marquardt import NEAR_MINIMUM
-from fitting.solvers.objective import succeeded
+from fitting.solvers.objective import succeeded, was_interrupted
 from fitting.solvers.options import check_options
 from fitting.solvers.problem import Problem, Targets, make_problem
 from fitting.solvers.residuals import padded
@@ -236,6 +236,8 @@ def calibration(
     fits = Members("calibration", problem, x, targets, NEAR_MINIMUM, NEAR_MINIMUM.max_steps)
     found = run_ensemble(fits, callback=callback)
     good = succeeded(found.status)
+    if was_interrupted(found.status).any() and not good.any():
+        raise KeyboardInterrupt
     x, targets = x[good], targets._replace(measured=targets.measured[good])
     covariance = _covariances(problem, found.x[good])
     deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))

@@ -157,3 +157,8 @@ def status_after(
 def succeeded(status: np.ndarray | int) -> np.ndarray:
     """Return True for the status of a fit that ended at a minimum."""
     return np.isin(status, (CONVERGED, PERFECT, PRECISE))
+
+
+def was_interrupted(status: np.ndarray | int) -> np.ndarray:
+    """Return True for the status of a fit that an interrupt ended, or kept from its first evaluation."""
+    return np.isin(status, (INTERRUPTED, RUNNING))

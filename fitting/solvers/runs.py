@@ -137,7 +137,8 @@ def run_fits(
         If None, the targets of the problem are used.
     max_steps : largest number of steps of a fit. If None, `max_steps` of the solver is used.
     callback : called as callback(step, lowest cost) after every step of the batch, or None
-        A KeyboardInterrupt, raised here or from the keyboard, ends the run with the values reached.
+        A KeyboardInterrupt, raised here or from the keyboard, ends the run with the values reached. A fit
+        whose start was not evaluated has the cost inf, see `fitting.solvers.objective.was_interrupted`.
     batch : number of fits that run side by side. If None, `FIT_BATCH`, or the number of fits if smaller.
         Each batch size needs its own compilation.
     """

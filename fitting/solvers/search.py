@@ -24,7 +24,15 @@ import scipy
 
 from fitting.parameters.variables import VANISHED, Array, Variables
 from fitting.solvers.evaluation import costs_at, errors_of_rows, errors_of_slopes, evaluate_rows
-from fitting.solvers.objective import INTERRUPTED, NEGLIGIBLE, PERFECT, STALLED, UNMOVED, succeeded
+from fitting.solvers.objective import (
+    INTERRUPTED,
+    NEGLIGIBLE,
+    PERFECT,
+    STALLED,
+    UNMOVED,
+    succeeded,
+    was_interrupted,
+)
 from fitting.solvers.options import Solver
 from fitting.solvers.ordered import each_fit, edges, x_of, z_of
 from fitting.solvers.problem import Problem
@@ -84,13 +92,13 @@ def search(
         if again.size and smooth_slots(problem.variables):
             second = _smoothed(solver, stage, starts[again], max_steps, callback, min(FIT_BATCH, len(starts)))
             spent[:, again] += np.stack([second.nfev, second.njev])
-            if INTERRUPTED in second.status:
+            if was_interrupted(second.status).any():
                 runs.status[again] = INTERRUPTED
             else:
                 lower = second.cost < runs.cost[again]
                 for kept, new in zip(runs, second, strict=True):
                     kept[again[lower]] = new[lower]
-        if INTERRUPTED in runs.status:
+        if was_interrupted(runs.status).any():
             break
         # Outliers may drive least squares far from the other data.
         x = np.where(_escaped(problem, runs.x, starts), starts, runs.x)
@@ -104,7 +112,7 @@ def _smoothed(solver, problem, starts, max_steps, callback, batch):
         numbers = problem.numbers._replace(smoothing=jnp.asarray(weight, problem.numbers.smoothing.dtype))
         ends = run_fits(solver, problem._replace(numbers=numbers), x, None, max_steps, callback, batch)
         x, spent = ends.x, spent + np.stack([ends.nfev, ends.njev])
-        if INTERRUPTED in ends.status:
+        if was_interrupted(ends.status).any():
             break
     return ends._replace(nfev=spent[0], njev=spent[1])
 
@@ -154,7 +162,7 @@ def confirm_minimum(
         for i in tried:
             again = onward(places[i])
             end = again if again.cost < least else end
-            if again.status == INTERRUPTED:
+            if was_interrupted(again.status):
                 return end._replace(status=INTERRUPTED), spent
             if end is again:
                 break

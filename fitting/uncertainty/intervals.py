@@ -32,7 +32,7 @@ from fitting.solvers.evaluation import (
     model_rows,
 )
 from fitting.solvers.levenberg_marquardt import NEAR_MINIMUM, LevenbergMarquardt
-from fitting.solvers.objective import succeeded
+from fitting.solvers.objective import succeeded, was_interrupted
 from fitting.solvers.options import check_options
 from fitting.solvers.problem import CURVE_QUANTITIES, Problem, Targets
 from fitting.solvers.residuals import forward, padded
@@ -261,6 +261,8 @@ class SolvedProblem(WithUncertainty):
         starts, targets = self.bootstrap_fits(count, key)
         runs = run_fits(NEAR_MINIMUM, self.problem, starts, targets, callback=callback)
         good = succeeded(runs.status)
+        if was_interrupted(runs.status).any() and not good.any():
+            raise KeyboardInterrupt
         return Bootstrap(self.names, self.problem.values(runs.x[good]), int((~good).sum()))
 
     def bootstrap_fits(self, count: int, key: jax.Array | None) -> tuple[np.ndarray, Targets]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from fitting.solvers.evaluation import costs_at
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
-from fitting.solvers.objective import INTERRUPTED, NEGLIGIBLE, RUNNING, succeeded
+from fitting.solvers.objective import NEGLIGIBLE, succeeded, was_interrupted
 from fitting.solvers.problem import Problem
 from fitting.solvers.runs import FIT_BATCH, Runs, run_fits
 from fitting.uncertainty.likelihood_profile import LikelihoodProfile
@@ -74,7 +74,7 @@ class _Trace:
         self.anchor, self.i, self.callback = anchor, i, callback
         self.kind = anchor.problem.variables.kinds[i]
         self.batch = min(FIT_BATCH, len(runs.x))
-        self.stopped = bool(np.isin(runs.status, (INTERRUPTED, RUNNING)).any())
+        self.stopped = bool(was_interrupted(runs.status).any())
         self.x, self.cost = np.array(runs.x, float), np.array(runs.cost, float)
         self.good = succeeded(runs.status)
         self.better = None  # the lowest minimum, (x, cost), if it is not the anchor
@@ -119,7 +119,7 @@ class _Trace:
         )
         starts = np.asarray(starts, problem.start.dtype)
         runs = run_fits(LevenbergMarquardt(), problem, starts, targets, None, self.callback, self.batch)
-        self.stopped |= bool(np.isin(runs.status, (INTERRUPTED, RUNNING)).any())
+        self.stopped |= bool(was_interrupted(runs.status).any())
         return runs
 
     def include(self, runs):

@@ -83,13 +83,15 @@ def replacing(path: StrPath) -> Iterator[Path]:
 
     If the block raises an exception, the temporary file is removed. The temporary file lies in a hidden
     folder in the folder of `path`, so that the rename stays on one file system. The temporary file has the
-    name of `path`, so that the suffix shows the format.
+    name of `path`, so that the suffix shows the format. A file that exists keeps its permissions.
     """
     place = Path(path).resolve()  # a link is followed, not replaced
     with temporary_folder(place.parent) as folder:
         temporary = folder / place.name
         try:
             yield temporary
+            with contextlib.suppress(FileNotFoundError):
+                temporary.chmod(stat.S_IMODE(place.stat().st_mode))
             os.replace(temporary, place)
         except OSError as error:
             if error.errno in _FULL:  # an error of writing does not name the file
@@ -158,7 +160,10 @@ def check_writable(path: StrPath, suffixes: tuple[str, ...]) -> None:
             raise ValueError(f"{path}: is a folder; must be a file")
         if path.exists() and not path.is_file():
             raise ValueError(f"{path}: is a pipe or a device; must be a file")
-        with temporary_folder(path.resolve().parent):
+        place = os.path.realpath(path)  # Path.resolve raises RuntimeError for a link to itself
+        if os.path.islink(place):
+            raise ValueError(f"{path}: is a link to itself; must be a file")
+        with temporary_folder(os.path.dirname(place)):
             pass
     except OSError as error:
         raise ValueError(f"{path}: cannot be written: {error.strerror}") from None

@@ -2,11 +2,13 @@
 
 import argparse
 import importlib.util
-from collections.abc import Callable
-from typing import NoReturn
+import os
+from collections.abc import Callable, Iterable
+from typing import Any, NoReturn
 
 from rubberfric.base.atomic import TABLE_SUFFIXES, StrPath, check_readable, check_suffix, check_writable
 from rubberfric.base.release import VERSION
+from rubberfric.commands.inputs import named_files
 
 SCENES = (".toml", ".h5")
 # Quantities of `rubberfric map`: fields of `rubberfric.Solution`, repeated to avoid importing JAX.
@@ -19,7 +21,22 @@ _MOST_DEVICES = 256
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose error message is one line."""
+    """A parser whose error message is one line.
+
+    The dict `options` has the options of the command by their names in Python.
+    """
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        self.options: dict[str, argparse.Action] = {}
+        super().__init__(*arguments, **options)
+        self.set_defaults(words=self.options)
+
+    def add_argument(self, *arguments: Any, **options: Any) -> argparse.Action:
+        """Add an argument as `argparse` does."""
+        action = super().add_argument(*arguments, **options)
+        if action.option_strings:
+            self.options[action.dest] = action
+        return action
 
     def error(self, message: str) -> NoReturn:
         """Print the message on one line without the usage, and exit."""
@@ -108,6 +125,10 @@ def _add_map(command: argparse.ArgumentParser) -> None:
 def _add_explore(command: argparse.ArgumentParser) -> None:
     data = "measured friction: a table with v, mu, and optionally p and T"
     command.add_argument("--data", metavar="FILE", help=data)
+    columns = '"name [unit]" of each column of --data, "-" to skip one'
+    command.add_argument("--columns", nargs="+", metavar="NAME", help=columns)
+    rows = "rows of --data with empty or invalid values: an error (default), or left out"
+    command.add_argument("--bad-rows", choices=("error", "drop"), help=rows)
     command.add_argument("--port", type=int, default=0, metavar="N", help="port (default: any free port)")
     browser = "print the address without opening a browser"
     command.add_argument("--no-browser", action="store_true", help=browser)
@@ -147,7 +168,8 @@ def check_arguments(arguments: argparse.Namespace) -> None:
         if arguments.data is not None:
             check_input(arguments.data, TABLE_SUFFIXES)
         return
-    check_outputs(arguments, ".csv" if arguments.command == "accuracy" else ".h5")
+    suffix = ".csv" if arguments.command == "accuracy" else ".h5"
+    check_outputs(arguments, suffix, inputs=[arguments.scene])
 
 
 def check_input(path: StrPath, suffixes: tuple[str, ...]) -> None:
@@ -156,15 +178,33 @@ def check_input(path: StrPath, suffixes: tuple[str, ...]) -> None:
     check_readable(path)
 
 
-def check_outputs(arguments: argparse.Namespace, *suffixes: str) -> None:
-    """Raise ValueError unless --out, with one of the suffixes, and --plot can be written."""
+def check_outputs(
+    arguments: argparse.Namespace, *suffixes: str, inputs: Iterable[StrPath | None] = ()
+) -> None:
+    """Raise ValueError unless --out, with one of the suffixes, and --plot can be written.
+
+    `inputs` are files that the command reads. They, and the files that they name, must not be overwritten.
+    """
+    inputs = [each for path in inputs if path is not None for each in (path, *named_files(path))]
     if arguments.out is not None:
         check_writable(arguments.out, suffixes)
-    if arguments.plot is None:
-        return
-    check_writable(arguments.plot, (".png", ".pdf", ".svg"))
-    if importlib.util.find_spec("matplotlib") is None:
+    if arguments.plot is not None:
+        check_writable(arguments.plot, (".png", ".pdf", ".svg"))
+    for option in ("out", "plot"):
+        check_no_input(f"--{option}", getattr(arguments, option), inputs)
+    if arguments.plot is not None and importlib.util.find_spec("matplotlib") is None:
         raise ValueError("--plot needs matplotlib; install it with: pip install 'rubberfric[plot]'")
+
+
+def check_no_input(option: str, path: StrPath | None, inputs: Iterable[StrPath | None]) -> None:
+    """Raise ValueError if the file of an option is one of the files that the command reads."""
+    for other in inputs:
+        # Path.resolve raises RuntimeError for a link to itself.
+        if path is None or other is None:
+            continue
+        same = os.path.realpath(path) == os.path.realpath(other)
+        if same or (os.path.exists(path) and os.path.exists(other) and os.path.samefile(path, other)):
+            raise ValueError(f"{option} {path}: is a file that this command reads; choose another file")
 
 
 def write_outputs(

@@ -3,15 +3,17 @@
 JAX is imported after the arguments have been checked, and uses double precision.
 """
 
+import contextlib
 import io
 import os
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TextIO
 
 from rubberfric.base.compilation import compilation_cache
-from rubberfric.commands.interrupts import LOST, Interrupts
+from rubberfric.commands.interrupts import LATE, LOST, Interrupts
+from rubberfric.commands.wording import reworded, use_words_of
 
 try:
     import resource
@@ -28,19 +30,18 @@ _SPACE = 2**31
 def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> int:
     """Run the function `work` of a command and return the exit status.
 
-    An expected error is printed on one line that begins with `program`. An unexpected error is raised.
+    An expected error is printed on one line that begins with `program`, and so is a warning. An unexpected
+    error is raised.
     `process` is explained in `Interrupts`.
     """
     if process and not _have_streams():
         return complain(program, "standard output is closed: must be open, for example as /dev/null", 1)
-    with Interrupts(program, process=process) as interrupts:
+    use_words_of({})
+    with Interrupts(program, process=process) as interrupts, _plain_warnings(program):
         try:
-            try:
-                status = work(interrupts)
-            except SystemExit as stop:  # from argparse, which has printed the reason
-                status = stop.code if isinstance(stop.code, int) else 1
-            if sys.stdout is not None:
-                sys.stdout.flush()
+            status = _status_of(work, interrupts)
+            if interrupts.asked and status == 0:  # it had to wait, and the work ended before
+                return complain(program, f"interrupted; {LATE}", interrupts.status)
             return status
         except KeyboardInterrupt:
             return complain(program, f"interrupted; {LOST}", interrupts.status)
@@ -54,6 +55,32 @@ def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> 
             if isinstance(error, OSError):
                 _give_up(sys.stdout)  # its disk may be full
             return complain(program, _text(error), status)
+
+
+def _status_of(work: Callable[[Interrupts], int], interrupts: Interrupts) -> int:
+    try:
+        status = work(interrupts)
+    except SystemExit as stop:  # from argparse, which has printed the reason
+        status = stop.code if isinstance(stop.code, int) else 1
+    if sys.stdout is not None:
+        sys.stdout.flush()
+    return status
+
+
+@contextlib.contextmanager
+def _plain_warnings(program: str) -> Iterator[None]:
+    """Print each warning of a command on one line of stderr, without the line of the source."""
+    usual = warnings.formatwarning
+
+    def plain(message: Warning | str, *place: object) -> str:
+        del place
+        return _line(program, f"warning: {message}")
+
+    warnings.formatwarning = plain
+    try:
+        yield
+    finally:
+        warnings.formatwarning = usual
 
 
 def _status(error: Exception) -> int | None:
@@ -75,10 +102,14 @@ def _text(error: Exception) -> str:
 def complain(program: str, error: object, status: int) -> int:
     """Print an error on one line of stderr, and return `status`."""
     try:
-        print(f"{program}: {' '.join(str(error).split())}", file=sys.stderr)
+        print(_line(program, error), end="", file=sys.stderr)
     except OSError:  # stderr takes no output
         _give_up(sys.stderr)
     return status
+
+
+def _line(program: str, text: object) -> str:
+    return f"{program}: {reworded(' '.join(str(text).split()))}\n"
 
 
 def _give_up(stream: TextIO | None) -> None:

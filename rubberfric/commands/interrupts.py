@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from typing import Any, Self
 
 LOST = "incomplete files are not written"
+LATE = "all files are complete"
 DELAYED = "interrupted; stopping after this import or compilation"
 WAIT = "interrupted; stopping after this step (a second signal stops at once)"
 
@@ -30,8 +31,10 @@ SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP"
 
 # Functions in which an exception would do damage. JAX waits for XLA's compiler in the first one: the compiler
 # would keep running, and the process would end with a segmentation fault. A partly imported extension module
-# cannot be imported again. Python ignores exceptions in callbacks of the garbage collector.
+# cannot be imported again. Python ignores exceptions in callbacks of the garbage collector and of weak
+# references.
 _DELAYING = ("backend_compile_and_load", "_find_and_load", "_xla_gc_callback", "__del__")
+_DELAYING_MODULES = ("weakref", "_weakrefset")
 _AGAIN = 0.02  # seconds after which a signal in these functions is raised again
 
 
@@ -67,13 +70,19 @@ class Interrupts:
     process : bool
         True if the command is a separate process, which a signal may end. Otherwise it was called from
         Python, and a signal raises KeyboardInterrupt.
+
+    Attributes
+    ----------
+    asked : True if a signal arrived
+    stopped : True if `check` ended the work
+    holding : True after `hold`, until `release`
     """
 
     def __init__(self, program: str, *, process: bool) -> None:
         self.program, self.process = program, process
-        self.asked = self.stopped = False
+        self.asked = self.stopped = self.holding = False
         self.which = signal.SIGINT
-        self._holding = self._seen = False
+        self._seen = False
         self._again: Any = None  # timer
         self._before: dict[signal.Signals, Any] = {}  # handlers
 
@@ -107,7 +116,7 @@ class Interrupts:
 
     def _arrived(self, which: int, frame: FrameType | None) -> None:
         first, self.asked, self.which = not self.asked, True, which
-        if self.process or (self._holding and first):
+        if self.process or (self.holding and first):
             return
         if not self._is_delayed(frame):
             raise KeyboardInterrupt
@@ -121,7 +130,7 @@ class Interrupts:
     def _is_delayed(self, frame: FrameType | None) -> bool:
         """Return True if a frame or one of its callers in the command must not be interrupted."""
         while frame is not None and frame is not self._entry:
-            if frame.f_code.co_name in _DELAYING:
+            if frame.f_code.co_name in _DELAYING or frame.f_globals.get("__name__") in _DELAYING_MODULES:
                 return True
             frame = frame.f_back
         return False
@@ -136,7 +145,7 @@ class Interrupts:
                 if which[0] not in self._before:
                     continue
                 first, self._seen = not self._seen, True
-                if self._holding and first:
+                if self.holding and first:
                     say(self.program, WAIT)
                 else:
                     self._leave(which[0])
@@ -159,14 +168,14 @@ class Interrupts:
 
     def hold(self) -> None:
         """Hold back the first signal from now on."""
-        self._holding = True
+        self.holding = True
 
     def release(self) -> None:
         """Stop holding signals back."""
-        self._holding = False
+        self.holding = False
 
     def check(self) -> None:
-        """Raise KeyboardInterrupt if a signal was held back."""
+        """Raise KeyboardInterrupt if a signal arrived."""
         if self.asked:
             self.stopped = True
             raise KeyboardInterrupt

@@ -32,8 +32,10 @@ def _run(argv: Sequence[str] | None) -> int:
     from rubberfric.base.progress import command_progress
     from rubberfric.commands.arguments import check_arguments, parser
     from rubberfric.commands.ending import begin_jax
+    from rubberfric.commands.wording import reworded, use_words_of
 
     arguments = parser().parse_args(argv)
+    use_words_of(arguments.words)
     check_arguments(arguments)
     with command_progress(arguments.verbose) as show:
         show("loading JAX")
@@ -41,7 +43,7 @@ def _run(argv: Sequence[str] | None) -> int:
         cache = not arguments.no_cache and arguments.command != "accuracy"
         begin_jax(process=argv is None, cache=cache)
         text, failure = _work(arguments.command)(arguments, show)
-    print(text)
+    print(reworded(text))
     if failure is not None:
         raise failure
     return 0

@@ -24,7 +24,7 @@ from rubberfric.base.units import to_celsius
 from rubberfric.commands.arguments import write_outputs
 from rubberfric.io.files import MOST_POINTS, read_computable, save_result
 from rubberfric.io.results import CONDITION_UNITS, QUANTITY_FORMATS, Conditions, Result, result_shape
-from rubberfric.scene.scene import Scene
+from rubberfric.scene.scene import Scene, dissipates, rough_surfaces
 from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import solve
 from rubberfric.theory.structure import Solution, has_transverse_force, iterated, iterates, quantities_of
@@ -58,7 +58,10 @@ def run_scene(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSErr
         show("computing the friction from outside the tables")
     ends = [
         line
-        for line in (extrapolation_line(result), convergence_line(result), model_error_line(result))
+        for line in (
+            *(missing_line(scene), extrapolation_line(result), convergence_line(result)),
+            model_error_line(result),
+        )
         if line
     ]
     return "\n".join([*result_lines(result), *(f"\n{line}" for line in ends)]), failure
@@ -109,6 +112,19 @@ def result_lines(result: Result) -> Iterator[str]:
                 f"{QUANTITY_FORMATS[name].factor * values[i, j, k]:12.5e}" for name, values in columns.items()
             )
             yield gap.join((f"{v:12.4e}", *row))
+
+
+def missing_line(scene: Scene) -> str:
+    """Return a line that says why a scene has no roughness or no friction, or ""."""
+    if not rough_surfaces(scene):
+        shear = "" if scene.shear is None else "viscoelastic "
+        return (
+            f"the scene has no roughness: the contact is complete, and the {shear}friction is 0;\n"
+            "add a spectrum, for example with `rubberfric-fit spectrum DATA --scene SCENE --out NEW`"
+        )
+    if scene.shear is None and not dissipates(scene):
+        return "friction is 0: no rough solid faces a viscoelastic one, and there is no contact shear"
+    return ""
 
 
 def extrapolation_line(result: Result) -> str:
@@ -201,8 +217,8 @@ def run_map(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError
         show, ("drawing", arguments.plot, lambda path: save_figure(path, figure_of_map(result)))
     )
     lines = [*summary(result)]
-    if line := convergence_line(result):
-        lines += ["", line]
+    for line in (missing_line(scene), convergence_line(result)):
+        lines += ["", line] * bool(line)
     return "\n".join(lines), failure
 
 

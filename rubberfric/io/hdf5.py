@@ -14,6 +14,7 @@ typed number, which does not raise the precision of other leaves.
 
 import contextlib
 import io
+import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -57,7 +58,7 @@ def reading(path: Any, form: str) -> Iterator[h5py.File]:
     """Open an HDF5 file of the format `form`; every fault raises a ValueError that names the file."""
     check_readable(path)  # names a missing file as such
     try:
-        with h5py.File(path, "r") as file:
+        with _opened(path) as file:
             for name, value in {"format": form, "format_version": _VERSION}.items():
                 found = plain(file.attrs.get(name))
                 if type(found) is not type(value) or found != value:
@@ -69,6 +70,40 @@ def reading(path: Any, form: str) -> Iterator[h5py.File]:
     except (OSError, KeyError, RuntimeError, TypeError) as error:
         text = str(error).strip("'\"").splitlines()[0]
         raise ValueError(f"{path}: must be a whole HDF5 file: {text}") from None
+
+
+def _opened(path: StrPath) -> h5py.File:
+    """Open an HDF5 file for reading without a lock, or raise ValueError if the file is marked as written.
+
+    A lock would refuse complete files that another program has open, and all files on drives without locks.
+    The mark is in the file. A program that writes removes the mark when it closes the file.
+    """
+    try:
+        return h5py.File(path, "r", locking=False)
+    except OSError as error:
+        if "flag values don't match" in str(error):  # this process has the file open, with a lock
+            return h5py.File(path, "r")
+        if "already open for write" not in str(error):
+            raise
+    holder = _holder(path)
+    if holder is None:
+        raise ValueError(
+            "another program writes to it, or ended without closing it: close it there, or run"
+            f" h5clear -s {Path(path).name}"
+        )
+    raise ValueError(f"is open for writing in {holder}: close it there")
+
+
+def _holder(path: StrPath) -> str | None:
+    """Return the process that holds a lock on a file, as Linux lists it, or None."""
+    inode = f":{os.stat(path).st_ino}"  # the device before it differs in containers
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        for line in Path("/proc/locks").read_text().splitlines():
+            fields = line.split()  # 1: FLOCK ADVISORY WRITE process device start end
+            if fields[5].endswith(inode) and int(fields[4]) != os.getpid():
+                program = Path(f"/proc/{fields[4]}/comm").read_text().strip()
+                return f"process {fields[4]} ({program})"
+    return None
 
 
 def _check_own_data(group: h5py.Group, seen: set[h5py.Group]) -> None:

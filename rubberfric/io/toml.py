@@ -212,7 +212,10 @@ def _build_child(path, key, field, content):
 
 
 def _read_cards(path, key, cls, content):
-    """Read the Prony series in a file of cards; the key `shift` replaces the shift of the file."""
+    """Read the Prony series in a file of cards.
+
+    The key `shift` replaces the shift of the file, and shift = false leaves it out.
+    """
     check_keys(path, key, content, ("file", "unit_stress", "unit_temperature", "poisson", "shift"))
     given = {name: content[name] for name in ("unit_stress", "unit_temperature") if name in content}
     if "poisson" in content:
@@ -220,9 +223,9 @@ def _read_cards(path, key, cls, content):
     name, shift = content["file"], None
     if not isinstance(name, str):
         raise ValueError(f"{path}: {key}.file = {shown(name)}: must be the name of a file of cards")
-    if "shift" in content:
+    if "shift" in content and content["shift"] is not False:
         shift = _build_child(path, f"{key}.shift", fields_of(cls)["shift"], content["shift"])
-    material = read_prony(path.parent / name, shift=shift is None, **given)
+    material = read_prony(path.parent / name, shift="shift" not in content, **given)
     if type(material) is not cls:
         advice = 'set kind = "prony_shear" or give poisson' if cls is Prony else 'set kind = "prony"'
         held = type(material).__name__
@@ -245,7 +248,7 @@ def _file_keys(cls):
     columns = _curves(cls).values()
     if _has_directions(cls):
         return ("file", "normalisation")
-    return ("file", "columns") * bool(columns) + ("normalisation", "hurst") * ("C" in columns)
+    return ("file", "columns", "bad_rows") * bool(columns) + ("normalisation", "hurst") * ("C" in columns)
 
 
 def _read_curves(path, key, cls, content):
@@ -265,6 +268,7 @@ def _read_curves(path, key, cls, content):
             table: dict[str, Any] = dict(zip(("q", "C"), read_directions(file), strict=True))
         else:
             layout = {"columns": content.get("columns"), "poisson": content.get("poisson"), "generic": "E"}
+            layout["bad_rows"] = content.get("bad_rows", "error")
             names = tuple(density if column == "C" else column for column in curves.values())
             table = read_table(file, names, **layout)
     except ValueError as error:
@@ -315,16 +319,16 @@ def scene_texts(
     given = {} if conditions is None else conditions._asdict()
     if [*doubts_of_scene(scene), *doubts_of_conditions(**given)]:
         lines.append("plausible = false")
-    lines += [*_object("", scene, tables, prefix), *["", "[run]"] * bool(given)]
+    lines += [*object_lines("", scene, tables, prefix), *["", "[run]"] * bool(given)]
     for key, values in given.items():
         if values is not None:
             lines.append(
-                f"{key} = {_literal(values if values.size > 1 else values[0])}  # {CONDITION_UNITS[key]}"
+                f"{key} = {literal(values if values.size > 1 else values[0])}  # {CONDITION_UNITS[key]}"
             )
     return {name: "\n".join(lines) + "\n"} | tables
 
 
-def _object(key: str, value: PhysicalObject, tables: dict[str, str], prefix: str) -> Iterator[str]:
+def object_lines(key: str, value: PhysicalObject, tables: dict[str, str], prefix: str) -> Iterator[str]:
     """Yield the TOML lines of an object and of the objects inside it, and add CSV texts to `tables`."""
     fields = fields_of(type(value))
     if isinstance(value, Kind):
@@ -338,7 +342,7 @@ def _object(key: str, value: PhysicalObject, tables: dict[str, str], prefix: str
             columns[field.column] = np.asarray(content, float)
             continue
         unit = f"  # {field.unit}" if isinstance(field, Leaf) and field.unit != "-" else ""
-        yield f"{name} = {_literal(content)}{unit}"
+        yield f"{name} = {literal(content)}{unit}"
     if columns:
         file = f"{prefix}{key.replace('.', '_')}.csv"
         tables[file] = _table(columns)
@@ -348,7 +352,7 @@ def _object(key: str, value: PhysicalObject, tables: dict[str, str], prefix: str
     for name, field in fields.items():
         content = getattr(value, name)
         if isinstance(field, Child) and content is not None:
-            yield from ("", f"[{join(key, name)}]", *_object(join(key, name), content, tables, prefix))
+            yield from ("", f"[{join(key, name)}]", *object_lines(join(key, name), content, tables, prefix))
 
 
 def _table(columns: dict[str, np.ndarray]) -> str:
@@ -363,9 +367,12 @@ def _table(columns: dict[str, np.ndarray]) -> str:
     return table_text(columns)
 
 
-def _literal(value: Any) -> str:
+def literal(value: Any) -> str:
+    """Return an option, a number, an array, or a list of texts in TOML."""
     if isinstance(value, bool | int | str):  # an option
         return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, list) and all(isinstance(one, str) for one in value):
+        return f"[{', '.join(map(string, value))}]"
     return repr(np.asarray(value, float).tolist())
 
 

@@ -88,6 +88,10 @@ def log_vertical(shift: Shift | None, temperature: ArrayLike | None) -> jax.Arra
     return shift.vertical.log_factor(temperature, shift.reference_temperature)
 
 
+# Some programs write log10 a_T = C1 (T - T_ref) / (C2 + T - T_ref).
+_C1 = (f"{POSITIVE[0]}, as in log10 a_T = -C1 (T - T_ref) / (C2 + T - T_ref); check its sign", POSITIVE[1])
+
+
 @physical
 class WLF(Shift):
     r"""Williams-Landel-Ferry shift, log10 a_T = -C1 (T - T_ref) / (C2 + T - T_ref).
@@ -104,7 +108,7 @@ class WLF(Shift):
     Under jit, ln a_T is `largest_log_factor` at and below the pole.
     """
 
-    C1: Number = leaf(POSITIVE, unit="-")
+    C1: Number = leaf(_C1, unit="-")
     C2: Number = leaf(POSITIVE, unit="K")
     T_ref: Number = leaf(POSITIVE, unit="K", plausible=PLAUSIBLE_TEMPERATURE)
 

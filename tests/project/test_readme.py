@@ -1,26 +1,18 @@
-"""Pages: their snippets and commands run, the names in them exist, and the reference is complete."""
+"""Pages: their snippets run, the names in them exist, and the reference is complete."""
 
 import pydoc
 import re
-import shlex
 import shutil
-from pathlib import Path
 
 import jax
 import numpy as np
 import pytest
-from support.folders import README, RECIPE, REFERENCE_PAGES, ROOT, SNIPPETS, START_SNIPPETS
+from support.folders import RECIPE, REFERENCE_PAGES, ROOT, SNIPPETS, START_SNIPPETS
 
 import fitting
 import rubberfric
 import rubberfric as rf
-from fitting.commands.main import main as fit_main
 from rubberfric.base import forget
-from rubberfric.commands.main import main as scene_main
-
-COMMANDS_PAGE = (ROOT / "notebooks" / "commands.md").read_text()
-COMMANDS = re.findall(r"^    .*?\b((?:rubberfric|rubberfric-fit) .*)$", README + COMMANDS_PAGE, re.M)
-LONG = ("rubberfric accuracy",)  # half a minute and more
 
 
 @pytest.fixture
@@ -47,22 +39,6 @@ def test_start_here(capsys):
         exec(compile(snippet, "start_here.md", "exec"), names)
     assert "explains the data" in names["result"].report()
     assert capsys.readouterr().out
-
-
-@pytest.mark.usefixtures("in_a_copy")
-@pytest.mark.parametrize(
-    "command",
-    [pytest.param(c, marks=[pytest.mark.slow] * c.startswith(LONG)) for c in dict.fromkeys(COMMANDS)],
-)
-def test_commands(command, call_main):
-    program, *arguments = shlex.split(command)
-    main = {"rubberfric": scene_main, "rubberfric-fit": fit_main}[program]
-    status, printed, complaint = call_main(main, *arguments)
-    assert status == 0, complaint
-    assert printed
-    for name in arguments:
-        if name.endswith((".png", ".h5")):
-            assert Path(name).stat().st_size > 1000
 
 
 PAGES = (

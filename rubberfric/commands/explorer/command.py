@@ -33,7 +33,7 @@ from rubberfric.commands.explorer.curves import (
 from rubberfric.commands.explorer.server import Answer, Server
 from rubberfric.commands.explorer.sliders import Slider, slider_values
 from rubberfric.io.files import read_computable
-from rubberfric.io.toml import scene_texts
+from rubberfric.io.toml import literal, scene_texts
 
 # Parts of the page, in the folder page.
 _PARTS = ("style.css", "plots.js", "page.js")
@@ -47,7 +47,11 @@ def run_explorer(arguments: argparse.Namespace, show: Progress) -> tuple[str, No
     """Serve the page of `rubberfric explore` until a signal ends the command."""
     show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene, default=True)
-    measured = None if arguments.data is None else read_points(arguments.data, scene, conditions)
+    reading = {name: getattr(arguments, name) for name in ("columns", "bad_rows")}
+    reading = {name: value for name, value in reading.items() if value is not None}
+    measured = None
+    if arguments.data is not None:
+        measured = read_points(arguments.data, scene, conditions, **reading)
     explorer = Explorer(scene, conditions, title, measured)
     try:
         server = Server(arguments.port, page, routes(explorer))
@@ -190,6 +194,7 @@ def job_text(explorer: Explorer, values: CurveValues, measured: MeasuredPoints, 
         "[[data]]",
         f'file = "{table}"',
     ]
+    lines += [f"{name} = {literal(value)}" for name, value in measured.reading.items()]
     if measured.pressure is None:
         lines.append(f"pressure = {values['pressure']!r}  # Pa")
     if measured.temperature is None and "temperature" in values:

@@ -60,6 +60,7 @@ class MeasuredPoints(NamedTuple):
     pressure: np.ndarray | None  # [Pa]
     temperature: np.ndarray | None  # [K]; None also if nothing depends on it
     content: bytes  # of the file
+    reading: Mapping[str, Any]  # options with which the file was read
 
 
 class Curve(NamedTuple):
@@ -292,13 +293,14 @@ def _misfit(model: np.ndarray, measured: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.log(model[both] / measured[both]) ** 2))) if both.any() else math.nan
 
 
-def read_points(path: StrPath, scene: Scene, conditions: Conditions) -> MeasuredPoints:
+def read_points(path: StrPath, scene: Scene, conditions: Conditions, **reading: Any) -> MeasuredPoints:
     """Read points from a table with v, mu and optionally p, T, and sigma or relative_sigma.
 
-    A ValueError is raised for an invalid table, or for points at which the scene cannot be computed.
+    `reading` are the options `columns` and `bad_rows` of `rubberfric.io.read_table`. A ValueError is raised
+    for an invalid table, or for points at which the scene cannot be computed.
     """
     optional = ("p", "T", "sigma", "relative_sigma")
-    table = read_table(path, ("v", "mu"), optional, increasing=False)
+    table = read_table(path, ("v", "mu"), optional, increasing=False, **reading)
     if table["v"].size > MOST_POINTS:
         raise ValueError(f"{path}: has {table['v'].size} points: must have at most {MOST_POINTS}")
     if np.any(table["v"] <= 0):
@@ -316,7 +318,8 @@ def read_points(path: StrPath, scene: Scene, conditions: Conditions) -> Measured
     error = table.get("sigma")
     if error is None and "relative_sigma" in table:
         error = table["relative_sigma"] * np.abs(table["mu"])
-    return MeasuredPoints(as_path(path), table["v"], table["mu"], error, p, T, as_path(path).read_bytes())
+    content = as_path(path).read_bytes()
+    return MeasuredPoints(as_path(path), table["v"], table["mu"], error, p, T, content, reading)
 
 
 def group_points(measured: MeasuredPoints) -> list[Curve]:

@@ -6,9 +6,11 @@ the page of this server. Every request needs the token, which other users of the
 server compares the path of a request with a few fixed routes and opens no files.
 """
 
+import contextlib
 import hmac
 import json
 import secrets
+import socket
 import threading
 import time
 from collections.abc import Callable
@@ -21,6 +23,8 @@ from rubberfric.base.checks import shown
 ADDRESS = "127.0.0.1"
 # Limits of a request: bytes, seconds until it has arrived, and simultaneous requests.
 LARGEST_REQUEST, REQUEST_TIMEOUT, MOST_REQUESTS = 2**14, 10.0, 32
+# Seconds in which the thread of a closed connection must end.
+_HANDOVER = 1.0
 
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -75,6 +79,9 @@ class Server(ThreadingHTTPServer):
         self._entrance = [secrets.token_urlsafe(32)]
         self.turn = threading.Lock()
         self._room = threading.BoundedSemaphore(MOST_REQUESTS)
+        # Time at which each connection was accepted whose request has not arrived, the oldest first.
+        self._arriving: dict[Any, float] = {}
+        self._lock = threading.Lock()
 
     @property
     def hosts(self) -> tuple[str, str]:
@@ -100,10 +107,18 @@ class Server(ThreadingHTTPServer):
             return False
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Process a request in a new thread, or close it if idle connections hold all threads."""
+        """Process a request in a new thread.
+
+        If all threads are in use, close the oldest connection whose request has not arrived. If there is
+        none, close the new connection.
+        """
         if not self._room.acquire(blocking=False):
-            self.shutdown_request(request)
-            return
+            self._close_slow(1)
+            if not self._room.acquire(timeout=_HANDOVER):
+                self.shutdown_request(request)
+                return
+        with self._lock:
+            self._arriving[request] = time.monotonic()
         super().process_request(request, client_address)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
@@ -111,7 +126,27 @@ class Server(ThreadingHTTPServer):
         try:
             super().process_request_thread(request, client_address)
         finally:
+            self.has_arrived(request)
             self._room.release()
+
+    def has_arrived(self, request: Any) -> None:
+        """Note that a request is complete, so that its connection is not closed before the answer."""
+        with self._lock:
+            self._arriving.pop(request, None)
+
+    def service_actions(self) -> None:
+        """Close connections whose request has not arrived in time, which a byte now and then would delay."""
+        late = time.monotonic() - REQUEST_TIMEOUT
+        with self._lock:
+            count = sum(begin < late for begin in self._arriving.values())
+        self._close_slow(count)
+
+    def _close_slow(self, count: int) -> None:
+        with self._lock:
+            for request in list(self._arriving)[:count]:
+                del self._arriving[request]
+                with contextlib.suppress(OSError):  # the other end was faster
+                    request.shutdown(socket.SHUT_RDWR)  # its thread reads the end and closes it
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Ignore broken connections."""
@@ -126,6 +161,7 @@ class Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Send the page."""
+        self.server.has_arrived(self.connection)
         self._answer(self._page)
 
     def do_POST(self) -> None:
@@ -211,7 +247,9 @@ class Handler(BaseHTTPRequestHandler):
             raise Refused(HTTPStatus.LENGTH_REQUIRED, "Content-Length: must be given")
         if len(text) > len(str(LARGEST_REQUEST)) or int(text) > LARGEST_REQUEST:
             raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"must have at most {LARGEST_REQUEST} bytes")
-        return self.rfile.read(int(text))
+        content = self.rfile.read(int(text))
+        self.server.has_arrived(self.connection)
+        return content
 
 
 def _read_json(content: bytes) -> Any:

@@ -56,9 +56,9 @@ def test_roughness_from_traces_goes_into_a_scene(run):
 
 
 def test_a_job_a_fit_and_a_table(run):
-    assert run("mastercurve", "dma_isothermen.csv", "--out", "scene.toml", "--per-decade", "1")[0] == 0
+    assert run("mastercurve", "dma_isothermen.csv", "--out", "material.toml", "--per-decade", "1")[0] == 0
     assert (
-        run("spectrum", "stylus.csv", "--scene", "scene.toml", "--slope", "1.3", "--out", "scene.toml")[0]
+        run("spectrum", "stylus.csv", "--scene", "material.toml", "--slope", "1.3", "--out", "scene.toml")[0]
         == 0
     )
     status, printed, _ = run(
@@ -97,7 +97,7 @@ def test_the_commands_of_the_page(run):
     ("arguments", "message"),
     [
         (("mastercurve", "no.csv"), "no.csv: cannot be read"),
-        (("mastercurve", "dma_isothermen.csv", "--temperature", "290"), "temperature = 290.0: must not be"),
+        (("mastercurve", "dma_isothermen.csv", "--temperature", "290"), "--temperature 290.0: must not be"),
         (("mastercurve", "stylus.csv", "stylus.csv", "--temperature", "290"), "has 1 values for 2 files"),
         (("mastercurve", "dma_isothermen.csv", "--out", "x.png"), "must be .toml or .h5 or .csv"),
         (("spectrum", "stylus.csv", "--map"), "must have x, y and z, or be a grid"),

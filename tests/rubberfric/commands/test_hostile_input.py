@@ -157,7 +157,7 @@ def test_what_is_no_scene(complaint_about, content, place):
         (
             fit_main,
             ("job.toml", "--out", "friction.h5"),
-            "data[0].file = 'friction.h5': is an input file of the job",
+            "is a file that this command reads; choose another file",
         ),
         (fit_main, ("job.toml", "--resume"), "must come with --bootstrap"),
     ],

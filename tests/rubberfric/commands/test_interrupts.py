@@ -4,13 +4,16 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+import types
+import weakref
 
 import pytest
 from support.folders import ROOT
 from support.scenes.fits import JOB_FILES
 
-from rubberfric.commands import Interrupts
+from rubberfric.commands import Interrupts, ended
 from rubberfric.commands.interrupts import DELAYED
 
 SCENE = ROOT / "data" / "tread_on_asphalt.toml"
@@ -142,6 +145,47 @@ def test_a_command_called_from_python_waits_for_the_compiler_and_imports(capfd, 
     finally:
         signal.signal(which, before)
     assert interrupts.status == 128 + which
+
+
+@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
+def test_a_command_called_from_python_does_not_lose_a_signal_in_a_weak_reference(capfd, which):
+    """Python prints and ignores an exception in the callback of a weak reference."""
+
+    def remove(_):
+        signal.raise_signal(which)
+
+    names = {"signal": signal, "__name__": "weakref"}  # as in a WeakKeyDictionary
+    remove = types.FunctionType(remove.__code__, names, closure=remove.__closure__)
+    before = signal.signal(which, signal.default_int_handler)  # a background job may ignore it
+    try:
+        with Interrupts("rubberfric", process=False) as interrupts:
+            value = threading.Lock()
+            reference = weakref.ref(value, remove)
+            del value
+            with pytest.raises(KeyboardInterrupt):
+                time.sleep(10)
+    finally:
+        signal.signal(which, before)
+    assert reference() is None and interrupts.status == 128 + which
+    assert capfd.readouterr().err == f"rubberfric: {DELAYED}\n"
+
+
+@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_that_waits_until_the_end_is_reported(capfd, which):
+    """The caller sees an interrupt; nothing is lost."""
+
+    def backend_compile_and_load():
+        signal.raise_signal(which)
+        return 0
+
+    before = signal.signal(which, signal.default_int_handler)  # a background job may ignore it
+    try:
+        status = ended("rubberfric", lambda _: backend_compile_and_load(), process=False)
+    finally:
+        signal.signal(which, before)
+    assert status == 128 + which
+    line = "rubberfric: interrupted; all files are complete\n"
+    assert capfd.readouterr().err == f"rubberfric: {DELAYED}\n{line}"
 
 
 def test_a_signal_during_the_last_compilation_does_not_reach_the_caller():

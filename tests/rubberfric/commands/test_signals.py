@@ -4,7 +4,7 @@ import os
 import signal
 
 import pytest
-from support.processes.signals import COMMANDS, HELD, answers
+from support.processes.signals import COMMANDS, WAITING, answers
 
 pytestmark = pytest.mark.skipif(not os.path.exists("/proc/self/status"), reason="asks Linux for handlers")
 
@@ -19,6 +19,8 @@ def test_signals(name, which, time):
     faults = [one for one in found if one.kind == "fault"]
     assert not faults
     interrupted = [one for one in found if one.kind == "interrupted"]
-    late = [one for one in interrupted if one.answer > 1 or (one.seconds > 1 and HELD not in one.complaint)]
+    late = [
+        one for one in interrupted if one.answer > 1 or (one.seconds > 1 and WAITING not in one.complaint)
+    ]
     assert not late
     assert len(interrupted) > 10

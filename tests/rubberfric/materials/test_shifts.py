@@ -183,3 +183,11 @@ def test_a_padded_table_shifts_the_same():
     found, expected = (log_factor_and_slopes(one, T)[0] for one in (longer, table))
     np.testing.assert_allclose(found, expected, rtol=1e-13)
     assert rf.WLF(8.0, 100.0, 293.0).padded().C1 == 8.0
+
+
+@pytest.mark.parametrize("C1", [-12.0, 0.0])
+def test_a_negative_wlf_constant_gets_a_hint_on_its_sign(C1):
+    """Some programs and papers write the law without the minus."""
+    law = r"log10 a_T = -C1 \(T - T_ref\) / \(C2 \+ T - T_ref\); check its sign"
+    with pytest.raises(ValueError, match=rf"WLF\.C1 = {C1}: must be > 0, as in {law}"):
+        rf.WLF(C1, 150.0, 293.15)

@@ -21,7 +21,7 @@ from support.scenes.fits import JOB_FILES, write_job
 # Bit of a signal in the line of /proc about the handlers of a process.
 TERMINATE = 1 << (signal.SIGTERM - 1)
 SCENE = ROOT / "data" / "tread_on_asphalt.toml"
-PROGRAM = "import sys; from {}.commands.main import main; sys.exit(main())"
+PROGRAM = "import sys; from {}.commands.main import main; sys.exit(main({}))"
 COMMANDS = {
     "run": ("rubberfric", "run", SCENE, "--out", "out.h5"),
     "map": ("rubberfric", "map", SCENE, "--out", "out.h5"),
@@ -29,8 +29,11 @@ COMMANDS = {
     "explore": ("rubberfric", "explore", SCENE, "--no-browser"),
     "fit": ("fitting", "job.toml", "--out", "out.h5"),
 }
+EMBEDDED = " called from Python"
+COMMANDS |= {f"{name}{EMBEDDED}": COMMANDS[name] for name in ("run", "fit")}
 LONGEST = 25.0  # longest observed duration of a command [s]
-HELD = "interrupted; stopping after this step"
+# Lines of commands that wait for the end of a step, or of a compilation.
+WAITING = "interrupted; stopping after this"
 
 
 class Answer(NamedTuple):
@@ -53,7 +56,7 @@ class Answer(NamedTuple):
             return "not yet begun"
         if self.status in (128 + signal.SIGINT, 128 + signal.SIGTERM):
             lines = self.complaint.count("\n")
-            whole = lines == 1 or (HELD in self.complaint and lines == 2)
+            whole = lines == 1 or (WAITING in self.complaint and lines == 2)
             return "interrupted" if whole and not [x for x in self.left if x.startswith(".")] else "fault"
         return "fault"
 
@@ -61,12 +64,14 @@ class Answer(NamedTuple):
 def begun(name, folder):
     """The process of a command, which compiles all that it needs."""
     package, *arguments = COMMANDS[name]
-    if name == "fit":
+    if package == "fitting":
         write_job(folder)
+    embedded = name.endswith(EMBEDDED)
+    program = PROGRAM.format(package, list(map(str, arguments)) if embedded else "")
     environment = {key: value for key, value in os.environ.items() if key != "XLA_FLAGS"}
     environment |= {"PYTHONPATH": str(ROOT), "JAX_ENABLE_COMPILATION_CACHE": "false"}
     return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM.format(package), *map(str, arguments)],
+        [sys.executable, "-c", program, *([] if embedded else map(str, arguments))],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,

@@ -1,13 +1,16 @@
 """The server of the page: accepted and refused requests, and headers."""
 
+import contextlib
 import http.client
 import json
 import re
 import socket
 import threading
+import time
 
 import pytest
 
+from rubberfric.commands.explorer import server as server_module
 from rubberfric.commands.explorer.server import LARGEST_REQUEST, Answer, Server
 
 PAGE = "<script nonce={}></script>"
@@ -214,6 +217,61 @@ def test_more_connections_than_there_is_room_for(server, ask):
             continue
     else:
         pytest.fail("is refused")
+
+
+@pytest.mark.parametrize("said", [b"", b"POST /x HTTP/1.1\r\nHost: a\r\n", b"G"])
+def test_slow_connections_do_not_lock_others_out(server, ask, said):
+    """They hold all threads; the oldest one is closed for each new connection."""
+    slow = [socket.create_connection(("127.0.0.1", server.server_port)) for _ in range(40)]
+    try:
+        for one in slow:
+            with contextlib.suppress(ConnectionError, BrokenPipeError):  # the oldest are closed already
+                one.sendall(said)
+        for _ in range(3):
+            begin = time.monotonic()
+            assert ask("POST", f"/{server.token}/double", b'{"x": 1}')[0] == 200
+            assert time.monotonic() - begin < 5
+    finally:
+        for one in slow:
+            one.close()
+
+
+def test_a_byte_now_and_then_does_not_hold_a_connection_open(server, monkeypatch):
+    monkeypatch.setattr(server_module, "REQUEST_TIMEOUT", 0.5)
+    with socket.create_connection(("127.0.0.1", server.server_port)) as one:
+        for _ in range(180):  # 9 s
+            try:
+                one.sendall(b"G")
+            except ConnectionError:
+                break
+            time.sleep(0.05)
+        else:
+            pytest.fail("is still open")
+
+
+def test_a_request_that_has_arrived_is_answered_however_many_others_come(server, ask):
+    """A computation may take longer than a request may take to arrive."""
+    entered, go_on = threading.Event(), threading.Event()
+
+    def wait(_):
+        entered.set()
+        assert go_on.wait(20)
+        return Answer("application/json", b"1")
+
+    server.routes["wait"] = wait
+    found = []
+    asking = threading.Thread(target=lambda: found.append(ask("POST", f"/{server.token}/wait", b"1")[0]))
+    asking.start()
+    slow = []
+    try:
+        assert entered.wait(20)
+        slow += [socket.create_connection(("127.0.0.1", server.server_port)) for _ in range(40)]
+    finally:
+        go_on.set()
+        asking.join(20)
+        for one in slow:
+            one.close()
+    assert found == [200]
 
 
 def test_a_port_that_is_taken(server):
