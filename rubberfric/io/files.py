@@ -53,7 +53,8 @@ from rubberfric.io.results import (
     default_conditions,
     result_shape,
 )
-from rubberfric.io.toml import read_scene_toml, scene_texts
+from rubberfric.io.scene_edit import scene_file_texts
+from rubberfric.io.toml import read_scene_toml
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.structure import Solution
 
@@ -92,31 +93,56 @@ def load_scene(path: StrPath) -> Scene:
     return read_scene_file(path).scene
 
 
-def save_scene(path: StrPath, scene: Scene) -> None:
+def save_scene(path: StrPath, scene: Scene, like: StrPath | None = None) -> None:
     """Save a scene as an HDF5 file (.h5) or a TOML file (.toml), completely or not at all.
 
     Numbers in a TOML file have all digits. Tables are written as CSV files in the same folder, and are named
-    after the TOML file. The TOML file contains no conditions, so `rubberfric run` uses default conditions.
+    after the TOML file. An existing CSV file that does not belong to the TOML file is not overwritten.
+
+    Parameters
+    ----------
+    path : file to write
+    scene : Scene
+    like : scene file whose title and conditions the new file gets
+        If both files are TOML, the new file also keeps comments, and the lines whose values are unchanged.
+        None writes no title and no conditions, so `rubberfric run` uses default conditions.
 
     Raises
     ------
-    ValueError : another suffix, a missing folder, or a value of the scene that a constructor refuses
+    ValueError : another suffix, a missing folder, a value of the scene that a constructor refuses, or
+        conditions of `like` that are not valid for the scene
     """
     check_writable(path, (".h5", ".toml"))
     if not isinstance(scene, Scene):
         raise ValueError(f"{path}: scene must be a Scene, got {type(scene).__name__}")
     try:
-        if (place := as_path(path)).suffix.lower() == ".toml":
-            for _, part in parts_of(scene):  # JAX rebuilds objects without checks
-                type(part)(**{name: getattr(part, name) for name in fields_of(type(part))})
-            texts = scene_texts(scene, None, name=place.name, prefix=f"{place.stem}_")
-            for name, text in reversed(texts.items()):  # the TOML file last, when its tables exist
-                write_text(place.parent / name, text)
-            return
-        with replacing(path) as temporary, creating(temporary, _FORMAT) as file:
-            write_object(file, "scene", scene)
+        for _, part in parts_of(scene):  # JAX rebuilds objects without checks
+            type(part)(**{name: getattr(part, name) for name in fields_of(type(part))})
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+    kept = SceneFile(scene, None, "") if like is None else read_scene_file(like)._replace(scene=scene)
+    try:
+        if (place := as_path(path)).suffix.lower() == ".toml":
+            template = None if like is None or as_path(like).suffix.lower() == ".h5" else like
+            for name, text in reversed(scene_file_texts(place, kept, template).items()):
+                write_text(place.parent / name, text)  # the TOML file last, when its tables exist
+        else:
+            _save_hdf5(path, kept)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _save_hdf5(path: StrPath, content: SceneFile) -> None:
+    given = {} if content.conditions is None else content.conditions._asdict()
+    if content.conditions is not None:
+        check_conditions("", content.conditions, content.scene)
+    with replacing(path) as temporary, creating(temporary, _FORMAT) as file:
+        if content.title:
+            file.attrs["title"] = content.title
+        write_object(file, "scene", content.scene)
+        for name, values in given.items():
+            if values is not None:
+                write_values(file, name, values, CONDITION_UNITS[name]).make_scale(name)
 
 
 def read_scene_file(path: StrPath, table: str = "run") -> SceneFile:

@@ -315,7 +315,7 @@ def scene_texts(
     given = {} if conditions is None else conditions._asdict()
     if [*doubts_of_scene(scene), *doubts_of_conditions(**given)]:
         lines.append("plausible = false")
-    lines += [*_object("", scene, tables, prefix), *["", "[run]"] * bool(given)]
+    lines += [*object_lines("", scene, tables, prefix), *["", "[run]"] * bool(given)]
     for key, values in given.items():
         if values is not None:
             lines.append(
@@ -324,7 +324,7 @@ def scene_texts(
     return {name: "\n".join(lines) + "\n"} | tables
 
 
-def _object(key: str, value: PhysicalObject, tables: dict[str, str], prefix: str) -> Iterator[str]:
+def object_lines(key: str, value: PhysicalObject, tables: dict[str, str], prefix: str) -> Iterator[str]:
     """Yield the TOML lines of an object and of the objects inside it, and add CSV texts to `tables`."""
     fields = fields_of(type(value))
     if isinstance(value, Kind):
@@ -348,7 +348,7 @@ def _object(key: str, value: PhysicalObject, tables: dict[str, str], prefix: str
     for name, field in fields.items():
         content = getattr(value, name)
         if isinstance(field, Child) and content is not None:
-            yield from ("", f"[{join(key, name)}]", *_object(join(key, name), content, tables, prefix))
+            yield from ("", f"[{join(key, name)}]", *object_lines(join(key, name), content, tables, prefix))
 
 
 def _table(columns: dict[str, np.ndarray]) -> str:
