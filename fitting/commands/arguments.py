@@ -19,7 +19,7 @@ def _check_fit(arguments: argparse.Namespace) -> None:
     if arguments.resume and checkpoint is None:
         raise ValueError("--resume: must come with --checkpoint FILE.h5")
     check_input(arguments.job, (".toml",))
-    check_outputs(arguments, ".h5")
+    check_outputs(arguments, ".h5", inputs=[arguments.job])
     if checkpoint is None:
         return
     check_writable(checkpoint, (".h5",))
@@ -116,9 +116,12 @@ def _spectrum_parser() -> Parser:
     add("--map", action="store_true", help="the file is a height map: x, y, z or a grid")
     add("--spacing", nargs="+", type=float, metavar="M", help="dx, or dx and dy, of a grid of heights [m]")
     add("--unit", metavar="UNIT", help="unit of a height map without units: m, mm, um, nm")
-    add("--normalisation", metavar="NAME", help="normalisation of C(q), see `rubberfric.roughness`")
-    add("--hurst", type=float, metavar="H", help="Hurst exponent, needed for a spectrum along a line")
-    add("--q1", type=float, metavar="Q", help="largest wavevector to fit [1/m] (default: last)")
+    text = "normalisation of a spectrum: C, C_iso, C_1D, C_1D_one_sided, W1, Wr, ISO_8608 ..."
+    add("--normalisation", metavar="NAME", help=text)
+    text = "Hurst exponent of a noisy spectrum along a line, taken as self-affine"
+    add("--hurst", type=float, metavar="H", help=text)
+    text = "largest wavevector to fit [1/m] (default: the end of the resolved range)"
+    add("--q1", type=float, metavar="Q", help=text)
     text = "continue or cut the roughness to this rms slope, often 1.3"
     add("--slope", type=float, metavar="S", help=text)
     add("--table", action="store_true", help="put the measured spectrum itself into the scene")
@@ -164,28 +167,30 @@ def _table_parser() -> Parser:
 
 def _check_planning(arguments: argparse.Namespace) -> None:
     check_input(arguments.job, (".toml",))
-    check_outputs(arguments, ".csv")
+    check_outputs(arguments, ".csv", inputs=[arguments.job])
 
 
 def _check_characterisation(arguments: argparse.Namespace) -> None:
-    check_outputs(arguments, *_SCENES, ".csv")
+    data = arguments.data if isinstance(arguments.data, list) else [arguments.data]
+    inputs = [arguments.scene, getattr(arguments, "strain", None), *data]
+    check_outputs(arguments, *_SCENES, ".csv", inputs=inputs)
     if arguments.scene is not None:
         check_input(arguments.scene, _SCENES)
-    for path in arguments.data if isinstance(arguments.data, list) else [arguments.data]:
+    for path in data:
         check_readable(path)
     if len(getattr(arguments, "spacing", None) or [0]) > 2:
         raise ValueError("--spacing: must be dx, or dx and dy")
 
 
 def _check_job(arguments: argparse.Namespace) -> None:
-    check_outputs(arguments, ".toml")
+    check_outputs(arguments, ".toml", inputs=[arguments.scene, *arguments.data])
     check_input(arguments.scene, _SCENES)
     for path in arguments.data:
         check_readable(path)
 
 
 def _check_table(arguments: argparse.Namespace) -> None:
-    check_outputs(arguments, ".inp", ".k", ".csv", ".json", ".txt")
+    check_outputs(arguments, ".inp", ".k", ".csv", ".json", ".txt", inputs=[arguments.fit])
     check_input(arguments.fit, _SCENES)
     for name in ("velocity", "pressure", "temperature"):
         if len(getattr(arguments, name) or [0]) > 2:

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from rubberfric.commands.arguments import add_common as add_common
     from rubberfric.commands.arguments import add_outputs as add_outputs
     from rubberfric.commands.arguments import check_input as check_input
+    from rubberfric.commands.arguments import check_no_input as check_no_input
     from rubberfric.commands.arguments import check_outputs as check_outputs
     from rubberfric.commands.arguments import write_outputs as write_outputs
     from rubberfric.commands.ending import begin_jax as begin_jax

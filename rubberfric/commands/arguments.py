@@ -2,7 +2,8 @@
 
 import argparse
 import importlib.util
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterable
 from typing import NoReturn
 
 from rubberfric.base.atomic import TABLE_SUFFIXES, StrPath, check_readable, check_suffix, check_writable
@@ -147,7 +148,8 @@ def check_arguments(arguments: argparse.Namespace) -> None:
         if arguments.data is not None:
             check_input(arguments.data, TABLE_SUFFIXES)
         return
-    check_outputs(arguments, ".csv" if arguments.command == "accuracy" else ".h5")
+    suffix = ".csv" if arguments.command == "accuracy" else ".h5"
+    check_outputs(arguments, suffix, inputs=[arguments.scene])
 
 
 def check_input(path: StrPath, suffixes: tuple[str, ...]) -> None:
@@ -156,15 +158,32 @@ def check_input(path: StrPath, suffixes: tuple[str, ...]) -> None:
     check_readable(path)
 
 
-def check_outputs(arguments: argparse.Namespace, *suffixes: str) -> None:
-    """Raise ValueError unless --out, with one of the suffixes, and --plot can be written."""
+def check_outputs(
+    arguments: argparse.Namespace, *suffixes: str, inputs: Iterable[StrPath | None] = ()
+) -> None:
+    """Raise ValueError unless --out, with one of the suffixes, and --plot can be written.
+
+    `inputs` are files that the command reads. They must not be overwritten.
+    """
     if arguments.out is not None:
         check_writable(arguments.out, suffixes)
-    if arguments.plot is None:
-        return
-    check_writable(arguments.plot, (".png", ".pdf", ".svg"))
-    if importlib.util.find_spec("matplotlib") is None:
+    if arguments.plot is not None:
+        check_writable(arguments.plot, (".png", ".pdf", ".svg"))
+    for option in ("out", "plot"):
+        check_no_input(f"--{option}", getattr(arguments, option), inputs)
+    if arguments.plot is not None and importlib.util.find_spec("matplotlib") is None:
         raise ValueError("--plot needs matplotlib; install it with: pip install 'rubberfric[plot]'")
+
+
+def check_no_input(option: str, path: StrPath | None, inputs: Iterable[StrPath | None]) -> None:
+    """Raise ValueError if the file of an option is one of the files that the command reads."""
+    for other in inputs:
+        # Path.resolve raises RuntimeError for a link to itself.
+        if path is None or other is None:
+            continue
+        same = os.path.realpath(path) == os.path.realpath(other)
+        if same or (os.path.exists(path) and os.path.exists(other) and os.path.samefile(path, other)):
+            raise ValueError(f"{option} {path}: is a file that this command reads; choose another file")
 
 
 def write_outputs(

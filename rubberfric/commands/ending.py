@@ -3,11 +3,12 @@
 JAX is imported after the arguments have been checked, and uses double precision.
 """
 
+import contextlib
 import io
 import os
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TextIO
 
 from rubberfric.base.compilation import compilation_cache
@@ -28,12 +29,13 @@ _SPACE = 2**31
 def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> int:
     """Run the function `work` of a command and return the exit status.
 
-    An expected error is printed on one line that begins with `program`. An unexpected error is raised.
+    An expected error is printed on one line that begins with `program`, and so is a warning. An unexpected
+    error is raised.
     `process` is explained in `Interrupts`.
     """
     if process and not _have_streams():
         return complain(program, "standard output is closed: must be open, for example as /dev/null", 1)
-    with Interrupts(program, process=process) as interrupts:
+    with Interrupts(program, process=process) as interrupts, _plain_warnings(program):
         try:
             try:
                 status = work(interrupts)
@@ -54,6 +56,22 @@ def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> 
             if isinstance(error, OSError):
                 _give_up(sys.stdout)  # its disk may be full
             return complain(program, _text(error), status)
+
+
+@contextlib.contextmanager
+def _plain_warnings(program: str) -> Iterator[None]:
+    """Print each warning of a command on one line of stderr, without the line of the source."""
+    usual = warnings.formatwarning
+
+    def plain(message: Warning | str, *place: object) -> str:
+        del place
+        return f"{program}: warning: {' '.join(str(message).split())}\n"
+
+    warnings.formatwarning = plain
+    try:
+        yield
+    finally:
+        warnings.formatwarning = usual
 
 
 def _status(error: Exception) -> int | None:

@@ -39,6 +39,7 @@ def read_table(
     poisson: float | None = None,
     generic: str | None = None,
     bad_rows: str = "error",
+    wavenumber: str | None = None,
 ) -> dict[str, np.ndarray]:
     """Read columns of a table of the project or of another program (`rubberfric.io.exports`).
 
@@ -55,6 +56,8 @@ def read_table(
         None: "G" if poisson is given, otherwise "E".
     bad_rows : "error", or "drop" to leave out rows of an export with an empty, missing or invalid value
         A warning names the lines that are left out.
+    wavenumber : "rad" or "cycles", the meaning of 1/m in a column "wavenumber" of an export
+        None refuses such a column, because it may be 2 pi over the wavelength or one over it.
 
     Returns
     -------
@@ -77,6 +80,12 @@ def read_table(
     else:
         found = pick(export, (*needed, *optional, *(MODULUS_COLUMNS if "E_stor" in needed else ())))
         found = _without_redundant(found)
+        if wavenumber is not None and "wavenumber" in found.names:
+            pairs = zip(found.names, found.units, strict=True)
+            replaced = [
+                f"{wavenumber}{u[1:]}" if n == "wavenumber" and u[:2] == "1/" else u for n, u in pairs
+            ]
+            found = found._replace(units=replaced)
         _check_units(export.where, found)
         if drop:
             found = _without_bad_rows(path, found)
@@ -314,6 +323,11 @@ def _project_table(path: StrPath, text: str, needed: Sequence[str], optional: Se
 def _check_units(where: str, table: TextTable) -> None:
     for title, name, unit in zip(table.titles, table.names, table.units, strict=True):
         known = COLUMNS[name or ""].units
+        if name == "wavenumber" and unit not in known:
+            raise ValueError(
+                f"{where}: column {title}: is 2 pi / wavelength or 1 / wavelength: must have the unit rad/m"
+                f" or cycles/m, or rad/mm ..., got {unit!r}"
+            )
         if unit not in known:
             raise ValueError(f"{where}: column {title}: unit {unit!r}: must be one of {', '.join(known)}")
 

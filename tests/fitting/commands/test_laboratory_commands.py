@@ -56,9 +56,9 @@ def test_roughness_from_traces_goes_into_a_scene(run):
 
 
 def test_a_job_a_fit_and_a_table(run):
-    assert run("mastercurve", "dma_isothermen.csv", "--out", "scene.toml", "--per-decade", "1")[0] == 0
+    assert run("mastercurve", "dma_isothermen.csv", "--out", "material.toml", "--per-decade", "1")[0] == 0
     assert (
-        run("spectrum", "stylus.csv", "--scene", "scene.toml", "--slope", "1.3", "--out", "scene.toml")[0]
+        run("spectrum", "stylus.csv", "--scene", "material.toml", "--slope", "1.3", "--out", "scene.toml")[0]
         == 0
     )
     status, printed, _ = run(
