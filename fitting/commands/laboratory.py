@@ -39,6 +39,8 @@ from rubberfric.plot import plot_spectrum, save_figure
 _BINS = 10
 # Wavevectors below which a fit of three parameters says little.
 _LEAST_FITTED = 4
+# No surface and no filter has a spectrum that falls as steeply, C ~ q^-20.
+_CLIFF = 20
 # Facing body of a new scene with roughness.
 _BLOCK = rf.Elastic(1e7, 0.5)
 # Contact shear with which a fit begins, of the size that tread rubber has on asphalt.
@@ -170,7 +172,12 @@ def _measured_spectrum(arguments):
 
 def _end(found, data):
     """Return the end of the resolved range, or None if it has too few wavevectors for a fit."""
-    q1 = found.resolved().q1
+    # A spectrum that ends within the last bins, as of a synthetic surface, has no resolved slope there.
+    falls = -np.diff(np.log(np.maximum(found.C, np.finfo(float).tiny))) / np.diff(np.log(found.q))
+    last = len(falls)
+    while last > _LEAST_FITTED and falls[last - 1] > _CLIFF:
+        last -= 1
+    q1 = min(found.resolved().q1, float(found.q[last]))
     return q1 if np.sum(data.q <= q1) > _LEAST_FITTED else None
 
 

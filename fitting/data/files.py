@@ -27,9 +27,14 @@ from numpy.typing import ArrayLike
 from fitting.data.kinds import KINDS, SpectrumData
 from fitting.data.measured import DATA_FORMAT, Measured
 from rubberfric.base import TABLE_SUFFIXES, StrPath, as_path, closest, shown
-from rubberfric.io import COLUMNS, column_hint, hdf5, read_names, read_table
-from rubberfric.io.spectrum_files import find_normalisation, read_density
-from rubberfric.roughness import LINES, check_normalisation, density_column, spectrum_from
+from rubberfric.io import COLUMNS, column_hint, hdf5, read_density, read_names, read_table
+from rubberfric.roughness import (
+    LINES,
+    check_normalisation,
+    density_column,
+    find_normalisation,
+    spectrum_from,
+)
 
 
 def read(
@@ -169,7 +174,7 @@ def _read_spectrum(path, optional, normalisation, hurst, layout):
 
     A spectrum in m^3 has no sigma, which would have another unit.
     """
-    normalisation = find_normalisation(path, normalisation, layout["columns"])
+    normalisation = find_normalisation(path, read_names(path, layout["columns"]), normalisation)
     try:
         check_normalisation(normalisation, hurst, table=True)
         if density_column(normalisation) != "C":

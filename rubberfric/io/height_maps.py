@@ -336,7 +336,7 @@ def _on_a_grid(path, x, y, z):
         if large.size < 1:
             raise ValueError(f"{path}: {name} has only one value; the points must form a grid")
         # Where all points of a line are missing, a step is a multiple of the spacing.
-        multiples = np.maximum(np.round(large / np.percentile(large, 10)), 1)
+        multiples = np.maximum(np.round(large / np.percentile(np.asarray(large, float), 10)), 1)
         spacing = float(large.sum() / multiples.sum())
         place = (values - values.min()) / spacing
         if np.abs(place - np.round(place)).max() > 4 * _SAME:

@@ -16,6 +16,7 @@ import csv
 import io
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -26,7 +27,10 @@ from rubberfric.base.units import young_from_shear
 from rubberfric.io.columns import COLUMNS, MODULUS_COLUMNS, SET_VALUES
 from rubberfric.io.exports import TextRows, TextTable, find_table, headless, pick, suggested_columns
 from rubberfric.io.height_maps import read_traces
+from rubberfric.roughness.normalisation import density_column, find_normalisation
 
+# Meaning of 1/m in a column "wavenumber".
+_WAVENUMBERS = {"ISO_8608": "cycles", "W1": "rad", "Wr": "rad", "C_1D_one_sided": "rad"}
 BAD_ROWS = ("error", "drop")
 
 
@@ -150,6 +154,30 @@ def read_columns(
     moduli = ("E_stor", "E_loss") if {"E_stor", *MODULUS_COLUMNS} & set(quantities) else ()
     plain = tuple(name for name in quantities if name not in (*MODULUS_COLUMNS, *moduli))
     return read_table(path, (*plain, *moduli), (), increasing=False, columns=columns, poisson=poisson)
+
+
+def read_density(
+    path: StrPath,
+    normalisation: str | None,
+    optional: Sequence[str] = (),
+    columns: list[str] | None = None,
+    **options: Any,
+) -> dict[str, Any]:
+    """Read q [1/m] and the density of a spectrum in a normalisation, as the column C or C_1D.
+
+    Parameters
+    ----------
+    path, columns, optional, options : as for `read_table`
+    normalisation : given, or None where a title names it, see `rubberfric.roughness.find_normalisation`
+
+    Returns
+    -------
+    dict with the keys "q", "C" (the density, [m^4] or [m^3]), and the optional columns of the table
+    """
+    normalisation = find_normalisation(path, read_names(path, columns), normalisation)
+    density, meaning = density_column(normalisation), _WAVENUMBERS.get(normalisation)
+    table = read_table(path, ("q", density), optional, columns=columns, wavenumber=meaning, **options)
+    return {("C" if name == density else name): values for name, values in table.items()}
 
 
 def read_directions(path: StrPath) -> tuple[np.ndarray, np.ndarray]:

@@ -52,8 +52,7 @@ from rubberfric.io.results import (
     check_conditions,
     check_plausible,
 )
-from rubberfric.io.spectrum_files import find_normalisation, read_density
-from rubberfric.io.tables import read_directions, read_table, table_text
+from rubberfric.io.tables import read_density, read_directions, read_table, table_text
 from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.roughness.normalisation import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
 from rubberfric.scene.scene import Scene, doubts_of_conditions, doubts_of_scene
@@ -264,8 +263,7 @@ def _read_curves(path, key, cls, content):
         if directions:
             table: dict[str, Any] = dict(zip(("q", "C"), read_directions(file), strict=True))
         elif normalisation is not None:
-            columns = content.get("columns")
-            table = read_density(file, find_normalisation(file, normalisation, columns), (), columns)
+            table = read_density(file, normalisation, (), content.get("columns"))
         else:
             layout = {"columns": content.get("columns"), "poisson": content.get("poisson"), "generic": "E"}
             table = read_table(file, tuple(curves.values()), **layout)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from rubberfric.roughness.normalisation import areal_spectrum as areal_spectrum
     from rubberfric.roughness.normalisation import check_normalisation as check_normalisation
     from rubberfric.roughness.normalisation import density_column as density_column
+    from rubberfric.roughness.normalisation import find_normalisation as find_normalisation
     from rubberfric.roughness.normalisation import line_spectrum as line_spectrum
     from rubberfric.roughness.normalisation import spectrum_as as spectrum_as
     from rubberfric.roughness.normalisation import spectrum_from as spectrum_from

@@ -27,6 +27,7 @@ plateau and within a factor 2 of a cutoff.
 """
 
 import math
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -66,6 +67,18 @@ NORMALISATION_RULE = (
     ' or "W1" (Gwyddion, h_rms^2 = int W1 dq), "Wr" (Gwyddion, radial, h_rms^2 = int Wr dq) or "ISO_8608"'
     " (h_rms^2 = int G_d dn, n in cycles/m)"
 )
+
+# Titles of densities that name their normalisation.
+_NAMED = {"W1": "W1", "Wr": "Wr", "G_d": "ISO_8608"}
+# Equal normalisations.
+_EQUAL = {"W1": ("W1", "C_1D_one_sided")}
+# Normalisations over angular wavevectors, and the one over cycles/m that the same numbers would have.
+_ANGULAR = {
+    "C": '"C_iso" (h_rms^2 = 2 pi int n C dn)',
+    "C_1D": '"C_1D_surfacetopography" (two-sided, h_rms^2 = 2 int C dn) or "ISO_8608" (one-sided)',
+    "C_1D_one_sided": '"ISO_8608" (h_rms^2 = int G_d dn)',
+    "W1": '"ISO_8608" (h_rms^2 = int G_d dn)',
+}
 
 # Abel's kernel: Gauss nodes between q and 2 q, and terms of the series beyond, each 1/4 of the previous one.
 _NODES = 24
@@ -129,6 +142,48 @@ def spectrum_as(normalisation: str, q: ArrayLike, C: ArrayLike, hurst: ArrayLike
     This function is the inverse of `spectrum_from`.
     """
     return jnp.asarray(C) * _factor(normalisation, q, hurst)
+
+
+def find_normalisation(path: object, names: Sequence[str], normalisation: str | None = None) -> str:
+    """Return the normalisation of a table of a spectrum: the given one, or the one that its titles name.
+
+    A density must be over the axis of its table, or it differs by 2 pi from its definition.
+
+    Parameters
+    ----------
+    path : name of the table in messages
+    names : names of the columns, from `rubberfric.io.read_names`
+        W1, Wr and G_d name the normalisations "W1", "Wr" and "ISO_8608". q and k are in rad/m, n in cycles/m.
+    normalisation : given one, or None
+
+    Raises
+    ------
+    ValueError : the normalisation is missing, contradicts the title, or is over another axis than the table.
+    """
+    titles = [name for name in names if name in _NAMED]
+    own = _NAMED[titles[0]] if titles else None
+    if normalisation is None and own is None:
+        raise ValueError(f"{path}: normalisation is missing: {NORMALISATION_RULE}")
+    found = normalisation if normalisation is not None else own
+    assert found is not None
+    if own is not None and found not in _EQUAL.get(own, (own,)):
+        raise ValueError(
+            f'{path}: normalisation = "{found}": the column {titles[0]} is in the normalisation "{own}";'
+            " leave the argument out, or rename the column C_1D"
+        )
+    if "n" in names and found in _ANGULAR:
+        raise ValueError(
+            f'{path}: normalisation = "{found}": is over q = 2 pi / wavelength, but the table is over'
+            f" cycles/m; must be {_ANGULAR[found]}, or convert both columns to q"
+        )
+    angular = {"q", "k", "log10_q"} & set(names)
+    if found == "ISO_8608" and angular:
+        raise ValueError(
+            f'{path}: normalisation = "ISO_8608": is over n in cycles/m, but the column {angular.pop()} is in'
+            ' rad/m; must be "C_1D_one_sided" if the density is over rad/m, otherwise convert the column to'
+            " n [cycles/m]"
+        )
+    return found
 
 
 def check_normalisation(

@@ -42,12 +42,12 @@ LINE = np.array([along_a_line(q) for q in Q])
 DENSITIES = {
     "C": (Q, C0 * areal(Q), lambda x, y: 2 * np.pi * np.trapezoid(x * y, x)),
     "C_iso": (Q, 4 * np.pi**2 * C0 * areal(Q), lambda x, y: np.trapezoid(x * y, x) / (2 * np.pi)),
-    "Wr": (Q, 2 * np.pi * Q * C0 * areal(Q), np.trapezoid),
+    "Wr": (Q, 2 * np.pi * Q * C0 * areal(Q), lambda x, y: np.trapezoid(y, x)),
     "C_1D": (Q, LINE, lambda x, y: 2 * np.trapezoid(y, x)),
     "C_1D_surfacetopography": (Q, 2 * np.pi * LINE, lambda x, y: np.trapezoid(y, x) / np.pi),
-    "C_1D_one_sided": (Q, 2 * LINE, np.trapezoid),
-    "W1": (Q, 2 * LINE, np.trapezoid),
-    "ISO_8608": (Q / (2 * np.pi), 4 * np.pi * LINE, np.trapezoid),
+    "C_1D_one_sided": (Q, 2 * LINE, lambda x, y: np.trapezoid(y, x)),
+    "W1": (Q, 2 * LINE, lambda x, y: np.trapezoid(y, x)),
+    "ISO_8608": (Q / (2 * np.pi), 4 * np.pi * LINE, lambda x, y: np.trapezoid(y, x)),
 }
 
 
