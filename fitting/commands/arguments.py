@@ -168,9 +168,12 @@ def _spectrum_parser() -> Parser:
     add("--map", action="store_true", help="the file is a height map: x, y, z or a grid")
     add("--spacing", nargs="+", type=float, metavar="M", help="dx, or dx and dy, of a grid of heights [m]")
     add("--unit", metavar="UNIT", help="unit of a height map without units: m, mm, um, nm")
-    add("--normalisation", metavar="NAME", help="normalisation of C(q), see `rubberfric.roughness`")
-    add("--hurst", type=float, metavar="H", help="Hurst exponent, needed for a spectrum along a line")
-    add("--q1", type=float, metavar="Q", help="largest wavevector to fit [1/m] (default: last)")
+    text = "normalisation of a spectrum: C, C_iso, C_1D, C_1D_one_sided, W1, Wr, ISO_8608 ..."
+    add("--normalisation", metavar="NAME", help=text)
+    text = "Hurst exponent of a noisy spectrum along a line, taken as self-affine"
+    add("--hurst", type=float, metavar="H", help=text)
+    text = "largest wavevector to fit [1/m] (default: the end of the resolved range)"
+    add("--q1", type=float, metavar="Q", help=text)
     text = "continue or cut the roughness to this rms slope, often 1.3"
     add("--slope", type=float, metavar="S", help=text)
     add("--table", action="store_true", help="put the measured spectrum itself into the scene")

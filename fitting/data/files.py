@@ -7,7 +7,7 @@ data:
     area       v | log10_v, A_over_A0,        sigma | relative_sigma, p, T
     modulus    omega | f, E_stor, E_loss,     sigma_stor, sigma_loss | relative_sigma, T
     spectrum   q | log10_q, C | log10_C,      sigma_C | relative_sigma
-               q | log10_q, C_1D | log10_C_1D, relative_sigma: along a line, see `read`
+               q | log10_q | n, C_1D | log10_C_1D | W1 | Wr | G_d, relative_sigma: see `read`
 
 Tables of other programs are read as well (`rubberfric.io.exports`): other names, separators, a
 preamble.
@@ -27,8 +27,14 @@ from numpy.typing import ArrayLike
 from fitting.data.kinds import KINDS, SpectrumData
 from fitting.data.measured import DATA_FORMAT, Measured
 from rubberfric.base import TABLE_SUFFIXES, StrPath, as_path, closest, shown
-from rubberfric.io import COLUMNS, column_hint, hdf5, read_names, read_table
-from rubberfric.roughness import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
+from rubberfric.io import COLUMNS, column_hint, hdf5, read_density, read_names, read_table
+from rubberfric.roughness import (
+    LINES,
+    check_normalisation,
+    density_column,
+    find_normalisation,
+    spectrum_from,
+)
 
 
 def read(
@@ -55,9 +61,11 @@ def read(
         Values that the file lacks. Friction and area need a pressure [Pa], in the file or here. A CSV file
         never contains the body.
     normalisation, hurst : normalisation, and H, of a spectrum in a CSV file
-        See `rubberfric.roughness.normalisation`. The normalisation is required for a spectrum, and is "C" for
-        a file of `write`. A spectrum along a line also requires H and is converted as for a self-affine
-        surface.
+        See `rubberfric.roughness.normalisation`. The normalisation is required for a spectrum, unless a title
+        names it: W1 and Wr of Gwyddion, Gd of ISO 8608. It is "C" for a file of `write`. With H, a spectrum
+        along a line is converted as for a self-affine surface, without H by `areal_spectrum`, which needs a
+        smooth table. A column "wavenumber" needs the unit rad/m or cycles/m unless the normalisation is
+        "W1", "Wr", "C_1D_one_sided" (rad/m) or "ISO_8608" (cycles/m).
     poisson : Poisson's ratio [-], needed for a table of shear moduli, E = 2 (1 + poisson) G
         A "storage modulus" is read as E' if `poisson` is None, and as G' otherwise.
     columns : list of "name [unit]", or None
@@ -97,19 +105,15 @@ def read(
         raise ValueError(f"{path}: suffix {path.suffix!r}: must be {', '.join(TABLE_SUFFIXES)} or .h5{sheet}")
     cls = _kind(path, columns, poisson, kind)
     names = {name: about.column for name, about in cls.fields().items()}
-    if cls is SpectrumData:
-        names = _spectrum_columns(path, names, normalisation, hurst)
-    else:
-        _refuse(path, scaling, "it is for CSV spectra")
     needed = tuple(names[name] for name in cls.needed() if name != "pressure")
     optional = tuple(column for column in names.values() if column not in needed)
-    table = read_table(
-        path, needed, optional, increasing=False, columns=columns, poisson=poisson, bad_rows=bad_rows
-    )
+    layout: dict[str, Any] = {"columns": columns, "poisson": poisson, "bad_rows": bad_rows}
+    if cls is SpectrumData:
+        table = _read_spectrum(path, optional, normalisation, hurst, layout)
+    else:
+        _refuse(path, scaling, "it is for CSV spectra")
+        table = read_table(path, needed, optional, increasing=False, **layout)
     values = {name: table[column] for name, column in names.items() if column in table}
-    if normalisation is not None:
-        for name in values.keys() & {"C", "sigma"}:
-            values[name] = np.asarray(spectrum_from(normalisation, values["q"], values[name], hurst))
     try:
         if "pressure" in names and "pressure" not in {*values, *given}:
             raise ValueError("no column p: add it to the table, or give pressure=... [Pa]")
@@ -165,21 +169,27 @@ def _refuse(path, arguments, why):
         raise ValueError(f"{path}: {name} = {shown(value)}: must not be given; {why}")
 
 
-def _spectrum_columns(path, names, normalisation, hurst):
-    """Return a dict of field -> name of a column, for a spectrum with the given normalisation.
+def _read_spectrum(path, optional, normalisation, hurst, layout):
+    """Return the columns of a spectrum, with C in the normalisation of this project.
 
-    A spectrum along a line has the column C_1D and no sigma.
+    A spectrum in m^3 has no sigma, which would have another unit.
     """
-    if normalisation is None:
-        raise ValueError(f"{path}: normalisation is missing: {NORMALISATION_RULE}")
+    normalisation = find_normalisation(path, read_names(path, layout["columns"]), normalisation)
     try:
-        check_normalisation(normalisation, hurst)
+        check_normalisation(normalisation, hurst, table=True)
+        if density_column(normalisation) != "C":
+            optional = tuple(name for name in optional if name != "sigma_C")
+        # Without H, a spectrum along a line must be in order.
+        ordered = normalisation in LINES and hurst is None
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    if normalisation in LINES:
-        # A sigma along a line would have another unit.
-        return {name: column for name, column in names.items() if name != "sigma"} | {"C": "C_1D"}
-    return names
+    table = read_density(path, normalisation, optional, increasing=ordered, **layout)
+    for name in table.keys() & {"C", "sigma_C"}:
+        try:
+            table[name] = np.asarray(spectrum_from(normalisation, table["q"], table[name], hurst))
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+    return table
 
 
 def _arguments(cls):

@@ -19,7 +19,7 @@ import numpy as np
 from rubberfric.analysis.maps import friction_map
 from rubberfric.base.checks import POSITIVE, as_leaf, between, check_values, shown
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.io.friction_tables import AXES, FrictionTable
+from rubberfric.io.results import AXES, FrictionTable
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.structure import iterated, iterates
 

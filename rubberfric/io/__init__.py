@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from rubberfric.io.files import write_quadrature as write_quadrature
     from rubberfric.io.friction_files import read_friction as read_friction
     from rubberfric.io.friction_files import write_friction as write_friction
-    from rubberfric.io.friction_tables import FrictionTable as FrictionTable
     from rubberfric.io.hdf5 import read_object as read_object
     from rubberfric.io.hdf5 import write_object as write_object
     from rubberfric.io.height_maps import HeightMap as HeightMap
@@ -26,10 +25,12 @@ if TYPE_CHECKING:
     from rubberfric.io.prony_cards import read_prony as read_prony
     from rubberfric.io.prony_cards import write_prony as write_prony
     from rubberfric.io.results import Curves as Curves
+    from rubberfric.io.results import FrictionTable as FrictionTable
     from rubberfric.io.results import Result as Result
     from rubberfric.io.results import curves_of as curves_of
     from rubberfric.io.tables import column_hint as column_hint
     from rubberfric.io.tables import read_columns as read_columns
+    from rubberfric.io.tables import read_density as read_density
     from rubberfric.io.tables import read_names as read_names
     from rubberfric.io.tables import read_table as read_table
     from rubberfric.io.tables import write_table as write_table

@@ -73,7 +73,13 @@ _SPEED = {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6}
 _SPEED |= {"cm/s": 1e-2, "mm/min": 1e-3 / 60, "m/min": 1.0 / 60, "km/h": 1 / 3.6}
 _TEMPERATURE = {"K": 1.0, "C": 1.0, "°C": 1.0, "°F": 5 / 9}
 _OFFSETS = {"C": ZERO_CELSIUS, "°C": ZERO_CELSIUS, "°F": 459.67 * 5 / 9}  # [K]
-_WAVEVECTOR = {"1/m": 1.0, "1/mm": 1e3, "1/um": 1e6, "1/nm": 1e9}
+_LENGTHS = {"m": 1.0, "mm": 1e3, "um": 1e6, "nm": 1e9}
+_WAVEVECTOR = {f"1/{length}": per for length, per in _LENGTHS.items()}
+# Spatial frequencies; 1/m of a column n or "spatial frequency" is cycles/m.
+_CYCLES = {f"{of}/{length}": 2 * math.pi * per for of in ("cycles", "1") for length, per in _LENGTHS.items()}
+# 1/m is no unit of a wavenumber, which may be 2 pi over the wavelength or one over it.
+_NUMBER = {f"rad/{length}": per for length, per in _LENGTHS.items()}
+_NUMBER |= {unit: factor for unit, factor in _CYCLES.items() if unit.startswith("cycles")}
 _SPECTRUM = {"m^4": 1.0, "mm^4": 1e-12, "um^4": 1e-24, "nm^4": 1e-36}
 _LINE = {"m^3": 1.0, "mm^3": 1e-9, "um^3": 1e-18, "nm^3": 1e-27}
 
@@ -116,6 +122,10 @@ COLUMNS = {
     **{name: Column(name, _PRESSURE, offered=False) for name in ("E_comp", "G_stor", "G_loss", "G_comp")},
     **{f"log10_{name}": _log10(name, _PRESSURE) for name in ("G_stor", "G_loss")},
     "tan_del": Column("tan_del", _RATIO, offered=False),
+    "k": Column("q", _WAVEVECTOR, offered=False),
+    "n": Column("q", _CYCLES, offered=False),
+    "wavenumber": Column("q", _NUMBER, offered=False),
+    **{name: Column("C_1D", _LINE, offered=False) for name in ("W1", "Wr", "G_d")},
 }
 
 # Columns from which E_stor and E_loss can be computed.
@@ -162,7 +172,12 @@ SPELLINGS = {
             "pression de contact"
         ),
         "A_over_A0": "contact area; A/A0; kontaktfläche; aire de contact",
-        "q": "wavevector; wavenumber; wellenvektor; wellenzahl; vecteur d'onde; nombre d'onde",
+        "q": "wavevector; angular wavenumber; wellenvektor; kreiswellenzahl; vecteur d'onde",
+        "wavenumber": "wavenumber; wave number; wellenzahl; nombre d'onde",
+        "n": "spatial frequency; raumfrequenz; ortsfrequenz; fréquence spatiale",
+        "G_d": "Gd; Gd(n); G_d(n); displacement psd",
+        "W1": "W1(k)",
+        "Wr": "Wr(k)",
     }.items()
 }
 _NAMES = {spelling: name for name, spellings in SPELLINGS.items() for spelling in spellings}
@@ -185,6 +200,7 @@ UNIT_SPELLINGS = {
     **{f"{of}m^4": (f"{of}m4",) for of in ("", "m", "u", "n")},
     **{f"{of}m^3": (f"{of}m3",) for of in ("", "m", "u", "n")},
     **{f"1/{of}m": (f"{of}m-1", f"rad/{of}m") for of in ("", "m", "u", "n")},
+    **{f"cycles/{of}m": (f"cycle/{of}m", f"cyc/{of}m", f"c/{of}m") for of in ("", "m", "u", "n")},
 }
 # Plain spelling of units: u for micro, digits for exponents.
 _PLAIN = str.maketrans("\u00b5\u03bc⁻¹²³⁴·\u22c5", "uu-1234  ", "^")
@@ -279,6 +295,21 @@ def known_unit(unit: str | None, name: str | None) -> str:
     plain = plain_unit(logarithm[1] if logarithm else unit)
     unit = _UNITS.get(plain, plain if plain in _KNOWN_UNITS else unit)
     return f"log10({unit})" if unit not in units and f"log10({unit})" in units else unit
+
+
+def settled_axis(name: str | None, unit: str | None) -> str | None:
+    """Return the name of a wavevector column after its unit: n for cycles/m, q for a wavenumber in rad/m.
+
+    A column n whose unit is no spatial frequency, such as a counter, is unknown. Other names are unchanged.
+    """
+    if name not in ("q", "k", "wavenumber", "n"):
+        return name
+    plain = known_unit(unit, name)
+    if plain.startswith("cycles/"):
+        return "n"
+    if "rad" in (unit or ""):
+        return "q"
+    return None if name == "n" and plain not in _CYCLES else name
 
 
 def plain_unit(unit: str) -> str:

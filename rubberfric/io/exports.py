@@ -29,6 +29,7 @@ from rubberfric.io.columns import (
     known_name,
     known_unit,
     quantities_of,
+    settled_axis,
 )
 from rubberfric.io.wide_sheets import Label, LabelledTitle, blocks_of, labels_above, read_title
 
@@ -122,6 +123,7 @@ def headless(path: StrPath, text: str, titles: list[str]) -> TextTable:
     names, units = [], []
     for title in titles:
         name, unit = known_name(title) if title != "-" else (None, None)
+        name = settled_axis(name, unit)
         unit = known_unit(unit, name)
         if title != "-" and (name not in COLUMNS or unit not in COLUMNS[name].units):
             example = 'such as "f [Hz]", "E_stor [MPa]", "log10_q [log10(1/m)]", or "-" for a column not read'
@@ -240,6 +242,7 @@ def _export(path, lines, separator, titles, known, incomplete):
             )
     if not rows:
         raise ValueError(f"{path}: must have numbers below line {number}")
+    names = [settled_axis(name, unit) for name, unit in zip(names, units, strict=True)]
     spelled = [known_unit(unit, name) for unit, name in zip(units, names, strict=True)]
     table = TextTable(where, titles, names, spelled, _checked(path, len(titles), rows))
     return _long(table, blocks) if blocks else table

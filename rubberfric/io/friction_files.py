@@ -22,7 +22,7 @@ from rubberfric.io.card_text import (
     wide_numbers,
 )
 from rubberfric.io.columns import COLUMNS
-from rubberfric.io.friction_tables import AXES, FrictionTable, as_friction_table
+from rubberfric.io.results import AXES, FrictionTable, as_friction_table
 from rubberfric.io.tables import read_names, read_table, table_text
 
 _SPEED = COLUMNS["v"].units

@@ -7,7 +7,8 @@
     0,00;0,01;                      ...
 
 A file has a row x, y, z for each point, or a grid of heights whose spacing the caller gives. A height that is
-empty, `NaN` or `n/a` is a hole, and so is a missing row.
+empty, `NaN` or `n/a` is a hole, and so is a missing row. Programs also write numbers such as -9999, 32767 or
+1e38 for holes, see `without_sentinels`.
 """
 
 import re
@@ -26,6 +27,15 @@ MOST_HOLES = 0.25
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
 _LENGTH_IN_BRACKETS = re.compile(r".*[\[(]([^\[\]()]+)[\])]\s*")
 _HOLES = frozenset(("", "nan", "n/a", "na", "bad", "no data", "null", "none", "-", "--", "---", "***"))
+# No height in any unit is as large; 1.7e38 and 3.4e38 stand for holes.
+_NO_HEIGHT = 1e30
+# Numbers that often stand for holes, and the largest numbers of 16 bits, at which detectors saturate.
+_USUAL_SENTINELS = frozenset((-999.0, 9999.0, -9999.0, 99999.0, -99999.0, 999999.0, -999999.0))
+_LIMITS = frozenset((-32768.0, -32767.0, 32767.0, 65535.0))
+# A usual number is a hole if it is further from the heights than this share of their range.
+_GAP = 0.05
+# Fewer different heights, as of a step, do not tell a hole from a height.
+_LEAST_DIFFERENT = 8
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]")
 # Positions of one row of points may differ by this share of the spacing.
 _SAME = 0.05
@@ -44,7 +54,8 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
     ----------
     path : text table or .xlsx with positions in the first column, and one trace of heights in each further
         column. Titles are arbitrary. The unit of length is in brackets behind a title, or in the row below. A
-        column before the positions that counts the points is skipped. NaN is a dropout. Up to a quarter of
+        column before the positions that counts the points is skipped. NaN is a dropout, and so are the
+        numbers that `without_sentinels` finds. Up to a quarter of
         the heights of a trace may be dropouts, which are interpolated. A warning states their share.
 
     Returns
@@ -84,6 +95,7 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
             raise ValueError(f"{path}: line {line}: {lines[line - 1][:60]!r}: must be numbers") from None
         if not np.isfinite(row[0]) or np.isinf(row).any():
             raise ValueError(f"{path}: line {line}: must be finite")
+    values[:, 1:] = without_sentinels(path, values[:, 1:])
     x, *heights = (values * scales).T
     return x, _bridged(path, x, np.array(heights))
 
@@ -117,8 +129,55 @@ class HeightMap(NamedTuple):
     holes: float
 
 
+def without_sentinels(path: StrPath, heights: np.ndarray) -> np.ndarray:
+    """Return heights with NaN in place of numbers that stand for holes, and warn about them.
+
+    The smallest or largest number of the heights stands for holes if
+
+    - its absolute value is at least 1e30,
+    - it occurs twice or more, and is further from the other heights than their whole range,
+    - it is a usual one (-9999, 9999, ...), and is further from the others than 5 % of their range,
+    - it is a limit of 16 bits (32767, -32768, 65535), and occurs twice or more.
+
+    Except for the first rule, at least eight different heights must remain.
+
+    Parameters
+    ----------
+    path : name of the file in the warning
+    heights : any shape, in the unit of the file
+    """
+    huge = np.abs(heights) >= _NO_HEIGHT
+    found = {float(heights[huge][0]): int(huge.sum())} if huge.any() else {}
+    heights = np.where(huge, np.nan, heights)
+    while (value := _sentinel(heights[np.isfinite(heights)])) is not None:
+        found[value] = int(np.sum(heights == value))
+        heights[heights == value] = np.nan
+    for value, count in found.items():
+        warn_caller(f"{path}: {count} heights {value:g} are taken as holes", UserWarning)
+    return heights
+
+
+def _sentinel(heights: np.ndarray) -> float | None:
+    """Return the smallest or largest of finite heights if it stands for holes, otherwise None."""
+    values, counts = np.unique(heights, return_counts=True)
+    if values.size <= _LEAST_DIFFERENT:
+        return None
+    for value, count, nearest, rest in (
+        (values[0], counts[0], values[1], values[1:]),
+        (values[-1], counts[-1], values[-2], values[:-1]),
+    ):
+        gap, size = abs(value - nearest), rest[-1] - rest[0]
+        usual = float(value) in _USUAL_SENTINELS and gap > _GAP * size
+        if usual or (count > 1 and (gap > size or float(value) in _LIMITS)):
+            return float(value)
+    return None
+
+
 def read_heights(
-    path: StrPath, spacing: float | tuple[float, float] | None = None, unit: str | None = None
+    path: StrPath,
+    spacing: float | tuple[float, float] | None = None,
+    unit: str | None = None,
+    sentinels: bool = True,
 ) -> HeightMap:
     """Read a height map, for `rubberfric.roughness.spectrum_of_topography`.
 
@@ -131,6 +190,8 @@ def read_heights(
         The rows of the file are along y. None means that the file has the columns x, y and z.
     unit : unit of the numbers in the file, "m", "mm", "um" or "nm"
         None takes the unit from titles such as "x [mm]".
+    sentinels : if True, numbers such as -9999 become holes, see `without_sentinels`, and a warning names them
+        False keeps them as heights, for example the exactly flat ground of a groove.
 
     Returns
     -------
@@ -138,8 +199,9 @@ def read_heights(
 
     Raises
     ------
-    ValueError : the file has no numbers, no unit, positions that form no grid, rows of different lengths, or
-        more than a quarter of holes. The message names the file and the fault.
+    ValueError : the file has no numbers, no unit, positions that form no grid, several heights for one point,
+        rows that are not numbers or have different lengths, rows of positions, or more than a quarter of
+        holes. The message names the file and the fault.
     """
     titles, rows = _rows(path, read_text(path, exports=True))
     count = len(rows[0][1])
@@ -148,6 +210,8 @@ def read_heights(
     units = _units(path, titles, unit, count, spacing is None)
     values = _numbers(path, rows)
     if spacing is None:
+        if sentinels:
+            values[:, 2] = without_sentinels(path, values[:, 2])
         heights, dx, dy = _on_a_grid(path, *(values * units).T)
     else:
         pair = tuple(spacing) if isinstance(spacing, tuple | list) else (spacing, spacing)
@@ -157,7 +221,8 @@ def read_heights(
         if len(pair) != 2 or len(numbers) != 2:
             raise ValueError(f"spacing = {shown(spacing)}: must be one or two numbers > 0 [m]")
         dx, dy = numbers
-        heights = values * units[0]
+        _check_no_positions(path, values)
+        heights = (without_sentinels(path, values) if sentinels else values) * units[0]
     hole = ~np.isfinite(heights)
     if hole.mean() > MOST_HOLES:
         raise ValueError(
@@ -191,18 +256,24 @@ def _rows(path, text):
     """
     lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if has_fields(line)]
     best: list = []
-    titles: list[str] = []
+    every: list = []
     for separator in ("\t", ";", ",", None):
         split = [(k, [field.strip() for field in line.split(separator)]) for k, line in lines]
         rows = [(k, fields) for k, fields in split if len(fields) > 1 and all(map(_is_value, fields))]
         rows = [(k, fields) for k, fields in rows if any(field.lower() not in _HOLES for field in fields)]
         if len(rows) > len(best):
-            best = rows
-            above = [f for k, f in split if k < rows[0][0] and len(f) == len(rows[0][1])]
-            titles = above[-1] if above else []
+            best, every = rows, split
     if not best:
         raise ValueError(f"{path}: must have rows of numbers")
-    return titles, best
+    first, last = best[0][0], best[-1][0]
+    above = [fields for k, fields in every if k < first and len(fields) == len(best[0][1])]
+    # Rows of holes between the others stay, because they are rows of the grid.
+    rows = [(k, fields) for k, fields in every if first <= k <= last]
+    for k, fields in [*rows, *((k, fields) for k, fields in every if k > last)]:
+        if not all(map(_is_value, fields)):
+            shown_row = " ".join(fields)[:60]
+            raise ValueError(f"{path}: line {k}: {shown_row!r}: must be numbers; remove or mend this line")
+    return above[-1] if above else [], rows
 
 
 def _is_value(field):
@@ -220,6 +291,20 @@ def _numbers(path, rows):
             for _, fields in rows
         ]
     )
+
+
+def _check_no_positions(path, values):
+    """Raise ValueError if the first row or column of a grid of heights contains positions or counts."""
+    for what, line in (("row", values[0]), ("column", values[:, 0])):
+        steps = np.diff(line[1:])
+        even = steps.size >= _LEAST_DIFFERENT and np.ptp(steps) <= 1e-6 * abs(steps[0]) and steps[0] != 0
+        # A plane has even heights in every row and column.
+        other = np.diff(values[1, 1:] if what == "row" else values[1:, 1])
+        if even and not np.ptp(other) <= 1e-6 * np.abs(other).max():
+            raise ValueError(
+                f"{path}: the first {what} of the grid rises in even steps, {line[1]:g}, {line[2]:g}, ...:"
+                " must be heights; remove positions and counts"
+            )
 
 
 def _units(path, titles, unit, count, named):
@@ -250,7 +335,9 @@ def _on_a_grid(path, x, y, z):
         large = steps[steps > _SAME * steps.max(initial=0.0)]
         if large.size < 1:
             raise ValueError(f"{path}: {name} has only one value; the points must form a grid")
-        spacing = float(np.median(np.asarray(large, float)))
+        # Where all points of a line are missing, a step is a multiple of the spacing.
+        multiples = np.maximum(np.round(large / np.percentile(np.asarray(large, float), 10)), 1)
+        spacing = float(large.sum() / multiples.sum())
         place = (values - values.min()) / spacing
         if np.abs(place - np.round(place)).max() > 4 * _SAME:
             raise ValueError(f"{path}: {name} must be evenly spaced")
@@ -261,6 +348,23 @@ def _on_a_grid(path, x, y, z):
         raise ValueError(
             f"{path}: {x.size} points do not fill a grid of {size[0]} x {size[1]}; too many rows are missing"
         )
+    _check_once(path, np.ravel_multi_index(places, size), x, y, z)
     heights = np.full(size, np.nan)
-    heights[places[0], places[1]] = z
+    known = np.isfinite(z)
+    heights[places[0][known], places[1][known]] = z[known]
     return heights, *spacings
+
+
+def _check_once(path, place, x, y, z):
+    """Raise ValueError if the rows of one point have different heights; NaN is no height."""
+    order = np.lexsort((z, place))  # NaN last
+    same = (np.diff(place[order]) == 0) & (np.diff(z[order]) != 0) & np.isfinite(z[order][1:])
+    if same.any():
+        points = np.unique(place[order][1:][same])
+        rows = np.flatnonzero(place == place[order][1:][same][0])
+        heights = ", ".join(f"{height:.6g}" for height in z[rows[:3]])
+        raise ValueError(
+            f"{path}: {points.size} points have several heights, the first at x = {x[rows[0]]:.6g} m,"
+            f" y = {y[rows[0]]:.6g} m: {heights}{', ...' * (rows.size > 3)} m; must have one height each,"
+            " leave out all scans but one"
+        )

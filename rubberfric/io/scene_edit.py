@@ -2,8 +2,8 @@
 
 The title, comments, the tables [run] and [map], and every line whose value is unchanged stay as they are. A
 changed number replaces its line. An object of another kind, or with another table, replaces all its lines.
-Comments on lines of their own stay. The text is read as TOML after every change. If it does not have exactly
-the intended content, it is written without comments.
+Lines that are only a comment stay. The text is read as TOML after every change. A text with other content
+than intended is replaced by one without comments.
 """
 
 import copy
@@ -210,7 +210,9 @@ def _with_temperature(like, text, content, table, scene):
         try:
             check_background(scene)
         except ValueError:
-            T = float(default_conditions(scene).temperature[0])
+            temperatures = default_conditions(scene).temperature
+            assert temperatures is not None
+            T = float(temperatures[0])
             warn_caller(f"{table}.temperature = {T:g} K is added: the scene requires it", UserWarning)
             text, content = _with(text, content, path, T, [f"temperature = {T!r}  # K"])
     read_conditions(like, table, content[table], scene)

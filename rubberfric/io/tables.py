@@ -16,6 +16,7 @@ import csv
 import io
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -26,7 +27,10 @@ from rubberfric.base.units import young_from_shear
 from rubberfric.io.columns import COLUMNS, MODULUS_COLUMNS, SET_VALUES
 from rubberfric.io.exports import TextRows, TextTable, find_table, headless, pick, suggested_columns
 from rubberfric.io.height_maps import read_traces
+from rubberfric.roughness.normalisation import density_column, find_normalisation
 
+# Meaning of 1/m in a column "wavenumber".
+_WAVENUMBERS = {"ISO_8608": "cycles", "W1": "rad", "Wr": "rad", "C_1D_one_sided": "rad"}
 BAD_ROWS = ("error", "drop")
 
 
@@ -39,6 +43,7 @@ def read_table(
     poisson: float | None = None,
     generic: str | None = None,
     bad_rows: str = "error",
+    wavenumber: str | None = None,
 ) -> dict[str, np.ndarray]:
     """Read columns of a table of the project or of another program (`rubberfric.io.exports`).
 
@@ -55,6 +60,8 @@ def read_table(
         None: "G" if poisson is given, otherwise "E".
     bad_rows : "error", or "drop" to leave out rows of an export with an empty, missing or invalid value
         A warning names the lines that are left out.
+    wavenumber : "rad" or "cycles", the meaning of 1/m in a column "wavenumber" of an export
+        None refuses such a column, because it may be 2 pi over the wavelength or one over it.
 
     Returns
     -------
@@ -77,6 +84,12 @@ def read_table(
     else:
         found = pick(export, (*needed, *optional, *(MODULUS_COLUMNS if "E_stor" in needed else ())))
         found = _without_redundant(found)
+        if wavenumber is not None and "wavenumber" in found.names:
+            pairs = zip(found.names, found.units, strict=True)
+            replaced = [
+                f"{wavenumber}{u[1:]}" if n == "wavenumber" and u[:2] == "1/" else u for n, u in pairs
+            ]
+            found = found._replace(units=replaced)
         _check_units(export.where, found)
         if drop:
             found = _without_bad_rows(path, found)
@@ -141,6 +154,30 @@ def read_columns(
     moduli = ("E_stor", "E_loss") if {"E_stor", *MODULUS_COLUMNS} & set(quantities) else ()
     plain = tuple(name for name in quantities if name not in (*MODULUS_COLUMNS, *moduli))
     return read_table(path, (*plain, *moduli), (), increasing=False, columns=columns, poisson=poisson)
+
+
+def read_density(
+    path: StrPath,
+    normalisation: str | None,
+    optional: Sequence[str] = (),
+    columns: list[str] | None = None,
+    **options: Any,
+) -> dict[str, Any]:
+    """Read q [1/m] and the density of a spectrum in a normalisation, as the column C or C_1D.
+
+    Parameters
+    ----------
+    path, columns, optional, options : as for `read_table`
+    normalisation : given, or None where a title names it, see `rubberfric.roughness.find_normalisation`
+
+    Returns
+    -------
+    dict with the keys "q", "C" (the density, [m^4] or [m^3]), and the optional columns of the table
+    """
+    normalisation = find_normalisation(path, read_names(path, columns), normalisation)
+    density, meaning = density_column(normalisation), _WAVENUMBERS.get(normalisation)
+    table = read_table(path, ("q", density), optional, columns=columns, wavenumber=meaning, **options)
+    return {("C" if name == density else name): values for name, values in table.items()}
 
 
 def read_directions(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
@@ -314,6 +351,11 @@ def _project_table(path: StrPath, text: str, needed: Sequence[str], optional: Se
 def _check_units(where: str, table: TextTable) -> None:
     for title, name, unit in zip(table.titles, table.names, table.units, strict=True):
         known = COLUMNS[name or ""].units
+        if name == "wavenumber" and unit not in known:
+            raise ValueError(
+                f"{where}: column {title}: is 2 pi / wavelength or 1 / wavelength: must have the unit rad/m"
+                f" or cycles/m, or rad/mm ..., got {unit!r}"
+            )
         if unit not in known:
             raise ValueError(f"{where}: column {title}: unit {unit!r}: must be one of {', '.join(known)}")
 

@@ -52,7 +52,7 @@ from rubberfric.io.results import (
     check_conditions,
     check_plausible,
 )
-from rubberfric.io.tables import read_directions, read_table, table_text
+from rubberfric.io.tables import read_density, read_directions, read_table, table_text
 from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.roughness.normalisation import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
 from rubberfric.scene.scene import Scene, doubts_of_conditions, doubts_of_scene
@@ -257,25 +257,29 @@ def _read_curves(path, key, cls, content):
         value = "is missing" if name is None else f"= {shown(name)}"
         raise ValueError(f"{path}: {key}.file {value}: must be the name of a CSV file")
     directions = _has_directions(cls)
-    if directions and content.get("normalisation") in LINES:
+    if directions and content.get("normalisation") in (*LINES, "Wr"):
         found = shown(content["normalisation"])
         raise ValueError(f'{path}: {key}.normalisation = {found}: must be "C" or "C_iso" for directions')
     normalisation = _normalisation(path, key, content) if "C" in curves.values() else None
-    density = "C_1D" if normalisation in LINES else "C"
     file = path.parent / name
     try:
         if directions:
             table: dict[str, Any] = dict(zip(("q", "C"), read_directions(file), strict=True))
+        elif normalisation is not None:
+            bad_rows = content.get("bad_rows", "error")
+            table = read_density(file, normalisation, (), content.get("columns"), bad_rows=bad_rows)
         else:
             layout = {"columns": content.get("columns"), "poisson": content.get("poisson"), "generic": "E"}
             layout["bad_rows"] = content.get("bad_rows", "error")
-            names = tuple(density if column == "C" else column for column in curves.values())
-            table = read_table(file, names, **layout)
+            table = read_table(file, tuple(curves.values()), **layout)
     except ValueError as error:
         text = str(error) if file.is_file() else f"{path}: {key}.file = {name!r}: {error}"
         raise ValueError(text) from None
     if normalisation is not None:
-        table["C"] = spectrum_from(normalisation, table["q"], table[density], content.get("hurst"))
+        try:
+            table["C"] = spectrum_from(normalisation, table["q"], table["C"], content.get("hurst"))
+        except ValueError as error:
+            raise ValueError(f"{path}: {key}.{error}") from None
     return {field: table[column] for field, column in curves.items()}
 
 
@@ -287,7 +291,7 @@ def _normalisation(path, key, content):
     if hurst is not None and isinstance(number(path, f"{key}.hurst", hurst), list):
         raise ValueError(f"{path}: {key}.hurst = {shown(hurst)}: must be one number")
     try:
-        check_normalisation(name, hurst, f"{key}.normalisation", f"{key}.hurst")
+        check_normalisation(name, hurst, f"{key}.normalisation", f"{key}.hurst", table=True)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     return name

@@ -11,8 +11,7 @@ from jax.typing import ArrayLike
 from rubberfric.analysis.profiles import Profile
 from rubberfric.analysis.sweep import Accuracy
 from rubberfric.base.atomic import StrPath, replacing
-from rubberfric.io.friction_tables import FrictionTable
-from rubberfric.io.results import Conditions, Curves, Result, curves_of
+from rubberfric.io.results import Conditions, Curves, FrictionTable, Result, curves_of
 from rubberfric.materials.material import Material
 from rubberfric.plot.curves import plot_accuracy, plot_profile, plot_result
 from rubberfric.plot.ingredients import plot_modulus, plot_spectrum

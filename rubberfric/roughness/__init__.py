@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rubberfric.roughness.joining import resample as resample
     from rubberfric.roughness.measured import MeasuredSpectrum as MeasuredSpectrum
     from rubberfric.roughness.measured import ResolvedRange as ResolvedRange
+    from rubberfric.roughness.moments import LARGEST_WAVEVECTOR as LARGEST_WAVEVECTOR
     from rubberfric.roughness.moments import cutoff as cutoff
     from rubberfric.roughness.moments import moment as moment
     from rubberfric.roughness.moments import rms_height as rms_height
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from rubberfric.roughness.normalisation import NORMALISATION_RULE as NORMALISATION_RULE
     from rubberfric.roughness.normalisation import areal_spectrum as areal_spectrum
     from rubberfric.roughness.normalisation import check_normalisation as check_normalisation
+    from rubberfric.roughness.normalisation import density_column as density_column
+    from rubberfric.roughness.normalisation import find_normalisation as find_normalisation
     from rubberfric.roughness.normalisation import line_spectrum as line_spectrum
     from rubberfric.roughness.normalisation import spectrum_as as spectrum_as
     from rubberfric.roughness.normalisation import spectrum_from as spectrum_from

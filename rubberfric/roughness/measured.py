@@ -64,9 +64,10 @@ class MeasuredSpectrum(NamedTuple):
     q : geometric mean of the modes' wavevectors [1/m]
     C : mean over the modes of a bin: C of a map [m^4], C_1D of a profile [m^3] (h_rms^2 = 2 int C_1D dq)
     modes : number of modes, counting q and -q
-    relative : standard error of ln C for a Gaussian surface, from the number of independent modes [-]
-        `fitting.SpectrumData` accepts this standard error, which is too small for bins of a few modes. For
-        several profiles it is at least the standard error from the scatter between the profiles.
+    relative : standard error of ln C for a Gaussian surface [-], for `fitting.SpectrumData`
+        C has a chi-squared distribution with 2 n degrees of freedom, where n is the number of independent
+        modes in the bin. The variance of its logarithm is trigamma(n), which is 1/n for many modes and 1.64
+        for one. For several profiles, the error is at least the scatter between the profiles.
     cell : area dq_x dq_y of a mode [1/m^2], or length dq of a mode in a profile [1/m]
     left_out : mean square height [m^2] of the modes outside all bins, in the corners of a map
     h_rms : rms of the detrended heights in the window [m]; h_rms^2 = cell sum(modes C) + left_out

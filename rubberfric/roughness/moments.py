@@ -20,6 +20,8 @@ from rubberfric.base.compilation import exact_products
 from rubberfric.base.objects.physical import check_kind
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, log_ratio, mean_growth
 
+# Wavevector of the distance of atoms, 0.1 nm [1/m].
+LARGEST_WAVEVECTOR = 2 * math.pi / 1e-10
 # Bisections of a bracket of ln q, and Newton steps after them; two give exact second derivatives.
 _HALVINGS, _NEWTON_STEPS = 60, 2
 
@@ -298,7 +300,15 @@ def with_cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3) -> Spectrum:
 
     Raises
     ------
-    ValueError : as in `cutoff`, or if the spectrum is of another kind.
+    ValueError : as in `cutoff`, if the spectrum is of another kind, or if a concrete q1 exceeds
+        2 pi / 0.1 nm. Waves shorter than the distance of atoms are no roughness.
     """
     check_kind("spectrum", spectrum, Spectrum)
-    return spectrum.cut(cutoff(spectrum, as_leaf("rms_slope", rms_slope, 0)))
+    rms_slope = as_leaf("rms_slope", rms_slope, 0)
+    q1 = cutoff(spectrum, rms_slope)
+    if is_concrete(q1) and not np.all(np.asarray(q1) <= LARGEST_WAVEVECTOR):
+        raise ValueError(
+            f"rms_slope = {shown(rms_slope)}: is reached only at q1 = {np.max(q1):.3g} 1/m, by waves shorter"
+            f" than the distance of atoms, {LARGEST_WAVEVECTOR:.2g} 1/m; must be smaller, 1.3 is usual"
+        )
+    return spectrum.cut(q1)

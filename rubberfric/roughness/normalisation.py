@@ -7,9 +7,14 @@ Programs and papers use these normalisations for the same roughness:
     "C_iso"                  m^4    h^2 = (1/2 pi) int q C_iso dq    4 pi^2 C
     "C_1D"                   m^3    h^2 = 2 int C_1D dq              see below [Persson]
     "C_1D_surfacetopography" m^3    h^2 = (1/pi) int C_1D dq         2 pi times the line above
+    "C_1D_one_sided"         m^3    h^2 = int C_1D dq                2 C_1D
+    "W1"                     m^3    h^2 = int W1 dq                  2 C_1D [Gwyddion, one-dimensional PSDF]
+    "ISO_8608"               m^3    h^2 = int G_d dn                 4 pi C_1D, n = q / 2 pi in cycles/m
+    "Wr"                     m^3    h^2 = int Wr dq                  2 pi q C [Gwyddion, radial PSDF]
 
-All integrals are from 0 to infinity. contact.engineering and SurfaceTopography use C_iso and the last row
-[Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001].
+All integrals are from 0 to infinity. contact.engineering and SurfaceTopography use C_iso and the fourth row
+[Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001]. C_1D is two-sided: half of the mean
+square height is at q < 0. The displacement spectral density of ISO 8608 and ISO 13473-4 is one-sided.
 
 The spectra along a line and of the surface are related by Abel's transform,
 
@@ -17,11 +22,12 @@ The spectra along a line and of the surface are related by Abel's transform,
           C(q) = -\frac{1}{\pi} \int_q^\infty \frac{C_\mathrm{1D}'(x)}{\sqrt{x^2 - q^2}}\, dx
 
 (`line_spectrum`, `areal_spectrum`). C at q depends on C_1D at all larger wavevectors. For a power law
-without ends the transform is a factor (`spectrum_from`), which is wrong at a roll-off, on a plateau and
-within a factor 2 of a cutoff.
+without ends the transform is a factor (`spectrum_from` with `hurst`), which is wrong at a roll-off, on a
+plateau and within a factor 2 of a cutoff.
 """
 
 import math
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -36,19 +42,43 @@ from rubberfric.base.checks import (
     check_increasing,
     check_lengths,
     check_values,
+    is_concrete,
     shown,
 )
 from rubberfric.base.objects.physical import check_kind
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.roughness.spectra import Spectrum, log_ratio, mean_growth
 
-# Factors of C; for a line they follow the self-affine factor.
-NORMALISATIONS = {"C": 1.0, "C_iso": 4 * math.pi**2, "C_1D": 1.0, "C_1D_surfacetopography": 2 * math.pi}
-LINES = ("C_1D", "C_1D_surfacetopography")
+# Factors of C; for a line they follow the self-affine factor, and for Wr the factor q.
+NORMALISATIONS = {
+    "C": 1.0,
+    "C_iso": 4 * math.pi**2,
+    "C_1D": 1.0,
+    "C_1D_surfacetopography": 2 * math.pi,
+    "C_1D_one_sided": 2.0,
+    "W1": 2.0,
+    "ISO_8608": 4 * math.pi,
+    "Wr": 2 * math.pi,
+}
+LINES = ("C_1D", "C_1D_surfacetopography", "C_1D_one_sided", "W1", "ISO_8608")
 NORMALISATION_RULE = (
     'must be "C" (h_rms^2 = 2 pi int q C dq), "C_iso" (contact.engineering, 4 pi^2 times C), "C_1D"'
-    ' (along a line, h_rms^2 = 2 int C_1D dq) or "C_1D_surfacetopography" (2 pi times C_1D)'
+    ' (along a line, h_rms^2 = 2 int C_1D dq), "C_1D_surfacetopography" (2 pi times C_1D), "C_1D_one_sided"'
+    ' or "W1" (Gwyddion, h_rms^2 = int W1 dq), "Wr" (Gwyddion, radial, h_rms^2 = int Wr dq) or "ISO_8608"'
+    " (h_rms^2 = int G_d dn, n in cycles/m)"
 )
+
+# Titles of densities that name their normalisation.
+_NAMED = {"W1": "W1", "Wr": "Wr", "G_d": "ISO_8608"}
+# Equal normalisations.
+_EQUAL = {"W1": ("W1", "C_1D_one_sided")}
+# Normalisations over angular wavevectors, and the one over cycles/m that the same numbers would have.
+_ANGULAR = {
+    "C": '"C_iso" (h_rms^2 = 2 pi int n C dn)',
+    "C_1D": '"C_1D_surfacetopography" (two-sided, h_rms^2 = 2 int C dn) or "ISO_8608" (one-sided)',
+    "C_1D_one_sided": '"ISO_8608" (h_rms^2 = int G_d dn)',
+    "W1": '"ISO_8608" (h_rms^2 = int G_d dn)',
+}
 
 # Abel's kernel: Gauss nodes between q and 2 q, and terms of the series beyond, each 1/4 of the previous one.
 _NODES = 24
@@ -65,10 +95,12 @@ def spectrum_from(
 
     Parameters
     ----------
-    normalisation : "C", "C_iso", "C_1D" or "C_1D_surfacetopography", see the module's docstring
-    q : wavevectors [1/m], any shape
-    values : spectrum in that normalisation, [m^4], or [m^3] along a line
-    hurst : H [-], 0 ... 1; required along a line, where the surface is assumed self-affine
+    normalisation : "C", "C_iso", "Wr", or along a line "C_1D", "C_1D_one_sided", "C_1D_surfacetopography",
+        "W1" or "ISO_8608", see the module's docstring
+    q : wavevectors [1/m], any shape; q = 2 pi n for a spectrum over cycles per metre
+    values : spectrum in that normalisation, [m^4], or [m^3] for Wr and along a line
+    hurst : H [-], 0 ... 1, only along a line
+        The surface is assumed self-affine. None uses `areal_spectrum`, for a table that increases in q.
 
     Returns
     -------
@@ -76,8 +108,8 @@ def spectrum_from(
 
     Raises
     ------
-    ValueError : if the normalisation is unknown, if entries are masked, or if H is missing, outside 0 ... 1
-        or not needed.
+    ValueError : if the normalisation is unknown, if entries are masked, or if H is outside 0 ... 1 or not
+        needed. Without H along a line, also for single values, and if noise makes C negative.
 
     Notes
     -----
@@ -86,7 +118,22 @@ def spectrum_from(
     """
     if np.ma.is_masked(values) or np.ma.is_masked(q):
         raise ValueError("q or values has masked entries; leave them out, q[~values.mask]")
+    if normalisation in LINES and hurst is None and jnp.ndim(q) == 1 and jnp.ndim(values) == 1:
+        scale = NORMALISATIONS[normalisation]
+        C = areal_spectrum(q, as_array(values) / scale)
+        if is_concrete(C) and not np.all(np.asarray(C) > 0):
+            i = int(np.argmin(np.asarray(C) > 0))
+            raise ValueError(
+                f"hurst is missing: C is not positive at q = {float(as_array(q)[i]):.4g} 1/m because of noise"
+                " in the spectrum along a line; must be given, 0 ... 1, or smooth the spectrum"
+            )
+        return C
     return as_array(values) / _factor(normalisation, q, hurst)
+
+
+def density_column(normalisation: str) -> str:
+    """Return the column of a table with a spectrum in this normalisation: C [m^4] or C_1D [m^3]."""
+    return "C_1D" if normalisation in (*LINES, "Wr") else "C"
 
 
 def spectrum_as(normalisation: str, q: ArrayLike, C: ArrayLike, hurst: ArrayLike | None = None) -> jax.Array:
@@ -97,12 +144,59 @@ def spectrum_as(normalisation: str, q: ArrayLike, C: ArrayLike, hurst: ArrayLike
     return jnp.asarray(C) * _factor(normalisation, q, hurst)
 
 
+def find_normalisation(path: object, names: Sequence[str], normalisation: str | None = None) -> str:
+    """Return the normalisation of a table of a spectrum: the given one, or the one that its titles name.
+
+    A density must be over the axis of its table, or it differs by 2 pi from its definition.
+
+    Parameters
+    ----------
+    path : name of the table in messages
+    names : names of the columns, from `rubberfric.io.read_names`
+        W1, Wr and G_d name the normalisations "W1", "Wr" and "ISO_8608". q and k are in rad/m, n in cycles/m.
+    normalisation : given one, or None
+
+    Raises
+    ------
+    ValueError : the normalisation is missing, contradicts the title, or is over another axis than the table.
+    """
+    titles = [name for name in names if name in _NAMED]
+    own = _NAMED[titles[0]] if titles else None
+    if normalisation is None and own is None:
+        raise ValueError(f"{path}: normalisation is missing: {NORMALISATION_RULE}")
+    found = normalisation if normalisation is not None else own
+    assert found is not None
+    if own is not None and found not in _EQUAL.get(own, (own,)):
+        raise ValueError(
+            f'{path}: normalisation = "{found}": the column {titles[0]} is in the normalisation "{own}";'
+            " leave the argument out, or rename the column C_1D"
+        )
+    if "n" in names and found in _ANGULAR:
+        raise ValueError(
+            f'{path}: normalisation = "{found}": is over q = 2 pi / wavelength, but the table is over'
+            f" cycles/m; must be {_ANGULAR[found]}, or convert both columns to q"
+        )
+    angular = {"q", "k", "log10_q"} & set(names)
+    if found == "ISO_8608" and angular:
+        raise ValueError(
+            f'{path}: normalisation = "ISO_8608": is over n in cycles/m, but the column {angular.pop()} is in'
+            ' rad/m; must be "C_1D_one_sided" if the density is over rad/m, otherwise convert the column to'
+            " n [cycles/m]"
+        )
+    return found
+
+
 def check_normalisation(
-    normalisation: str, hurst: ArrayLike | None, what: str = "normalisation", where: str = "hurst"
+    normalisation: str,
+    hurst: ArrayLike | None,
+    what: str = "normalisation",
+    where: str = "hurst",
+    table: bool = False,
 ) -> None:
     """Raise ValueError if a normalisation is unknown, or if `hurst` is missing, invalid or not needed.
 
-    `what` and `where` are the names of the two arguments in the message.
+    `what` and `where` are the names of the two arguments in the message. A `table` along a line does not need
+    `hurst`.
     """
     if not isinstance(normalisation, str) or normalisation not in NORMALISATIONS:
         raise ValueError(f"{what} = {shown(normalisation)}: {NORMALISATION_RULE}")
@@ -112,6 +206,8 @@ def check_normalisation(
                 f'{where} = {shown(hurst)}: must be absent; {what} = "{normalisation}" needs no'
                 " Hurst exponent"
             )
+        return
+    if hurst is None and table:
         return
     if hurst is None:
         raise ValueError(
@@ -124,6 +220,8 @@ def check_normalisation(
 def _factor(normalisation, q, hurst):
     check_normalisation(normalisation, hurst)
     scale = NORMALISATIONS[normalisation]
+    if normalisation == "Wr":
+        return scale * jnp.asarray(q)
     if normalisation not in LINES:
         return scale
     H = jnp.asarray(hurst)

@@ -17,9 +17,11 @@ each mode over its neighbours, so the first two or three modes are unreliable. D
 the same modes. The spectrum contains the instrument's resolution and noise.
 """
 
+import itertools
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from rubberfric.base.checks import check_choice, shown
@@ -32,6 +34,8 @@ _DEGREES = (None, 0, 1, 2)
 _LEAST = 8
 # Largest distance of a position from an even grid, over the spacing.
 _EVEN = 0.05
+# Squared correlation of modes at these distances along an axis, from the transform of the squared window.
+_NEIGHBOURS = {"none": {0: 1.0}, "hann": {-2: 1 / 36, -1: 4 / 9, 0: 1.0, 1: 4 / 9, 2: 1 / 36}}
 
 
 def spectrum_of_profile(
@@ -136,8 +140,6 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
     power = np.mean(w**2)
     cell = float(np.prod([2 * np.pi / (n * d) for n, d in zip(grid, spacings, strict=True)]))
     mean_square = np.abs(np.fft.fftn(w * heights, axes=axes)) ** 2 / (q.size**2 * power)
-    # Modes q and -q of a real field are equal, and a window correlates neighbours.
-    dependent = 2 * np.mean(w**4) / power**2
     index, inside = _bins(q, np.pi / max(spacings), per_decade)
     count = np.bincount(index)
     kept = count > 0
@@ -147,7 +149,12 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
         return np.bincount(index, values[inside])[kept] / count
 
     each = np.stack([mean(one) for one in mean_square]) / cell
-    C, relative = each.mean(0), np.sqrt(dependent / (count * samples))
+    C = each.mean(0)
+    bins = np.full(q.shape, -1)
+    bins[inside] = index
+    independent = count**2 / _correlated_pairs(bins, window)[kept]
+    # C is distributed as chi^2 with two degrees of freedom for each independent mode.
+    relative = np.sqrt(scipy.special.polygamma(1, independent * samples))
     if samples > 1:
         scatter = each.std(0, ddof=1) / np.sqrt(samples)
         relative = np.maximum(relative, scatter / np.where(C > 0, C, 1.0))
@@ -167,6 +174,21 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
             )
         ),
     )
+
+
+def _correlated_pairs(bins, window):
+    """Return sum |r(k, k')|^2 over all pairs of modes in each bin, where r is their correlation.
+
+    A window correlates neighbouring modes. Modes k and -k of a real field are equal, which counts every pair
+    twice because a bin contains both. `bins` has the bin number of each mode, or -1.
+    """
+    pairs = np.zeros(bins.max() + 1)
+    for step in itertools.product(*[_NEIGHBOURS[window]] * bins.ndim):
+        shifted = np.roll(bins, step, tuple(range(bins.ndim)))
+        together = bins[(bins == shifted) & (bins >= 0)]
+        weight = np.prod([_NEIGHBOURS[window][k] for k in step])
+        pairs += 2 * weight * np.bincount(together, minlength=pairs.size)
+    return pairs
 
 
 def _bins(q, highest, per_decade):

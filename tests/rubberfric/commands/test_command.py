@@ -362,3 +362,14 @@ def test_a_tabulated_scene_says_how_much_lies_outside_its_table(call):
         for s in (scene, sheared)
     ]
     assert notes[1] == notes[0].replace("of mu", "of the viscoelastic mu")
+
+
+def test_a_warning_of_a_command_is_one_line():
+    """Without the line of the source, and without the name of its category."""
+    code = (
+        "import warnings\nfrom rubberfric.commands import ended\n"
+        "def work(_):\n    warnings.warn('first\\nsecond', UserWarning)\n    return 0\n"
+        "ended('rubberfric run', work, process=False)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr == "rubberfric run: warning: first second\n"

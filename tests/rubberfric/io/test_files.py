@@ -454,7 +454,6 @@ FAULTS = {
         ("lower.material.kind", "pronny", "lower.material.kind = 'pronny': did you mean 'prony'? must be"),
         ("lower.spectrum", "rough", "lower.spectrum = 'rough': must be a table"),
         ("upper.spectrum.normalisation", "psd", 'must be "C" (h_rms^2 = 2 pi int q C dq), "C_iso"'),
-        ("upper.spectrum.normalisation", "C_1D", "upper.spectrum.hurst is missing: must be given, 0 ... 1"),
         ("upper.spectrum.hurst", 0.8, "upper.spectrum.hurst = 0.8: must be absent; "),
         ("upper.spectrum.normalisation", ..., "upper.spectrum.normalisation is missing: must be"),
         ("upper.spectrum.file", "no.csv", "upper.spectrum.file = 'no.csv': "),

@@ -82,3 +82,100 @@ def test_refused(tmp_path, text, arguments, message):
     with pytest.raises(ValueError, match=r"must|is missing|holes|unit") as error:
         rf.io.read_heights(path, **arguments)
     assert message in str(error.value) and str(error.value).count("\n") == 0
+
+
+HEIGHTS = np.round(np.random.default_rng(0).normal(size=(64, 48)), 4)  # rms 1 [um]
+
+
+def written(tmp_path, values, name="map.csv"):
+    np.savetxt(tmp_path / name, values, delimiter=",", fmt="%.10g")
+    return tmp_path / name
+
+
+@pytest.mark.parametrize("value", [-9999, 32767, -32768, 65535, 9999, -99999, 1.70141e38, -3.4e38, 12.5, 0])
+@pytest.mark.parametrize("level", [0.0, 500.0])
+def test_repeated_extreme_numbers_are_holes(tmp_path, value, level):
+    """The spectrum's rms height stays 1 um; taken as heights the numbers give 1.9 um to 1e32 m."""
+    if value == 0 and level == 0:
+        pytest.skip("0 lies among the heights")
+    spoiled = HEIGHTS + level
+    spoiled[10:14, 20:25] = spoiled[40, 7] = value
+    with pytest.warns(UserWarning, match="21 heights .* are taken as holes"):
+        found = rf.io.read_heights(written(tmp_path, spoiled), 1e-6, "um")
+    assert found.holes == pytest.approx(21 / spoiled.size)
+    h = rf.roughness.spectrum_of_topography(found.heights, found.dx).rms_height
+    assert h == pytest.approx(1e-6, rel=0.03)
+    if abs(value) < 1e30:
+        kept = rf.io.read_heights(written(tmp_path, spoiled), 1e-6, "um", sentinels=False)
+        assert kept.holes == 0 and np.sum(np.isclose(kept.heights, value * 1e-6)) == 21
+
+
+def test_two_sentinels_and_xyz_and_traces(tmp_path):
+    spoiled = HEIGHTS.copy()
+    spoiled[3, :9], spoiled[50:53, 4] = -32768, 32767
+    with pytest.warns(UserWarning, match="taken as holes"):
+        found = rf.io.read_heights(written(tmp_path, spoiled), 1e-6, "um")
+    assert found.holes == pytest.approx(12 / spoiled.size)
+    x, y = np.indices(spoiled.shape)
+    table = np.column_stack([x.ravel(), y.ravel(), spoiled.ravel()])
+    with pytest.warns(UserWarning, match="taken as holes"):
+        again = rf.io.read_heights(written(tmp_path, table, "map.xyz"), unit="um")
+    np.testing.assert_allclose(again.heights, found.heights, atol=1e-12)
+    rows = "".join(f"{k},{-9999 if k in (5, 9) else z}\n" for k, z in enumerate(HEIGHTS[:, 0]))
+    (tmp_path / "traces.csv").write_text(f"x [um],z [um]\n{rows}")
+    with pytest.warns(UserWarning, match=r"taken as holes|dropouts"):
+        assert np.abs(rf.io.read_traces(tmp_path / "traces.csv")[1]).max() < 5e-6
+
+
+@pytest.mark.parametrize(
+    "heights",
+    [
+        np.where(np.indices((16, 16))[0] < 4, 0.0, 1.0),  # a step
+        np.round(HEIGHTS * 3),  # quantised
+        np.where(HEIGHTS > 3, 3.5, HEIGHTS),  # cut at 3.5
+        np.where(HEIGHTS.max() == HEIGHTS, 12.0, HEIGHTS),  # one spike
+    ],
+    ids=["step", "quantised", "cut", "spike"],
+)
+def test_heights_that_are_no_holes(tmp_path, heights):
+    found = rf.io.read_heights(written(tmp_path, heights), 1e-6, "um")
+    assert found.holes == 0
+    np.testing.assert_allclose(found.heights, 1e-6 * heights, atol=1e-15)
+
+
+def test_several_heights_of_one_point(tmp_path):
+    text = "x [um],y [um],z [um]\n" + "".join(f"{i % 10},{i // 10 % 10},{i}\n" for i in range(400))
+    (tmp_path / "map.csv").write_text(text)
+    with pytest.raises(
+        ValueError, match=r"100 points have several heights, the first at x = 0 m, y = 0 m: 0,"
+    ):
+        rf.io.read_heights(tmp_path / "map.csv")
+    once = text.splitlines()[1:101]
+    (tmp_path / "map.csv").write_text("\n".join([text.splitlines()[0], *once, *once[::-1], "3,4,nan"]))
+    found = rf.io.read_heights(tmp_path / "map.csv")
+    np.testing.assert_allclose(found.heights, 1e-6 * np.arange(100).reshape(10, 10).T, atol=1e-15)
+
+
+def test_lines_without_points_are_holes(tmp_path, heights):
+    """Two of three lines are missing in a part of the map; a step is then a multiple of the spacing."""
+    rows = xyz(heights, ",", comma=False).splitlines()
+    kept = [row for row in rows if row[:3] not in ("2.0", "6.0", "10.", "14.")]
+    (tmp_path / "map.csv").write_text("\n".join(kept), encoding="utf-8")
+    found = rf.io.read_heights(tmp_path / "map.csv")
+    assert found.heights.shape == SHAPE and found.dx == pytest.approx(DX)
+    assert found.holes == pytest.approx(4 / SHAPE[0])
+
+
+def test_no_row_of_a_grid_vanishes(tmp_path):
+    path = written(tmp_path, HEIGHTS)
+    rows = path.read_text().splitlines()
+    path.write_text("\n".join([*rows[:9], "n/a" + ",n/a" * 47, *rows[10:]]))
+    found = rf.io.read_heights(path, 1e-6, "um")
+    assert found.heights.shape == (64, 48) and found.holes == pytest.approx(1 / 64)
+    path.write_text("\n".join([*rows[:9], rows[9].replace(",", ",#ERR,", 1), *rows[10:]]))
+    with pytest.raises(ValueError, match=r"line 10: .*: must be numbers"):
+        rf.io.read_heights(path, 1e-6, "um")
+    with_counts = ["," + ",".join(map(str, range(48))), *(f"{k},{row}" for k, row in enumerate(rows))]
+    path.write_text("\n".join(with_counts))
+    with pytest.raises(ValueError, match="first row of the grid rises in even steps"):
+        rf.io.read_heights(path, 1e-6, "um")

@@ -151,7 +151,10 @@ def test_several_profiles():
         assert getattr(found, name) == pytest.approx(mean, rel=1e-12)
     assert found.left_out == pytest.approx(np.mean([one.left_out for one in each]))
     scatter = C.std(0, ddof=1) / C.mean(0) / np.sqrt(12)
-    np.testing.assert_allclose(found.relative, np.maximum(scatter, each[0].relative / np.sqrt(12)))
+    # Twelve profiles have twelve times as many independent modes.
+    ratio = found.relative / np.maximum(scatter, each[0].relative / np.sqrt(12))
+    assert (ratio <= 1 + 1e-12).all() and ratio.min() > 0.7
+    np.testing.assert_allclose(ratio[found.modes > 100], 1.0, rtol=0.01)
     assert found.cell * np.sum(found.modes * found.C) + found.left_out == pytest.approx(found.h_rms**2)
     with pytest.raises(ValueError, match="at least 8 along each axis"):
         rf.roughness.spectrum_of_profile(SPACING, lines[:, :7])

@@ -283,7 +283,13 @@ def test_scene_files(tmp_path):
 @pytest.mark.parametrize(
     ("table", "normalisation", "more", "message"),
     [
-        ("q,C\n1/m,m^4\n1,1\n2,1\n", "C_1D", "", "upper.spectrum.hurst is missing: must be given, 0 ... 1"),
+        ("q,C\n1/m,m^4\n1,1\n2,1\n", "C_1D", "", "column 'C': must be one of q, log10_q, C_1D"),
+        (
+            "q,C_1D\n1/m,m^3\n1,1\n2,1\n",
+            "C_1D",
+            "",
+            "slope of C_1D at its end",
+        ),
         ("q,C\n1/m,m^4\n1,1\n2,1\n", "C_1D", ", hurst = 0.8", "column 'C': must be one of q, log10_q, C_1D"),
         ("q,C_1D\n1/m,m^4\n1,1\n2,1\n", "C_1D", ", hurst = 0.8", "column C_1D: unit 'm^4': must be one of"),
         ("q,C_1D\n1/m,m^3\n1,1\n2,1\n", "C_1D", ", hurst = 2", "upper.spectrum.hurst = 2.0: must be between"),
@@ -313,9 +319,11 @@ def test_measured_data_in_another_normalisation(tmp_path):
         data.C, rf.roughness.spectrum_from("C_1D", data.q, np.array([1e-10, 1e-16]), 0.8), rtol=1e-13
     )
     np.testing.assert_allclose(data.relative, 0.03)
+    # A power law without ends has one H, here (3 - 1)/2, and Abel's transform is the factor.
+    expected = rf.roughness.spectrum_from("C_1D", data.q, np.array([1e-10, 1e-16]), 1.0)
+    np.testing.assert_allclose(fitting.read(path, normalisation="C_1D").C, expected, rtol=1e-10)
     for given, message in (
         ({}, "measured.csv: normalisation is missing: must be"),
-        ({"normalisation": "C_1D"}, "measured.csv: hurst is missing: must be given"),
         ({"normalisation": "C"}, "column 'C_1D': must be one of q, log10_q, C, log10_C"),
         ({"hurst": 0.8, "normalisation": "C_iso"}, "hurst = 0.8: must be absent"),
     ):

@@ -1,0 +1,146 @@
+"""`rubberfric-fit spectrum` on synthetic surfaces with known parameters, with every option."""
+
+import warnings
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+import fitting
+import rubberfric as rf
+
+LENGTH = 1e-3
+Q0 = 2 * np.pi / LENGTH
+TRUTH = rf.SelfAffine(Q0, 4 * Q0, 40 * Q0, 0.8, 1e-5)
+
+
+@pytest.fixture(scope="module")
+def surface():
+    """Heights [m] of 2 x 2 periods, and their spacing."""
+    found = rf.analysis.random_surface(TRUTH, jax.random.key(3), grid=320, periods=2.0)
+    return found.heights, found.length / 320
+
+
+@pytest.fixture
+def run(call, tmp_path, monkeypatch):
+    """Run `rubberfric-fit spectrum` in an empty folder: exit status, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+    return lambda *arguments: call("spectrum", *map(str, arguments), "--no-cache")
+
+
+def grid(heights, separator=","):
+    return "".join(separator.join(f"{1e6 * z:.5f}" for z in row) + "\n" for row in heights)
+
+
+def xyz(heights, dx, dy):
+    rows = [f"{1e6 * i * dx:.5f},{1e6 * k * dy:.5f},{1e6 * z:.5f}" for (i, k), z in np.ndenumerate(heights)]
+    return "x [um],y [um],z [um]\n" + "\n".join(rows) + "\n"
+
+
+@pytest.mark.parametrize("kind", ["csv", "txt", "dat", "xyz", "holes"])
+@pytest.mark.parametrize(("nx", "ny", "every"), [(320, 320, 1), (320, 140, 1), (320, 160, 2)])
+def test_height_maps(run, surface, kind, nx, ny, every):
+    """Files of 5e4 points and more; `every` makes dy twice dx."""
+    if kind not in ("csv", "xyz") and (nx, ny, every) != (320, 140, 1):
+        pytest.skip("one size of the rarer formats")
+    whole, d = surface
+    heights = whole[:nx, : ny * every : every].copy()
+    if kind == "holes":
+        heights[100:104, 50:60] = -9999e-6
+    spacing = [d] if every == 1 else [d, every * d]
+    name = "map.csv" if kind == "holes" else f"map.{kind}"
+    separator = {"txt": "\t", "dat": " "}.get(kind, ",")
+    Path(name).write_text(xyz(heights, d, every * d) if kind == "xyz" else grid(heights, separator))
+    how = () if kind == "xyz" else ("--spacing", *spacing, "--unit", "um")
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always", UserWarning)
+        status, printed, complaint = run(name, "--map", *how, "--out", "scene.toml")
+    assert status == 0 and f"{nx} x {ny} heights" in printed, complaint
+    texts = [str(each.message) for each in warned]
+    assert texts == ["map.csv: 40 heights -9999 are taken as holes"] * (kind == "holes")
+    found = rf.load_scene("scene.toml").lower.spectrum
+    assert float(found.h_rms) == pytest.approx(float(TRUTH.h_rms), rel=0.25)
+    assert float(found.hurst) == pytest.approx(0.8, abs=0.1)
+    assert float(found.qr) == pytest.approx(float(TRUTH.qr), rel=0.5)
+
+
+def test_options_of_a_map(run, surface):
+    heights, d = surface
+    Path("map.csv").write_text(grid(heights[:, :192]))
+    how = ("map.csv", "--map", "--spacing", d, "--unit", "um")
+    assert run(*how, "--out", "measured.csv", "--plot", "spectrum.png")[0] == 0
+    data = fitting.read("measured.csv", normalisation="C")
+    assert Path("spectrum.png").stat().st_size > 10_000 and data.relative.max() > 1
+    assert run(*how, "--slope", "0.3", "--out", "cut.toml", "--body", "upper")[0] == 0
+    assert float(rf.rms_slope(rf.load_scene("cut.toml").upper.spectrum)) == pytest.approx(0.3, rel=1e-9)
+    assert run(*how, "--table", "--out", "table.toml")[0] == 0
+    table = rf.load_scene("table.toml").lower.spectrum
+    np.testing.assert_allclose(table.C, data.C, rtol=1e-12)
+    assert run(*how, "--q1", 20 * Q0, "--out", "short.h5")[0] == 0
+    assert float(rf.load_scene("short.h5").lower.spectrum.q1) == pytest.approx(20 * Q0)
+
+
+def test_the_python_route(surface, tmp_path):
+    """As the page on formats has it: read_heights, spectrum_of_topography, fit_spectrum, with_cutoff."""
+    heights, d = surface
+    (tmp_path / "map.csv").write_text(grid(heights))
+    measured = rf.io.read_heights(tmp_path / "map.csv", d, "um")
+    found = rf.roughness.spectrum_of_topography(measured.heights, measured.dx, measured.dy)
+    data = fitting.SpectrumData(found.q, found.C, relative=found.relative)
+    fit = fitting.fit_spectrum(data, q1=found.resolved().q1)
+    for name in ("h_rms", "hurst"):
+        value, truth = (float(getattr(each, name)) for each in (fit.spectrum, TRUTH))
+        assert abs(value - truth) < 0.2 * truth
+    assert float(rf.rms_slope(rf.with_cutoff(fit.spectrum, 1.3))) == pytest.approx(1.3)
+
+
+def test_spectra_of_other_programs(run):
+    q = np.geomspace(Q0, 39 * Q0, 60)
+    W1 = 2 * np.asarray(rf.roughness.line_spectrum(TRUTH, q))
+    rows = "".join(f"{a:.8g},{b:.8g}\n" for a, b in zip(q, W1, strict=True))
+    Path("gwyddion.csv").write_text("k [1/m],W1 [m^3]\n" + rows)
+    Path("plain.csv").write_text("q [rad/m],C_1D [m^3]\n" + rows)
+    for arguments in (("gwyddion.csv",), ("plain.csv", "--normalisation", "C_1D_one_sided")):
+        status, _, complaint = run(*arguments, "--out", "scene.toml")
+        assert status == 0, complaint
+        assert float(rf.load_scene("scene.toml").lower.spectrum.h_rms) == pytest.approx(1e-5, rel=0.03)
+    status, _, complaint = run("plain.csv")
+    assert status == 2 and "normalisation is missing" in complaint
+    assert run("plain.csv", "--normalisation", "C_1D_one_sided", "--hurst", "0.8", "--out", "s.toml")[0] == 0
+
+
+def test_absurd_cutoffs_and_outputs_are_refused(run):
+    q = np.geomspace(Q0, 40 * Q0, 60)
+    C = np.asarray(rf.power_spectrum(TRUTH, np.clip(q, Q0 * (1 + 1e-12), 40 * Q0 * (1 - 1e-12))))
+    Path("s.csv").write_text("q,C\n1/m,m^4\n" + "".join(f"{a},{b}\n" for a, b in zip(q, C, strict=True)))
+    how = ("s.csv", "--normalisation", "C")
+    assert run(*how, "--out", "scene.toml")[0] == 0
+    Path("link.toml").symlink_to("scene.toml")
+    before = Path("scene.toml").read_bytes()
+    for more, text in (
+        (("--slope", "1e9", "--out", "no.toml"), "by waves shorter than the distance of atoms"),
+        (("--q1", "1e30", "--out", "no.toml"), "the distance of atoms"),
+        (("--scene", "scene.toml", "--out", "scene.toml"), "is a file that this command reads"),
+        (("--scene", "scene.toml", "--out", "link.toml"), "is a file that this command reads"),
+        (("--scene", "scene.toml", "--out", "./s.csv"), "is a file that this command reads"),
+    ):
+        status, printed, complaint = run(*how, *more)
+        assert status == 2 and printed == "" and complaint.count("\n") == 1 and text in complaint
+        assert not Path("no.toml").exists() and Path("scene.toml").read_bytes() == before
+
+
+def test_a_scene_keeps_its_lines(run):
+    q = np.geomspace(Q0, 40 * Q0, 60)
+    C = np.asarray(rf.power_spectrum(TRUTH, np.clip(q, Q0 * (1 + 1e-12), 40 * Q0 * (1 - 1e-12))))
+    Path("s.csv").write_text("q,C\n1/m,m^4\n" + "".join(f"{a},{b}\n" for a, b in zip(q, C, strict=True)))
+    own = (Path(__file__).parents[3] / "data" / "tread_on_asphalt.toml").read_text(encoding="utf-8")
+    Path("scene.toml").write_text("# of 2019\n" + own)
+    status, _, complaint = run(
+        "s.csv", "--normalisation", "C", "--slope", 0.5, "--scene", "scene.toml", "--out", "new.toml"
+    )
+    assert status == 0, complaint
+    new = Path("new.toml").read_text(encoding="utf-8")
+    for line in ("# of 2019", *own.splitlines()):
+        assert line in new.splitlines() or line.split(" = ")[0] in ("q0", "qr", "q1", "hurst", "h_rms")
+    assert float(rf.rms_slope(rf.load_scene("new.toml").lower.spectrum)) == pytest.approx(0.5)
