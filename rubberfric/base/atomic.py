@@ -2,23 +2,18 @@
 
 import contextlib
 import errno
-import importlib
 import os
 import stat
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 StrPath = str | os.PathLike[str]
-Rows = list[tuple[Any, ...]]  # cells of a sheet
 
 # Suffixes of the tables of measured data that are read.
 TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".xlsx")
 # Largest size in bytes of a file that is read; typical measured data have a hundredth of it.
 LARGEST_FILE = 2**26
-# Largest number of cells of a workbook.
-MOST_CELLS = 5_000_000
 # Bytes above ASCII in exports in Latin-1: ° µ ¹ ² ³ ·, German vowels, French letters.
 _LATIN = b"\xb0\xb5\xb9\xb2\xb3\xb7\xe4\xf6\xfc\xc4\xd6\xdc\xdf\xe9\xe8\xea\xe0\xe2\xe7\xf4\xee\xc9"
 
@@ -179,9 +174,13 @@ def read_text(path: StrPath, exports: bool = False) -> str:
     """
     check_readable(as_path(path), LARGEST_FILE)
     if exports and as_path(path).suffix.lower() == ".xlsx":
-        return _sheet(path)
+        from rubberfric.base.workbooks import read_workbook
+
+        return read_workbook(path)
     try:
         content = as_path(path).read_bytes()
+        if content.startswith((b"PK\x03\x04", b"\xd0\xcf\x11\xe0")):
+            raise ValueError("is a workbook; its suffix must be .xlsx, or save it as .csv")
         if exports and content[:2] in (b"\xff\xfe", b"\xfe\xff"):
             return content.decode("utf-16")
         if exports and set(content) - set(range(128)) <= set(_LATIN):
@@ -193,73 +192,6 @@ def read_text(path: StrPath, exports: bool = False) -> str:
         raise ValueError(f"{path}: cannot be read as text: {error}") from None
 
 
-def _sheet(path: StrPath) -> str:
-    """Return the sheets of a workbook with numbers and equal titles, as lines of cells separated by tabs."""
-    import zipfile
-    import zlib
-
-    try:
-        openpyxl: Any = importlib.import_module("openpyxl")
-    except ImportError:
-        raise ValueError(
-            f"{path}: cannot be read without openpyxl: pip install 'rubberfric[excel]', or save it as .csv"
-        ) from None
-    # Errors of damaged or encrypted (RuntimeError) workbooks.
-    damages = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, SyntaxError, LookupError, TypeError)
-    try:
-        with open(path, "rb") as file:
-            size = sum(part.file_size for part in zipfile.ZipFile(file).infolist())
-            if size > LARGEST_FILE:
-                most = LARGEST_FILE / 2**20
-                raise ValueError(f"has {size / 2**20:.0f} MiB unpacked; must have at most {most:.0f} MiB")
-            file.seek(0)
-            sheets = _rows(openpyxl.load_workbook(file, read_only=True, data_only=True).worksheets)
-            name, *others = _sheets_to_read(path, sheets)
-            rows = [row for each in (name, *others) for row in sheets[each]]
-            if any(cell is None for row in rows for cell in row):
-                book = openpyxl.load_workbook(file, read_only=True)
-                formulas = [row for each in (name, *others) for row in book[each].iter_rows(values_only=True)]
-                rows = [_with_formulas(*pair) for pair in zip(rows, formulas, strict=True)]
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
-    except (*damages, ValueError, AttributeError, ArithmeticError) as error:
-        raise ValueError(f"{path}: cannot be read as .xlsx: {error}") from None
-    return "\n".join("\t".join(map(_cell, row)) for row in rows) + "\n"
-
-
-def _sheets_to_read(path: StrPath, sheets: Mapping[str, Rows]) -> list[str]:
-    """Return the names of the first sheet with rows of numbers, and of the sheets with equal titles."""
-    starts = {name: _first_numbers(rows, 2) for name, rows in sheets.items()}
-    with_numbers = [name for name, start in starts.items() if start is not None]
-    if not with_numbers:
-        with_numbers = [name for name, rows in sheets.items() if _first_numbers(rows, 1) is not None][:1]
-    if not with_numbers:
-        raise ValueError("no sheet has numbers; formulas must have stored values")
-    heads = {name: _titles(sheets[name], starts[name]) for name in with_numbers}
-    read = [name for name, head in heads.items() if head == heads[with_numbers[0]]]
-    if len(with_numbers) > 1:
-        from rubberfric.base.checks import warn_caller  # imports JAX
-
-        left = [name for name in with_numbers if name not in read]
-        several = f"the sheets {', '.join(read)} are read as one table"
-        what = several if read[1:] else f"the sheet {read[0]} is read"
-        warn_caller(
-            f"{path}: {what}{', and not ' * bool(left) + ', '.join(left)}; delete sheets to change this",
-            UserWarning,
-        )
-    return read
-
-
-def _titles(rows: Rows, start: int | None) -> Rows:
-    """Return the last two rows above the row `start` in which most columns have a cell."""
-    return [row for row in rows[:start] if 2 * sum(cell is not None for cell in row) > len(row)][-2:]
-
-
-def _first_numbers(rows: Rows, count: int) -> int | None:
-    """Return the index of the first row with at least `count` numbers, or None."""
-    return next((i for i, row in enumerate(rows) if sum(map(is_number, row)) >= count), None)
-
-
 def is_number(cell: object) -> bool:
     """Return True for a number, and for the text of a number with a decimal point or comma."""
     try:
@@ -267,33 +199,6 @@ def is_number(cell: object) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _with_formulas(values: tuple[Any, ...], formulas: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Return the values of a row, with the text of formulas for missing values."""
-    return tuple(
-        f if v is None and str(f).startswith("=") else v for v, f in zip(values, formulas, strict=True)
-    )
-
-
-def _rows(sheets: Iterable[Any]) -> dict[str, Rows]:
-    """Return the rows of each sheet of a workbook, or raise ValueError beyond `MOST_CELLS` cells."""
-    found, cells = {}, 0
-    for sheet in sheets:
-        found[sheet.title] = []
-        for row in sheet.iter_rows(values_only=True):
-            cells += len(row)
-            if cells > MOST_CELLS:
-                raise ValueError(
-                    f"the workbook has more than {MOST_CELLS} cells up to sheet {sheet.title!r}, including "
-                    "empty cells; delete distant cells, or save the sheet as .csv"
-                )
-            found[sheet.title].append(row)
-    return found
-
-
-def _cell(value: object) -> str:
-    return "" if value is None else repr(value) if isinstance(value, float) else " ".join(str(value).split())
 
 
 def write_text(path: StrPath, text: str) -> None:

@@ -265,6 +265,7 @@ def _read_curves(path, key, cls, content):
             table: dict[str, Any] = dict(zip(("q", "C"), read_directions(file), strict=True))
         else:
             layout = {"columns": content.get("columns"), "poisson": content.get("poisson"), "generic": "E"}
+            layout["bad_rows"] = None  # not a key of scene files
             names = tuple(density if column == "C" else column for column in curves.values())
             table = read_table(file, names, **layout)
     except ValueError as error:

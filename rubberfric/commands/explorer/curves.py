@@ -298,7 +298,7 @@ def read_points(path: StrPath, scene: Scene, conditions: Conditions) -> Measured
     A ValueError is raised for an invalid table, or for points at which the scene cannot be computed.
     """
     optional = ("p", "T", "sigma", "relative_sigma")
-    table = read_table(path, ("v", "mu"), optional, increasing=False)
+    table = read_table(path, ("v", "mu"), optional, increasing=False, bad_rows=None)
     if table["v"].size > MOST_POINTS:
         raise ValueError(f"{path}: has {table['v'].size} points: must have at most {MOST_POINTS}")
     if np.any(table["v"] <= 0):
