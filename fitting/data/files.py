@@ -82,7 +82,7 @@ def read(
     check_units : bool
         If True, raise ValueError for values of a table that look like values in another unit.
     bad_rows : "error", or "drop" to leave out rows with an empty, missing or invalid value
-        A warning names their lines. Notes below a table are no rows (`rubberfric.io.lines`).
+        A warning names their lines. Notes below a table are no rows (`rubberfric.io.text_tables.lines`).
     area : nominal contact area [m^2], which gives the pressure if the table has normal forces
     frequency : frequency [Hz] of all moduli, if the table has no column of frequencies
     block : number of the block of columns, from 1, if the table has several blocks with equal titles

@@ -11,7 +11,7 @@
 
 A text has a preamble, a row of names, a row of units (or units behind the names) and numbers. Commas,
 semicolons, tabs or several blanks separate fields; decimals have points or commas. More blocks with the same
-columns may follow below, or side by side (`rubberfric.io.wide_sheets`). Names are spelled as in
+columns may follow below, or side by side (`rubberfric.io.text_tables.wide_sheets`). Names are spelled as in
 `rubberfric.io.columns`. A line of names may begin with ##.
 """
 
@@ -31,7 +31,7 @@ from rubberfric.io.columns import (
     known_unit,
     quantities_of,
 )
-from rubberfric.io.lines import (
+from rubberfric.io.text_tables.lines import (
     SEPARATORS,
     BadRows,
     TextLines,
@@ -46,7 +46,7 @@ from rubberfric.io.lines import (
     is_misshapen,
     split_fields,
 )
-from rubberfric.io.wide_sheets import (
+from rubberfric.io.text_tables.wide_sheets import (
     Label,
     LabelledTitle,
     blocks_of,

@@ -20,7 +20,7 @@ from rubberfric.base.atomic import StrPath, is_number, read_text
 from rubberfric.base.checks import closest, shown, warn_caller
 from rubberfric.io.columns import plain_unit
 from rubberfric.io.exports import headless
-from rubberfric.io.lines import above_numbers, has_fields
+from rubberfric.io.text_tables.lines import above_numbers, has_fields
 
 # A spectrum of interpolated heights is too low. Above this share of holes it says little about the surface.
 MOST_HOLES = 0.25

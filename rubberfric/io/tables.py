@@ -21,10 +21,10 @@ from jax.typing import ArrayLike
 from rubberfric.base.atomic import StrPath, read_text, write_text
 from rubberfric.base.checks import check_choice, closest, listed, shown, warn_caller
 from rubberfric.io.columns import COLUMNS, SET_VALUES, quantities_of
-from rubberfric.io.derived import RELATIONS, plan_for, with_derived, with_travel_speed
 from rubberfric.io.exports import TextTable, find_table, headless, pick, suggested_columns
 from rubberfric.io.height_maps import read_traces
-from rubberfric.io.own_tables import missing_column, project_rows, project_table
+from rubberfric.io.text_tables.derived import RELATIONS, plan_for, with_derived, with_travel_speed
+from rubberfric.io.text_tables.own_tables import missing_column, project_rows, project_table
 
 BAD_ROWS = ("error", "drop")
 
@@ -47,8 +47,8 @@ def read_table(
     ----------
     path : path of the file
     needed, optional : names in SI ("omega", not "f") of columns that the file must and may hold
-        Missing quantities are computed from other columns if `rubberfric.io.derived` has a relation: E_stor
-        and E_loss from `abs(E*)`, a phase angle, tan(delta) or shear moduli, mu from forces, p from a load
+        Missing quantities are computed from other columns (`rubberfric.io.text_tables.derived`): E_stor and
+        E_loss from `abs(E*)`, a phase angle, tan(delta) or shear moduli, mu from forces, p from a load
         and `area`, and v from a speed and a slip angle. Unknown columns are errors in a table of the project,
         and are ignored in an export.
     increasing : require that the first needed column increases strictly; in an export it may also decrease
@@ -57,7 +57,8 @@ def read_table(
     generic : "E" or "G", the modulus that "storage modulus" means
         None: "G" if poisson is given, otherwise "E".
     bad_rows : "error", or "drop" to leave out rows with an empty, missing or invalid value
-        A warning names the lines that are left out. Notes below a table are no rows (`rubberfric.io.lines`).
+        A warning names the lines that are left out. `rubberfric.io.text_tables.lines` says
+        which lines are rows.
         None is "error" with a message that does not recommend "drop", for callers without this option.
     area : nominal contact area [m^2], which gives the pressure if the table has normal forces, or None
     block : number of the block of columns, from 1, if an export has several blocks with equal titles

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from rubberfric.base.atomic import StrPath
 from rubberfric.base.checks import closest, shown
 from rubberfric.io.columns import COLUMNS
-from rubberfric.io.derived import RELATIONS
 from rubberfric.io.exports import TextTable, suggested_columns
-from rubberfric.io.lines import BadRows, TextRows, has_fields
+from rubberfric.io.text_tables.derived import RELATIONS
+from rubberfric.io.text_tables.lines import BadRows, TextRows, has_fields
 
 
 def project_table(
