@@ -141,9 +141,9 @@ def checked_rows(
             continue
         wrong = [f for f in fields if (_has_point(f) if commas else _DECIMAL_COMMA.fullmatch(f))]
         if with_commas and wrong:
-            own, other = ("point", "comma") if commas else ("comma", "point")
-            same = f"has a decimal {own}, others a {other}: must all have the same decimal sign"
-            bad.append((line, f"{path}: line {line}: {wrong[0]!r}: {same}"))
+            comma, point = "has a decimal comma, others a point", "has a decimal point, others a comma"
+            fault = f"{point if commas else comma}: must all have the same decimal sign"
+            bad.append((line, f"{path}: line {line}: {wrong[0]!r}: {fault}"))
             continue
         good.append((line, [f.replace(",", ".") if _DECIMAL_COMMA.fullmatch(f) else f for f in fields]))
     return good, bad
