@@ -9,8 +9,8 @@
     file = "friction.csv"               # or .h5, see `fitting.data.files`
     pressure = 1e5                      # and temperature, relative, body, name, if the file lacks them;
                                         # normalisation, hurst of a spectrum; poisson, columns, kind of a
-                                        # table as other programs write it, check_units = false, bad_rows,
-                                        # see `fitting.read`
+                                        # table as other programs write it, area, frequency, block,
+                                        # check_units = false, bad_rows, see `fitting.read`
     ...
 
     [scenes.R20]                        # instead of scene and data: several scenes, which share parameters
@@ -68,9 +68,9 @@ FILE_RULES = {re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower(): cls for name, c
 RULE_KEYS = ("rule", *dict.fromkeys(f.name for cls in FILE_RULES.values() for f in dataclasses.fields(cls)))
 PRIOR_KEYS = ("mean", "sigma", "smooth", "low", "high")
 FIT_KEYS = ("file", "body", "widen")
-CONDITIONS = ("pressure", "temperature", "relative", "hurst", "poisson")
+CONDITIONS = ("pressure", "temperature", "relative", "hurst", "poisson", "area", "frequency")
 TEXTS = ("body", "normalisation", "kind", "bad_rows")
-EXTRA = ("columns", "check_units", "name")
+EXTRA = ("columns", "check_units", "block", "name")
 REALS = ("loss_width", "decades", "tolerance")  # may be integers in TOML
 
 
@@ -165,7 +165,7 @@ def _data(path, key, content):
     toml.check_keys(path, key, content, ("file", *CONDITIONS, *TEXTS, *EXTRA), ("file",))
     given = {name: _one(path, f"{key}.{name}", content[name]) for name in CONDITIONS if name in content}
     given |= {name: _text(path, f"{key}.{name}", content[name]) for name in TEXTS if name in content}
-    given |= {name: content[name] for name in ("columns", "check_units") if name in content}
+    given |= {name: content[name] for name in ("columns", "check_units", "block") if name in content}
     data = _read(path, f"{key}.file", content["file"], lambda file: read(file, **given))
     if "name" in content:
         name = _text(path, f"{key}.name", content["name"])

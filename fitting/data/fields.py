@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeVar, dataclass_transform
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rubberfric.base import FINITE, closest, shown
+from rubberfric.base import FINITE, closest, listed, shown
 from rubberfric.io import COLUMNS, known_name, known_unit
 
 ValueRule = tuple[str, Callable[[np.ndarray], np.ndarray]]
@@ -106,7 +106,7 @@ def fields_in(
         A column is missing, occurs twice, or does not hold numbers. A unit is unknown. A key of `units` is
         not the title of a column that is read. The message is one line.
     """
-    units = dict(units or {})
+    units = _checked_units(frame, units)
     wanted = {about.column: name for name, about in fields.items()}
     found: dict[str, np.ndarray] = {}
     for title in frame:
@@ -116,7 +116,12 @@ def fields_in(
         column = None if name is None else COLUMNS.get(name)
         if name is None or column is None or column.name not in wanted:
             continue
-        unit = units.pop(title, units.pop(name, unit))
+        given = units.pop(title, units.pop(name, None))
+        if given is not None and unit is not None and known_unit(given, name) != known_unit(unit, name):
+            raise ValueError(
+                f"column {shown(title)}: unit {shown(given)} contradicts the title; must be equal"
+            )
+        unit = unit if given is None else given
         unit = next(iter(column.units)) if unit is None else known_unit(unit, name)
         if unit not in column.units:
             raise ValueError(f"column {title!r}: unit {shown(unit)}: {closest(unit, tuple(column.units))}")
@@ -128,12 +133,23 @@ def fields_in(
         raise ValueError(f"units: {next(iter(units))!r} is not a column that is read")
     for field in needed:
         if field not in found:
-            titles = ", ".join(str(title) for title in frame)
+            titles = listed([str(title) for title in frame])
             raise ValueError(
                 f"the frame has no column {fields[field].column} [{fields[field].unit}]; it has the columns"
                 f" {titles}. Rename a column, or give {field}="
             )
     return found
+
+
+def _checked_units(frame, units) -> dict[str, str]:
+    """Return `units` as a dict, or raise ValueError if the frame or the units are no mappings."""
+    if not hasattr(frame, "keys") or not hasattr(frame, "__getitem__"):
+        kind = type(frame).__name__
+        raise ValueError(f"frame must be a data frame, or a mapping of title -> numbers, got a {kind}")
+    units = {} if units is None else units
+    if not isinstance(units, Mapping) or not all(isinstance(unit, str) for unit in units.values()):
+        raise ValueError(f"units = {shown(units)}: must be a mapping of title -> unit, or None")
+    return dict(units)
 
 
 def _numbers(title, values):

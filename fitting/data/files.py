@@ -4,8 +4,10 @@ A CSV table has two header rows, names and units (`rubberfric.io.tables`). Its c
 data:
 
     friction   v | log10_v, mu, and if known  sigma | relative_sigma, p, T
+               F_t, F_n: mu = |F_t| / |F_n| and p = |F_n| / area; v_travel, slip_angle: v of a rolling wheel
     area       v | log10_v, A_over_A0,        sigma | relative_sigma, p, T
     modulus    omega | f, E_stor, E_loss,     sigma_stor, sigma_loss | relative_sigma, T
+               E_comp with delta or tan_del, and shear moduli with `poisson`
     spectrum   q | log10_q, C | log10_C,      sigma_C | relative_sigma
                q | log10_q | n, C_1D | log10_C_1D | W1 | Wr | G_d, relative_sigma: see `read`
 
@@ -26,7 +28,18 @@ from numpy.typing import ArrayLike
 
 from fitting.data.kinds import KINDS, SpectrumData
 from fitting.data.measured import DATA_FORMAT, Measured
-from rubberfric.base import TABLE_SUFFIXES, StrPath, as_path, closest, shown
+from rubberfric.base import (
+    FINITE,
+    POSITIVE,
+    TABLE_SUFFIXES,
+    StrPath,
+    as_leaf,
+    as_path,
+    check_values,
+    closest,
+    listed,
+    shown,
+)
 from rubberfric.io import COLUMNS, column_hint, hdf5, read_density, read_names, read_table
 from rubberfric.roughness import (
     LINES,
@@ -51,6 +64,9 @@ def read(
     kind: str | None = None,
     check_units: bool = True,
     bad_rows: str = "error",
+    area: float | None = None,
+    frequency: float | None = None,
+    block: int | None = None,
 ) -> Measured:
     """Read measured data from a table (.csv, .txt, .tsv, .dat, and .xlsx with openpyxl) or an .h5 file.
 
@@ -73,8 +89,11 @@ def read(
     kind : "friction", "area", "modulus" or "spectrum"; needed for a table that contains several kinds
     check_units : bool
         If True, raise ValueError for values of a table that look like values in another unit.
-    bad_rows : "error", or "drop" to leave out rows of an export with an empty, missing or invalid value
-        A warning names their lines.
+    bad_rows : "error", or "drop" to leave out rows with an empty, missing or invalid value
+        A warning names their lines. Notes below a table are no rows (`rubberfric.io.text_tables.lines`).
+    area : nominal contact area [m^2], which gives the pressure if the table has normal forces
+    frequency : frequency [Hz] of all moduli, if the table has no column of frequencies
+    block : number of the block of columns, from 1, if the table has several blocks with equal titles
 
     Returns
     -------
@@ -90,36 +109,65 @@ def read(
     path = as_path(path)
     given = _present(pressure=pressure, temperature=temperature, body=body, relative=relative)
     scaling = _present(normalisation=normalisation, hurst=hurst)
-    suffix = path.suffix.lower()
-    if suffix == ".h5":
-        _refuse(path, _present(columns=columns, poisson=poisson, kind=kind), "it is for tables")
+    layout = _present(columns=columns, poisson=poisson, area=area, block=block)
+    if path.suffix.lower() == ".h5":
+        _refuse(path, layout | _present(frequency=frequency, kind=kind), "it is for tables")
         _refuse(path, scaling, "it is for CSV spectra")
-        with hdf5.reading(path, DATA_FORMAT) as file:
-            hdf5.check_names(file, ("data",), ("format", "format_version", "rubberfric_version"))
-            if "data" not in file:
-                raise ValueError("/data: is missing; must be a group")
-            return read_group(file["data"], **given)
-    if suffix not in TABLE_SUFFIXES:
-        sheet = "; save a sheet as .csv" if suffix in (".xls", ".ods") else ""
-        sheet = "; it is a folder" if path.is_dir() else sheet
-        raise ValueError(f"{path}: suffix {path.suffix!r}: must be {', '.join(TABLE_SUFFIXES)} or .h5{sheet}")
-    cls = _kind(path, columns, poisson, kind)
+        return _read_hdf5(path, given)
+    _check_suffix(path)
+    if pressure is not None:
+        _refuse(path, _present(area=area), "pressure is given, too")
+    _check_numbers(path, _present(poisson=poisson, area=area, frequency=frequency, hurst=hurst))
+    cls = _kind(path, columns, poisson, kind, block)
     names = {name: about.column for name, about in cls.fields().items()}
-    needed = tuple(names[name] for name in cls.needed() if name != "pressure")
+    needed = tuple(names[name] for name in cls.needed() if name not in ("pressure", "omega"))
     optional = tuple(column for column in names.values() if column not in needed)
-    layout: dict[str, Any] = {"columns": columns, "poisson": poisson, "bad_rows": bad_rows}
+    layout["bad_rows"] = bad_rows
     if cls is SpectrumData:
         table = _read_spectrum(path, optional, normalisation, hurst, layout)
     else:
         _refuse(path, scaling, "it is for CSV spectra")
         table = read_table(path, needed, optional, increasing=False, **layout)
     values = {name: table[column] for name, column in names.items() if column in table}
+    if frequency is not None:
+        if "omega" not in names or "omega" in values:
+            why = "the file has it" if "omega" in values else f"{cls.quantity} data have none"
+            _refuse(path, {"frequency": frequency}, why)
+        given["omega"] = 2 * np.pi * frequency
+    _check_conditions(path, cls, {*values, *given}, layout)
     try:
-        if "pressure" in names and "pressure" not in {*values, *given}:
-            raise ValueError("no column p: add it to the table, or give pressure=... [Pa]")
         return _made(cls, values, given, check_units)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _check_suffix(path):
+    if (suffix := path.suffix.lower()) not in TABLE_SUFFIXES:
+        sheet = "; save a sheet as .csv" if suffix in (".xls", ".ods") else ""
+        sheet = "; it is a folder" if path.is_dir() else sheet
+        raise ValueError(f"{path}: suffix {path.suffix!r}: must be {', '.join(TABLE_SUFFIXES)} or .h5{sheet}")
+
+
+def _read_hdf5(path, given):
+    with hdf5.reading(path, DATA_FORMAT) as file:
+        hdf5.check_names(file, ("data",), ("format", "format_version", "rubberfric_version"))
+        if "data" not in file:
+            raise ValueError("/data: is missing; must be a group")
+        return read_group(file["data"], **given)
+
+
+def _check_conditions(path, cls, known, layout):
+    """Raise ValueError if pressure or frequency is neither in the table nor given to `read`."""
+    if "pressure" in cls.needed() and "pressure" not in known:
+        own = {name: layout[name] for name in ("columns", "block") if name in layout}
+        load = "F_n" in read_names(path, **own)
+        way = "give area=... [m^2], because p = F_n / area" if load else "give pressure=... [Pa]"
+        raise ValueError(f"{path}: no column p: add it to the table, or {way}")
+    if "omega" in cls.needed() and "omega" not in known:
+        hint = "" if "columns" in layout else column_hint(path)
+        raise ValueError(
+            f"{path}: no column omega or f: add it to the table, or give frequency=... [Hz]{hint}"
+        )
 
 
 def write(path: StrPath, data: Measured) -> None:
@@ -169,12 +217,19 @@ def _refuse(path, arguments, why):
         raise ValueError(f"{path}: {name} = {shown(value)}: must not be given; {why}")
 
 
+def _check_numbers(path, arguments):
+    """Raise ValueError unless all arguments are finite numbers."""
+    for name, value in arguments.items():
+        own = f"{path}: {name}"
+        check_values(own, as_leaf(own, value, 0), POSITIVE if name == "frequency" else FINITE)
+
+
 def _read_spectrum(path, optional, normalisation, hurst, layout):
     """Return the columns of a spectrum, with C in the normalisation of this project.
 
     A spectrum in m^3 has no sigma, which would have another unit.
     """
-    normalisation = find_normalisation(path, read_names(path, layout["columns"]), normalisation)
+    normalisation = find_normalisation(path, read_names(path, layout.get("columns")), normalisation)
     try:
         check_normalisation(normalisation, hurst, table=True)
         if density_column(normalisation) != "C":
@@ -205,13 +260,13 @@ def _made(cls, values, given, check_units):
     return cls(**values, **given, check_units=check_units)
 
 
-def _kind(path, columns, poisson, kind):
+def _kind(path, columns, poisson, kind, block):
     """Return the class of the data in a table, which `kind` or the names of the columns determine."""
     if kind is not None:
         if not isinstance(kind, str) or kind not in KINDS:
             raise ValueError(f"{path}: kind = {shown(kind)}: {closest(kind, tuple(KINDS))}")
         return KINDS[kind]
-    names = read_names(path, columns, "E" if poisson is None else "G")
+    names = read_names(path, columns, "E" if poisson is None else "G", block)
     telling = {
         column: cls for cls in KINDS.values() for column in (cls.fields()[cls.values[0]].column, *cls.others)
     }
@@ -219,12 +274,14 @@ def _kind(path, columns, poisson, kind):
     found = {cls for column, cls in telling.items() if column in given}
     if len(found) == 1:
         return found.pop()
-    near = [(name, match) for name in names for match in difflib.get_close_matches(name, telling, n=1)]
-    hint = f"{near[0][0]!r}: did you mean {near[0][1]!r}? " if near and not found else ""
+    near = [
+        (name, match) for name in names[:100] for match in difflib.get_close_matches(name[:100], telling, n=1)
+    ]
+    hint = f"{shown(near[0][0])}: did you mean {near[0][1]!r}? " if near and not found else ""
     several = "; or give kind" if len(found) > 1 else ""
     kinds = "; ".join(f"{cls.quantity} has {', '.join(_spellings(cls))}" for cls in KINDS.values())
     raise ValueError(
-        f"{path}: columns {', '.join(names)}: {hint}must be the columns of one kind of data: {kinds}{several}"
+        f"{path}: columns {listed(names)}: {hint}must be the columns of one kind of data: {kinds}{several}"
         f"{'' if found or columns else column_hint(path)}"
     )
 

@@ -97,12 +97,12 @@ _SPECTRUM_ERROR = Field(
 class FrictionData(Measured):
     """Friction coefficients measured in steady sliding.
 
-    All arrays broadcast against each other and are kept as vectors of equal length.
+    All arrays are kept as vectors of equal length. A condition or an error may be one number for all points.
 
     Parameters
     ----------
     velocity : sliding velocity, any sign and order [m/s]
-    friction : friction coefficient [-]; > 0 unless sigma is given
+    friction : friction coefficient [-], one for each point; > 0 unless sigma is given
     sigma : standard deviation of `friction`, > 0 [-], or None
     pressure : nominal contact pressure, > 0 [Pa]; must be given
     temperature : > 0 [K], or None: the reference temperature of the materials
@@ -122,6 +122,7 @@ class FrictionData(Measured):
     conditions: ClassVar[tuple[str, ...]] = ("velocity", "pressure", "temperature")
     values: ClassVar[tuple[str, ...]] = ("friction",)
     sigmas: ClassVar[tuple[str, ...]] = ("sigma",)
+    others: ClassVar[tuple[str, ...]] = ("F_t",)
 
     velocity: GivenArray = array(_VELOCITY)
     friction: GivenArray = array(_FRICTION)

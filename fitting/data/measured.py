@@ -1,6 +1,7 @@
 """Base of the kinds of measured data: checks, the quantities that a fit uses, and files."""
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -78,11 +79,7 @@ class Measured:
             advice = f"must be > 0 with relative errors or none; give {' and '.join(self.sigmas)} instead"
             for name in self.values:
                 check_values(f"{kind}.{name}", arrays[name], (advice, POSITIVE[1]))
-        try:
-            shape = np.broadcast_shapes(*(values.shape for values in arrays.values()))
-        except ValueError:
-            given = ", ".join(f"{name} has {values.shape}" for name, values in arrays.items())
-            raise ValueError(f"{kind}: shapes differ ({given}); they must broadcast") from None
+        shape = self._checked_shape(arrays)
         check_count(shape, f"{kind}: {', '.join(arrays)}")
         for name, values in arrays.items():
             own = np.broadcast_to(values, shape).flatten()
@@ -102,6 +99,30 @@ class Measured:
             if value is not None:
                 arrays[name] = numbers(f"{type(self).__name__}.{name}", value)
         return arrays
+
+    def _checked_shape(self, arrays: dict[str, np.ndarray]) -> tuple[int, ...]:
+        """Return the shape to which the arrays broadcast.
+
+        Raise ValueError if they do not broadcast, or if broadcasting would repeat measured values or a list
+        of one number.
+        """
+        kind = type(self).__name__
+        try:
+            shape = np.broadcast_shapes(*(values.shape for values in arrays.values()))
+        except ValueError:
+            given = ", ".join(f"{name} has {values.shape}" for name, values in arrays.items())
+            raise ValueError(f"{kind}: shapes differ ({given}); they must broadcast") from None
+        for name, values in arrays.items():
+            measured = name in self.values
+            if values.shape == shape or not (measured or values.shape == (1,)) or math.prod(shape) == 1:
+                continue
+            rule = (
+                "must have one value for each point"
+                if measured
+                else "must be a number, or one for each point"
+            )
+            raise ValueError(f"{kind}.{name} has shape {values.shape} for {math.prod(shape)} points: {rule}")
+        return shape
 
     def _check_errors(self, arrays: dict[str, np.ndarray]) -> None:
         """Raise ValueError if relative and absolute errors are given, or only some absolute errors."""

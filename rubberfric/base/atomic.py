@@ -17,8 +17,12 @@ Rows = list[tuple[Any, ...]]  # cells of a sheet
 TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".xlsx")
 # Largest size in bytes of a file that is read; typical measured data have a hundredth of it.
 LARGEST_FILE = 2**26
-# Largest number of cells of a workbook.
-MOST_CELLS = 5_000_000
+# Largest number of cells of a workbook. Openpyxl reads some 200 000 cells in a second.
+MOST_CELLS = 1_000_000
+# First bytes of a compound document: an old .xls, or any workbook with a password.
+_COMPOUND_START = b"\xd0\xcf\x11\xe0"
+# Start of a document type in UTF-8 and UTF-16. Its entities can expand to any size.
+_DOCUMENT_TYPES = tuple("<!DOCTYPE".encode(code) for code in ("utf-8", "utf-16-le", "utf-16-be"))
 # Bytes above ASCII in exports in Latin-1: ° µ ¹ ² ³ ·, German vowels, French letters.
 _LATIN = b"\xb0\xb5\xb9\xb2\xb3\xb7\xe4\xf6\xfc\xc4\xd6\xdc\xdf\xe9\xe8\xea\xe0\xe2\xe7\xf4\xee\xc9"
 
@@ -184,9 +188,11 @@ def read_text(path: StrPath, exports: bool = False) -> str:
     """
     check_readable(as_path(path), LARGEST_FILE)
     if exports and as_path(path).suffix.lower() == ".xlsx":
-        return _sheet(path)
+        return _workbook_text(path)
     try:
         content = as_path(path).read_bytes()
+        if content.startswith((b"PK\x03\x04", _COMPOUND_START)):
+            raise ValueError("is a workbook; its suffix must be .xlsx, or save it as .csv")
         if exports and content[:2] in (b"\xff\xfe", b"\xfe\xff"):
             return content.decode("utf-16")
         if exports and set(content) - set(range(128)) <= set(_LATIN):
@@ -198,27 +204,46 @@ def read_text(path: StrPath, exports: bool = False) -> str:
         raise ValueError(f"{path}: cannot be read as text: {error}") from None
 
 
-def _sheet(path: StrPath) -> str:
-    """Return the sheets of a workbook with numbers and equal titles, as lines of cells separated by tabs."""
+def is_number(cell: object) -> bool:
+    """Return True for a number, and for the text of a number with a decimal point or comma."""
+    try:
+        float(str(cell).replace(",", ".", 1))
+    except ValueError:
+        return False
+    return True
+
+
+def _workbook_text(path: StrPath) -> str:
+    """Return the sheets of a workbook with numbers and equal titles, as lines of cells separated by tabs.
+
+    Raises
+    ------
+    ValueError
+        The file is no workbook, is damaged, has a password, has too many cells, or has no numbers. Or
+        openpyxl is not installed. The message has one line and begins with the path.
+    """
     import zipfile
     import zlib
 
+    # Errors of damaged or encrypted (RuntimeError) workbooks.
+    damages = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, SyntaxError, LookupError, TypeError)
     try:
         openpyxl: Any = importlib.import_module("openpyxl")
     except ImportError:
         raise ValueError(
             f"{path}: cannot be read without openpyxl: pip install 'rubberfric[excel]', or save it as .csv"
         ) from None
-    # Errors of damaged or encrypted (RuntimeError) workbooks.
-    damages = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, SyntaxError, LookupError, TypeError)
     try:
         with open(path, "rb") as file:
-            size = sum(part.file_size for part in zipfile.ZipFile(file).infolist())
-            if size > LARGEST_FILE:
-                most = LARGEST_FILE / 2**20
-                raise ValueError(f"has {size / 2**20:.0f} MiB unpacked; must have at most {most:.0f} MiB")
+            _check_archive(file)
             file.seek(0)
-            sheets = _rows(openpyxl.load_workbook(file, read_only=True, data_only=True).worksheets)
+            book = openpyxl.load_workbook(file, read_only=True, data_only=True)
+            if not book.worksheets:
+                charts = ", ".join(sheet.title for sheet in book.chartsheets[:5]) or "none"
+                raise ValueError(
+                    f"has no sheet with cells (charts: {charts}); must have a sheet with numbers"
+                )
+            sheets = _rows(book.worksheets)
             name, *others = _sheets_to_read(path, sheets)
             rows = [row for each in (name, *others) for row in sheets[each]]
             if any(cell is None for row in rows for cell in row):
@@ -228,8 +253,57 @@ def _sheet(path: StrPath) -> str:
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
     except (*damages, ValueError, AttributeError, ArithmeticError) as error:
-        raise ValueError(f"{path}: cannot be read as .xlsx: {error}") from None
+        text = " ".join(str(error).split())[:300]
+        raise ValueError(f"{path}: cannot be read as .xlsx: {text}") from None
     return "\n".join("\t".join(map(_cell, row)) for row in rows) + "\n"
+
+
+def _check_archive(file: Any) -> None:
+    """Raise ValueError unless an open file is an archive of moderate size without document types."""
+    import zipfile
+
+    start = file.read(8)
+    if start.startswith(_COMPOUND_START):
+        raise ValueError(
+            "has a password, or is an old .xls workbook; must be saved without password as .xlsx or .csv"
+        )
+    if not start.startswith(b"PK"):
+        raise ValueError("is no workbook; if it is a text, its suffix must be .csv or .txt")
+    try:
+        archive = zipfile.ZipFile(file)
+    except zipfile.BadZipFile:
+        raise ValueError("is incomplete or damaged; must be saved again as .xlsx or .csv") from None
+    parts = archive.infolist()
+    size = sum(part.file_size for part in parts)
+    if size > LARGEST_FILE:
+        most = LARGEST_FILE / 2**20
+        raise ValueError(f"has {size / 2**20:.0f} MiB unpacked; must have at most {most:.0f} MiB")
+    if any(part.flag_bits & 1 for part in parts):
+        raise ValueError("has a password; must be saved without password")
+    if not any("worksheets/" in part.filename for part in parts):
+        charts = (
+            "has charts only" if any("chartsheets/" in part.filename for part in parts) else "has no sheets"
+        )
+        raise ValueError(f"{charts}; must have a sheet with numbers")
+    cells = sum(_cells_in(archive, part.filename) for part in parts)
+    if cells > MOST_CELLS:
+        raise ValueError(f"has {cells} cells; must have at most {MOST_CELLS}; save the sheet as .csv")
+
+
+def _cells_in(archive: Any, name: str) -> int:
+    """Return the number of cells in a part of a workbook, or raise ValueError for a document type.
+
+    Counting texts is 100 times faster than parsing them.
+    """
+    if not name.endswith((".xml", ".rels", ".vml")):
+        return 0
+    content = archive.read(name)
+    if any(text in content for text in _DOCUMENT_TYPES):
+        raise ValueError(
+            f"{name[:60]} has a document type, which no spreadsheet program writes; must be saved again as"
+            " .xlsx or .csv"
+        )
+    return sum(map(content.count, (b"<c ", b"<c>", b"<c/>"))) if "worksheets/" in name else 0
 
 
 def _sheets_to_read(path: StrPath, sheets: Mapping[str, Rows]) -> list[str]:
@@ -263,15 +337,6 @@ def _titles(rows: Rows, start: int | None) -> Rows:
 def _first_numbers(rows: Rows, count: int) -> int | None:
     """Return the index of the first row with at least `count` numbers, or None."""
     return next((i for i, row in enumerate(rows) if sum(map(is_number, row)) >= count), None)
-
-
-def is_number(cell: object) -> bool:
-    """Return True for a number, and for the text of a number with a decimal point or comma."""
-    try:
-        float(str(cell).replace(",", ".", 1))
-    except ValueError:
-        return False
-    return True
 
 
 def _with_formulas(values: tuple[Any, ...], formulas: tuple[Any, ...]) -> tuple[Any, ...]:

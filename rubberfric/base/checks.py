@@ -54,6 +54,16 @@ def shown(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
+def listed(texts: Collection[str], most: int = 20) -> str:
+    """Join the first texts for an error message, and state the number of texts if some are left out.
+
+    Each text has at most 60 characters.
+    """
+    shortened = [text if len(text) <= 60 else text[:57] + "..." for text in list(texts)[:most]]
+    more = f", ... ({len(texts)} in total)" if len(texts) > most else ""
+    return ", ".join(shortened) + more
+
+
 def between(low: float, high: float) -> Rule:
     """Return the rule that a value must satisfy low <= value <= high."""
     return (f"must be between {low} and {high}", lambda x: (x >= low) & (x <= high))
@@ -233,6 +243,6 @@ def closest(name: object, allowed: Collection[str]) -> str:
     The text lists the allowed names. If one of them is similar to the unknown name, the text suggests it
     first.
     """
-    near = difflib.get_close_matches(str(name), list(allowed), n=1)
+    near = difflib.get_close_matches(str(name)[:200], list(allowed), n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
-    return f"{hint}must be one of {', '.join(allowed)}" if allowed else "no name is allowed here"
+    return f"{hint}must be one of {listed(allowed, 100)}" if allowed else "no name is allowed here"

@@ -15,6 +15,8 @@ class Column(NamedTuple):
     name: str  # quantity in SI
     units: Mapping[str, float]  # {unit: factor}, value in SI = factor * value + offset
     positive: bool = True
+    nonzero: bool = False
+    limit: tuple[float, str] | None = None  # (value in SI, text); all values must be below
     log10: bool = False  # the file holds the logarithm of the value in the unit
     offered: bool = True  # listed in messages; other columns are read from exports only
 
@@ -49,6 +51,10 @@ class Column(NamedTuple):
             raise ValueError(f"{where}: must be finite in SI units")
         if self.positive and not value > 0:
             raise ValueError(f"{where}: must be > 0{' K' if self.name == 'T' else ''}")
+        if self.nonzero and value == 0:
+            raise ValueError(f"{where}: must not be 0")
+        if self.limit is not None and not value < self.limit[0]:
+            raise ValueError(f"{where}: must be < {self.limit[1]}")
 
 
 def _log10(name: str, units: Mapping[str, float], offered: bool = False) -> Column:
@@ -68,9 +74,12 @@ _FREQUENCY = {"Hz": hertz(1.0), "kHz": hertz(1e3), "MHz": hertz(1e6), "mHz": her
 _ANGULAR = {"rad/s": 1.0}
 _PSI = 6894.757293168361  # lbf/in^2 [Pa]
 _PRESSURE = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5}
-_PRESSURE |= {"psi": _PSI, "ksi": 1e3 * _PSI, "dyn/cm2": 0.1}
+_PRESSURE |= {"psi": _PSI, "ksi": 1e3 * _PSI, "dyn/cm2": 0.1, "mbar": 100.0, "N/cm2": 1e4}
+_FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
+_ANGLE = {"rad": 1.0, "deg": math.pi / 180, "mrad": 1e-3}
 _SPEED = {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6}
 _SPEED |= {"cm/s": 1e-2, "mm/min": 1e-3 / 60, "m/min": 1.0 / 60, "km/h": 1 / 3.6}
+_SPEED |= {"mph": 0.44704, "in/s": 0.0254, "ft/s": 0.3048, "in/min": 0.0254 / 60, "ft/min": 0.3048 / 60}
 _TEMPERATURE = {"K": 1.0, "C": 1.0, "°C": 1.0, "°F": 5 / 9}
 _OFFSETS = {"C": ZERO_CELSIUS, "°C": ZERO_CELSIUS, "°F": 459.67 * 5 / 9}  # [K]
 _LENGTHS = {"m": 1.0, "mm": 1e3, "um": 1e6, "nm": 1e9}
@@ -107,9 +116,9 @@ COLUMNS = {
     "v": Column("v", _SPEED, positive=False),
     "log10_v": _log10("v", _SPEED, offered=True),
     "p": Column("p", _PRESSURE),
-    "mu": Column("mu", _ONE, positive=False),
-    "A_over_A0": Column("A_over_A0", _ONE),
-    "sigma": Column("sigma", _ONE),
+    "mu": Column("mu", _RATIO, positive=False),
+    "A_over_A0": Column("A_over_A0", _RATIO),
+    "sigma": Column("sigma", _RATIO),
     "sigma_stor": Column("sigma_stor", _PRESSURE),
     "sigma_loss": Column("sigma_loss", _PRESSURE),
     "sigma_C": Column("sigma_C", _SPECTRUM),
@@ -126,10 +135,12 @@ COLUMNS = {
     "n": Column("q", _CYCLES, offered=False),
     "wavenumber": Column("q", _NUMBER, offered=False),
     **{name: Column("C_1D", _LINE, offered=False) for name in ("W1", "Wr", "G_d")},
+    "delta": Column("delta", _ANGLE, limit=(math.pi / 2, "90 deg; is it in deg or rad?"), offered=False),
+    "F_t": Column("F_t", _FORCE, positive=False, offered=False),
+    "F_n": Column("F_n", _FORCE, positive=False, nonzero=True, offered=False),
+    "v_travel": Column("v_travel", _SPEED, positive=False, offered=False),
+    "slip_angle": Column("slip_angle", _ANGLE, positive=False, offered=False),
 }
-
-# Columns from which E_stor and E_loss can be computed.
-MODULUS_COLUMNS = ("E_comp", "G_stor", "G_loss", "G_comp", "tan_del")
 
 # Other spellings of the names in `COLUMNS`; M_... is E_... or G_..., see `known_name`.
 SPELLINGS = {
@@ -148,8 +159,15 @@ SPELLINGS = {
             "tan(delta); tan delta; tan(\u03b4); tan \u03b4; tan d; tan(d); tand; loss factor; "
             "damping factor; verlustfaktor; dämpfungsfaktor; facteur de perte"
         ),
+        "delta": (
+            "\u03b4; phase; phase angle; phase angle delta; phase angle \u03b4; phase lag; phase shift; "
+            "phase difference; loss angle; phasenwinkel; phasenwinkel \u03b4; phasenwinkel delta; "
+            "phasenverschiebung; phasenverschiebungswinkel; phasendifferenz; verlustwinkel; angle de phase; "
+            "angle de perte; déphasage"
+        ),
         "omega": "angular frequency; \u03c9; kreisfrequenz; winkelfrequenz; pulsation; fréquence angulaire",
         "f": "frequency; freq; oscillation frequency; frequenz; prüffrequenz; fréquence",
+        "T_surface": "surface temperature; oberflächentemperatur; température de surface",
         "T": "temperature; temp; Ts; sample temperature; temperatur; probentemperatur; température",
         "aT": "shift factor; verschiebungsfaktor; facteur de translation",
         "bT": "vertical shift factor; vertikaler verschiebungsfaktor; facteur de translation verticale",
@@ -162,9 +180,25 @@ SPELLINGS = {
             "velocity; sliding velocity; speed; sliding speed; geschwindigkeit; gleitgeschwindigkeit; "
             "vitesse; vitesse de glissement"
         ),
+        "v_travel": (
+            "travel speed; travelling speed; rolling speed; wheel speed; forward speed; track speed; "
+            "fahrgeschwindigkeit; rollgeschwindigkeit; umfangsgeschwindigkeit; vitesse de roulement"
+        ),
+        "slip_angle": "slip angle; side slip angle; schräglaufwinkel; angle de dérive; angle de glissement",
+        "F_t": (
+            "ft; f t; fx; f x; fy; f y; friction force; tangential force; lateral force; side force; "
+            "traction force; horizontal force; reibkraft; reibungskraft; tangentialkraft; seitenkraft; "
+            "querkraft; horizontalkraft; force de frottement; force tangentielle; force latérale"
+        ),
+        "F_n": (
+            "fn; f n; fz; f z; normal force; normal load; load; vertical force; vertical load; wheel load; "
+            "normalkraft; last; normallast; radlast; belastung; vertikalkraft; auflast; force normale; "
+            "charge; charge normale"
+        ),
         "mu": (
             "friction coefficient; friction coeff; friction factor; coefficient of friction; cof; mu_visc; "
-            "\u03bc; reibwert; reibbeiwert; reibungskoeffizient; reibungszahl; coefficient de frottement; "
+            "side force coefficient; lateral force coefficient; \u03bc; reibwert; reibbeiwert; "
+            "reibungskoeffizient; reibungszahl; seitenkraftbeiwert; coefficient de frottement; "
             "coefficient de friction"
         ),
         "p": (
@@ -181,8 +215,8 @@ SPELLINGS = {
     }.items()
 }
 _NAMES = {spelling: name for name, spellings in SPELLINGS.items() for spelling in spellings}
-# Set values, used if the measured values are missing.
-SET_VALUES = {"f_set": "f", "T_set": "T"}
+# Set values and temperatures of a surface, used if the column itself is missing; the first one counts.
+SET_VALUES = {"f_set": "f", "T_set": "T", "T_surface": "T"}
 # Columns of exports that are never read.
 _UNUSED = ("Set", "t", "t_set", *(f"{m}_{n}" for m in "EG" for n in ("relax", "stor_filt", "loss_filt")))
 
@@ -192,6 +226,7 @@ UNIT_SPELLINGS = {
     "K": ("Kelvin",),
     "°F": ("degF", "deg F", "° F", "F"),
     "rad/s": ("rad/sec", "rad s-1", "s-1", "1/s"),
+    "deg": ("°", "degree", "degrees", "Grad"),
     "MPa": ("N/mm2", "N mm-2", "MN/m2"),
     "kPa": ("kN/m2",),
     "Pa": ("N/m2", "N m-2"),
@@ -217,7 +252,9 @@ LONGEST_TITLE = 1000
 # Units behind an underscore, as in "freq_hz".
 _SUFFIXES = {
     **{text.lower(): text for text in ("Hz", "kHz", "Pa", "kPa", "MPa", "GPa", "C", "K")},
+    **{"deg": "deg", "rad": "rad"},
     **{"rad_s": "rad/s", "pct": "%", "percent": "%", "m_s": "m/s", "mm_s": "mm/s", "um_s": "um/s"},
+    "km_h": "km/h",
 }
 _SUFFIX = re.compile(rf"(.+?)_({'|'.join(_SUFFIXES)})", re.IGNORECASE)
 _BRACKETS = re.compile(r"(.+?)\s*[\[(]([^\[\]()]*(?:\([^()]*\))?)[\])]")
@@ -315,6 +352,12 @@ def settled_axis(name: str | None, unit: str | None) -> str | None:
 def plain_unit(unit: str) -> str:
     """Return a unit in plain spelling, with u for micro, digits for exponents and single blanks."""
     return " ".join(unit.translate(_PLAIN).split())
+
+
+def is_unit(text: str) -> bool:
+    """Return True for a unit of a column except "-", possibly in brackets."""
+    text = _AROUND.sub(r"\1", text.strip()).strip()
+    return text not in UNIT_SPELLINGS["-"] and text != "-" and _is_unit(text)
 
 
 def _is_unit(text: str) -> bool:

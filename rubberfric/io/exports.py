@@ -11,35 +11,56 @@
 
 A text has a preamble, a row of names, a row of units (or units behind the names) and numbers. Commas,
 semicolons, tabs or several blanks separate fields; decimals have points or commas. More blocks with the same
-columns may follow below, or side by side (`rubberfric.io.wide_sheets`). Names are spelled as in
+columns may follow below, or side by side (`rubberfric.io.text_tables.wide_sheets`). Names are spelled as in
 `rubberfric.io.columns`. A line of names may begin with ##.
 """
 
-import csv
 import json
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from rubberfric.base.atomic import StrPath, is_number
+from rubberfric.base.checks import shown
 from rubberfric.io.columns import (
     COLUMNS,
     SET_VALUES,
     is_foreign,
+    is_unit,
     known_name,
     known_unit,
     quantities_of,
     settled_axis,
 )
-from rubberfric.io.wide_sheets import Label, LabelledTitle, blocks_of, labels_above, read_title
+from rubberfric.io.text_tables.lines import (
+    SEPARATORS,
+    BadRows,
+    TextLines,
+    TextRows,
+    above_numbers,
+    any_number,
+    checked_rows,
+    has_fields,
+    holds_data,
+    is_error_cell,
+    is_hole,
+    is_misshapen,
+    split_fields,
+)
+from rubberfric.io.text_tables.wide_sheets import (
+    Label,
+    LabelledTitle,
+    blocks_of,
+    labels_above,
+    labels_in_units,
+    read_title,
+    selected_block,
+    unlabelled_blocks,
+)
 
-_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
-
-TextRows = list[tuple[int, list[str]]]  # (line, fields)
-TextLines = list[tuple[int, str]]
-# Several blanks separate columns of a fixed width.
-SEPARATORS = ("\t", ";", ",", "  ")
 _SEPARATOR = re.compile(r"[\t;,]")
+# Largest number of columns for which a message suggests `columns=[...]`.
+_MOST_SUGGESTED = 40
 
 
 class TextTable(NamedTuple):
@@ -50,15 +71,16 @@ class TextTable(NamedTuple):
     names: list[str | None]  # in `COLUMNS` or `SET_VALUES`; None: unknown
     units: list[str]
     rows: TextRows  # numbers with decimal points
+    bad: Sequence[tuple[int, str]] = ()  # line and fault of rows that cannot be read
 
     def with_columns(self, places: Sequence[int]) -> "TextTable":
         """Return the table with only the columns at `places`."""
         titles, units = ([values[i] for i in places] for values in (self.titles, self.units))
         rows = [(line, [row[i] for i in places]) for line, row in self.rows]
-        return TextTable(self.where, titles, [self.names[i] for i in places], units, rows)
+        return TextTable(self.where, titles, [self.names[i] for i in places], units, rows, self.bad)
 
 
-def find_table(path: StrPath, text: str, generic: str = "E", incomplete: bool = False) -> TextTable | None:
+def find_table(path: StrPath, text: str, generic: str = "E", block: int | None = None) -> TextTable | None:
     """Return the first table of another program in a text.
 
     The result is None if the text has no table, or a table in the format of this project.
@@ -67,7 +89,7 @@ def find_table(path: StrPath, text: str, generic: str = "E", incomplete: bool = 
     ----------
     path : name of the file in messages
     generic : "E" or "G", the meaning of "storage modulus"
-    incomplete : if True, rows in which some cells are not numbers are returned too
+    block : number of the block of columns, from 1, if columns have the same titles
     """
     lines = [
         (number, line.removeprefix("##"))
@@ -78,7 +100,7 @@ def find_table(path: StrPath, text: str, generic: str = "E", incomplete: bool = 
     for place, (number, line) in enumerate(lines):
         for separator in SEPARATORS:
             below = [row for _, row in lines[place + 1 : place + 3] if separator in line]
-            if not any(_any_number(_split(row, separator)) for row in below):
+            if not any(any_number(split_fields(row, separator)) for row in below):
                 continue
             titles, known = _titles(lines, place, separator, generic)
             if (count := sum(title.name is not None for title in known)) < 2:
@@ -89,7 +111,7 @@ def find_table(path: StrPath, text: str, generic: str = "E", incomplete: bool = 
             own = number == first and separator == ","
             if own and not any(is_foreign(t, k.name) for t, k in zip(titles, known, strict=True)):
                 return None
-            return _export(path, lines[place:], separator, titles, known, incomplete)
+            return _export(path, lines[place:], separator, titles, known, block)
     return None
 
 
@@ -102,9 +124,9 @@ def _titles(
     """
     if place >= len(lines):
         return [], []
-    titles = _split(lines[place][1], separator)
-    above = _split(lines[place - 1][1], separator) if place else []
-    if _any_number(above) or _any_number(titles):
+    titles = split_fields(lines[place][1], separator)
+    above = split_fields(lines[place - 1][1], separator) if place else []
+    if any_number(above) or any_number(titles):
         above = []
     for i, (title, text) in enumerate(zip(titles, above, strict=False)):
         if not title and known_name(text)[0] is not None:
@@ -118,8 +140,10 @@ def headless(path: StrPath, text: str, titles: list[str]) -> TextTable:
     A title is "name [unit]", or "-" for a column that is not read. Lines that do not begin with a number are
     skipped, so a header is allowed. Blanks may separate columns.
     """
-    if isinstance(titles, str) or not all(isinstance(title, str) for title in titles):
-        raise ValueError(f'{path}: columns = {titles!r}: must be a list of "name [unit]" for all columns')
+    if not (isinstance(titles, list | tuple) and titles and all(isinstance(title, str) for title in titles)):
+        raise ValueError(
+            f'{path}: columns = {shown(titles)}: must be a list of "name [unit]" for all columns'
+        )
     names, units = [], []
     for title in titles:
         name, unit = known_name(title) if title != "-" else (None, None)
@@ -130,18 +154,38 @@ def headless(path: StrPath, text: str, titles: list[str]) -> TextTable:
             raise ValueError(f"{path}: columns: {title!r}: must be a known name and unit, {example}")
         names.append(name)
         units.append(unit)
-    rows = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        several = [fields for fields in (_split(line, s) for s in ("\t", ";", ",", None)) if len(fields) > 1]
-        fields = several[0] if several else [line.strip()]
-        if is_number(fields[0]):
-            rows.append((number, fields))
+    read = [place for place, name in enumerate(names) if name is not None]
+    rows, bad = _headless_rows(path, text, len(titles), read)
     if not rows:
         raise ValueError(f"{path}: must have rows that begin with a number")
-    unread = [place for place, name in enumerate(names) if name is None] if any(names) else []
-    return TextTable(
-        f"{path}: columns", list(titles), names, units, _checked(path, len(titles), rows, unread)
-    )
+    unread = [place for place, name in enumerate(names) if name is None] if read else []
+    rows, misshapen = checked_rows(path, len(titles), rows, unread)
+    return TextTable(f"{path}: columns", list(titles), names, units, rows, sorted(bad + misshapen))
+
+
+def _headless_rows(path: StrPath, text: str, width: int, read: Sequence[int]) -> tuple[TextRows, BadRows]:
+    """Return the rows of a table without titles. The columns at the places `read` are read."""
+    rows, bad = [], []
+    for number, line in enumerate(text.splitlines(), start=1):
+        several = [
+            fields for fields in (split_fields(line, s) for s in ("\t", ";", ",", None)) if len(fields) > 1
+        ]
+        fields = several[0] if several else [line.strip()]
+        cells = [fields[place] for place in read if place < len(fields)]
+        complete = len(cells) == len(read) > 0 and all(map(is_number, cells))
+        if is_number(fields[0]) or complete:
+            rows.append((number, fields))
+        elif has_fields(line) and (rows or is_hole(fields[0])) and _has_data(line, fields, read, width):
+            bad.append((number, _unreadable(path, number, line)))
+    return rows, bad
+
+
+def _has_data(line: str, fields: list[str], read: Sequence[int], width: int) -> bool:
+    return holds_data(fields, read or range(width)) or is_misshapen(line, None, width)
+
+
+def _unreadable(path: StrPath, line: int, text: str) -> str:
+    return f"{path}: line {line}: {shown(text.strip())}: must be a row of numbers"
 
 
 def suggested_columns(text: str) -> str:
@@ -163,6 +207,8 @@ def suggested_columns(text: str) -> str:
         unit = known_unit(own if own is not None else unit, name)
         known = column is not None and unit in column.units
         suggestions.append(f"{name} [{unit}]" if known else f"{name} [?]" if column else "?")
+    if len(suggestions) > _MOST_SUGGESTED:
+        return f"columns=[...] with {len(suggestions)} entries"
     return f"columns={json.dumps(suggestions, ensure_ascii=False)}"
 
 
@@ -181,10 +227,12 @@ def pick(table: TextTable, quantities: tuple[str, ...]) -> TextTable:
             found.setdefault(COLUMNS[name].name, []).append((place, name))
     for quantity, places in found.items():
         if len(places) > 1 and not _agree(table, places):
-            both = " and ".join(repr(table.titles[place]) for place, _ in places)
+            both = " and ".join(shown(table.titles[place]) for place, _ in places[:5])
+            count = unlabelled_blocks([LabelledTitle(name, None) for name in table.names])
+            choice = f"; or choose one with block=1 to {count}" if count > 1 else ""
             raise ValueError(
                 f"{table.where}: columns {both}: both hold {quantity}: must be only one; remove the other,"
-                " or write what differs, such as 20 °C or run 1, above the columns of each block"
+                f" or write what differs, such as 20 °C or run 1, above the columns of each block{choice}"
             )
     places, names = zip(*(columns[0] for columns in found.values()), strict=True) if found else ((), ())
     return table.with_columns(places)._replace(names=list(names))
@@ -207,18 +255,23 @@ def _agree(table: TextTable, places: list[tuple[int, str]]) -> bool:
     return True
 
 
-def _export(path, lines, separator, titles, known, incomplete):
+def _export(path, lines, separator, titles, known, block):
     """Read the table whose titles are in the first line of `lines`."""
     (number, _), *below = lines
     where = f"{path}: line {number}"
+    first = split_fields(below[0][1], separator)
+    missing = [""] * (len(titles) - len(first))
+    first = missing + first if separator == "  " else first + missing
+    has_units = _is_unit_row(first, below[0][1], separator, len(titles))
+    if has_units:
+        known, first = labels_in_units(known, first)
+    known = selected_block(where, known, block)
     blocks = blocks_of(known)
     names = [title.name if blocks or title.label is None else None for title in known]
     units = [title.unit for title in known]
-    first = _split(below[0][1], separator)
-    if not _any_number(first):
-        below = below[1:]
-        missing = [""] * (len(titles) - len(first))
-        first = missing + first if separator == "  " else first + missing
+    if has_units:
+        (line, _), *below = below
+        _check_agreement(f"{path}: line {line}", titles, names, units, first)
         units = [own if own is not None else given for own, given in zip(units, first, strict=False)]
     elif all(unit is None for unit in units):
         columns = suggested_columns("\n".join(text for _, text in lines))
@@ -226,26 +279,87 @@ def _export(path, lines, separator, titles, known, incomplete):
             f"{where}: has names but no units: must have units in the row below or in brackets; or pass them:"
             f" {columns}"
         )
-    rows, count = [], sum(name is not None for name in names)
-    for place, text in below:
-        fields = _split(text, separator)
-        cells = [field for field, name in zip(fields, names, strict=False) if name is not None]
-        numbers = [is_number(cell) for cell in cells]
-        enough = any(numbers) if incomplete or blocks else all(numbers)
-        if is_number(fields[0]) or (len(cells) == count and enough):
-            rows.append((place, fields))
-        elif len(cells) == count and any(numbers):
-            raise ValueError(f"{path}: line {place}: {text.strip()[:60]!r}: must be numbers")
-        elif fields != titles and sum(known_name(field)[0] is not None for field in fields) > 1:
-            raise ValueError(
-                f"{path}: line {place}: has other columns than line {number}: a file must have one table"
-            )
-    if not rows:
-        raise ValueError(f"{path}: must have numbers below line {number}")
     names = [settled_axis(name, unit) for name, unit in zip(names, units, strict=True)]
     spelled = [known_unit(unit, name) for unit, name in zip(units, names, strict=True)]
-    table = TextTable(where, titles, names, spelled, _checked(path, len(titles), rows))
+    rows, bad = _rows_below(path, number, below, separator, titles, names, spelled)
+    if not rows and not bad:
+        raise ValueError(f"{path}: must have numbers below line {number}")
+    rows, misshapen = checked_rows(path, len(titles), rows)
+    table = TextTable(where, titles, names, spelled, rows, sorted(bad + misshapen))
     return _long(table, blocks) if blocks else table
+
+
+def _rows_below(path, number, below, separator, titles, names, units) -> tuple[TextRows, BadRows]:
+    """Return the rows below the titles in line `number`, and the lines with data that are no rows."""
+    rows, bad = [], []
+    places = [place for place, name in enumerate(names) if name is not None]
+    notes: BadRows = []  # lines that belong to the preamble of a step if the titles follow again
+    repeated = False
+    for line, text in below:
+        fields = split_fields(text, separator)
+        if fields == titles:
+            notes, repeated = [], True
+        elif _repeats_units(fields, repeated):
+            fields += [""] * (len(titles) - len(fields))
+            _check_agreement(f"{path}: line {line}", titles, names, units, fields)
+            repeated = False
+        elif holds_data(fields, places):
+            cells = [fields[place] for place in places if place < len(fields)]
+            has_text = not (is_number(fields[0]) or is_hole(fields[0]))
+            is_note = has_text and (len(fields) < len(titles) or len(cells) < len(places) or "" in cells)
+            if is_note:
+                notes.append((line, _unreadable(path, line, text)))
+                continue
+            bad, notes = bad + notes, []
+            rows.append((line, fields))
+        elif is_misshapen(text, separator, len(titles)):
+            bad.append((line, _unreadable(path, line, text)))
+        elif sum(known_name(field)[0] is not None for field in fields) > 1:
+            raise ValueError(
+                f"{path}: line {line}: has other columns than line {number}: a file must have one table"
+            )
+    return rows, bad + notes
+
+
+def _is_unit_row(fields: list[str], text: str, separator: str, width: int) -> bool:
+    """Return True if a line below the titles states units, and False for a row of numbers or a bad row.
+
+    A unit may be 1, for numbers without unit.
+    """
+    if any(is_unit(field) for field in fields):
+        return not any_number([field for field in fields if field != "1"])
+    return (
+        not any_number(fields)
+        and not any(map(is_error_cell, fields))
+        and not is_misshapen(text, separator, width)
+    )
+
+
+def _repeats_units(fields: list[str], repeated: bool) -> bool:
+    """Return True if a line states units again. `repeated` is True below titles that are repeated."""
+    if is_number(fields[0]) and fields[0] != "1":
+        return False
+    units = [is_unit(field) for field in fields]
+    others = [field for field, unit in zip(fields, units, strict=True) if not unit]
+    return any(units) and (repeated or all(field in ("", "-", "1") for field in others))
+
+
+def _check_agreement(where, titles, names, units, below):
+    """Raise ValueError if a row of units contradicts units that are known for the columns."""
+    if not any(is_unit(text) for text in below):
+        return
+    for title, name, own, text in zip(titles, names, units, below, strict=False):
+        if name not in COLUMNS or own is None or (given := known_unit(text, name)) == "-":
+            continue
+        column, known = COLUMNS[name], known_unit(own, name)
+        if known not in column.units:
+            continue  # no unit, such as "Oscillation strain (cmd)"
+        if known != given and not (
+            {known, given} <= column.units.keys() and column.value(1.0, known) == column.value(1.0, given)
+        ):
+            raise ValueError(
+                f"{where}: unit {shown(text)} contradicts {known!r} of column {shown(title)}; must be equal"
+            )
 
 
 def _long(table: TextTable, blocks: dict[Label, list[int]]) -> TextTable:
@@ -270,73 +384,4 @@ def _long(table: TextTable, blocks: dict[Label, list[int]]) -> TextTable:
         return long._replace(rows=rows)
     unit = next(iter(COLUMNS[name].units))  # SI
     titles, names, units = [*long.titles, f"label [{unit}]"], [*long.names, name], [*long.units, unit]
-    return TextTable(table.where, titles, names, units, rows)
-
-
-def _checked(path: StrPath, count: int, rows: TextRows, unread: Collection[int] = ()) -> TextRows:
-    """Convert decimal commas to points, and raise ValueError for a row without `count` fields.
-
-    The columns `unread` may lack fields at the end of a row.
-    """
-    commas = any(_DECIMAL_COMMA.fullmatch(field) for _, fields in rows for field in fields)
-    checked = []
-    for line, fields in rows:
-        while len(fields) > count and not fields[-1]:
-            fields = fields[:-1]
-        if all(place in unread for place in range(len(fields), count)):
-            fields = [*fields, *[""] * (count - len(fields))]
-        if len(fields) != count:
-            raise ValueError(f"{path}: line {line}: has {len(fields)} fields: must have {count}")
-        if commas:
-            points = [field for field in fields if "." in field and is_number(field.replace(",", ""))]
-            if points:
-                raise ValueError(
-                    f"{path}: line {line}: {points[0]!r}: has a decimal point, others a comma: must all have"
-                    " the same decimal sign"
-                )
-            fields = [f.replace(",", ".") if _DECIMAL_COMMA.fullmatch(f) else f for f in fields]
-        checked.append((line, fields))
-    return checked
-
-
-def above_numbers(
-    text: str, are_numbers: Callable[[list[str]], bool] = lambda cells: all(map(is_number, cells))
-) -> tuple[list[list[str]], list[str]] | None:
-    """Return the rows of titles and the widest row of numbers of a text, or None without numbers.
-
-    The rows of titles are the last two rows, or fewer, that precede the numbers and have as many fields as
-    the first row of numbers.
-    """
-    lines = [line.removeprefix("##") for line in text.splitlines() if has_fields(line) or line[:2] == "##"]
-    for separator in ("\t", ";", ",", None):
-        rows = [_split(line, separator) for line in lines]
-        numbers = [i for i, row in enumerate(rows) if len(row) > 1 and are_numbers(row)]
-        if numbers:
-            first = numbers[0]
-            titles = [row for row in rows[:first] if len(row) == len(rows[first])][-2:]
-            return titles, max((rows[i] for i in numbers), key=len)
-    return None
-
-
-def has_fields(line: str) -> bool:
-    """Return True unless a line is blank or a comment."""
-    return bool(line.strip()) and not line.lstrip().startswith("#")
-
-
-def _split(line: str, separator: str | None) -> list[str]:
-    if separator is None:
-        return line.split()
-    if separator == "  ":
-        fields = line.split()
-        return fields if all(map(is_number, fields)) else re.split(r"\s{2,}", line.strip())
-    quotes = csv.QUOTE_NONE if separator == "\t" else csv.QUOTE_MINIMAL  # with tabs E" means E''
-    reader = csv.reader([line.strip("\r\n")], delimiter=separator, quoting=quotes, skipinitialspace=True)
-    try:
-        fields = [field.strip() for field in next(reader)]
-    except (csv.Error, StopIteration):
-        return [line.strip()]
-    return [f[1:-1] if len(f) > 2 and f[0] == f[-1] == '"' else f for f in fields]
-
-
-def _any_number(fields: list[str]) -> bool:
-    return any(map(is_number, fields))
+    return TextTable(table.where, titles, names, units, rows, table.bad)

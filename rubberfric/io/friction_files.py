@@ -280,7 +280,7 @@ def _write_log10(table: FrictionTable, _units: TableUnits, _name: str) -> Iterat
 
 def _read_columns(path: Path, pressure: float | None) -> FrictionTable:
     optional = tuple({"p", "T", "sigma", "A_over_A0"} & set(read_names(path)))
-    columns = read_table(path, ("v", "mu"), optional, increasing=False)
+    columns = read_table(path, ("v", "mu"), optional, increasing=False, bad_rows=None)
     message = f"pressure = {shown(pressure)}: must not be given because the file has it"
     need("p" not in columns or pressure is None, message)
     message = "pressure is missing: must be given because the file does not have it [Pa]"

@@ -20,7 +20,8 @@ import scipy
 from rubberfric.base.atomic import StrPath, is_number, read_text
 from rubberfric.base.checks import closest, shown, warn_caller
 from rubberfric.io.columns import plain_unit
-from rubberfric.io.exports import above_numbers, has_fields, headless
+from rubberfric.io.exports import headless
+from rubberfric.io.text_tables.lines import above_numbers, has_fields
 
 # A spectrum of interpolated heights is too low. Above this share of holes it says little about the surface.
 MOST_HOLES = 0.25
@@ -74,19 +75,15 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
         raise ValueError(f"{path}: begins with numbers: must have titles with length units, such as x [mm]")
     if all(map(_LENGTH_IN_BRACKETS.fullmatch, titles[-1][1:])):
         titles = titles[-1:]  # the line above belongs to a preamble
-    lines, rows = text.splitlines(), headless(path, text, ["-"] * len(titles[0])).rows
+    lines, table = text.splitlines(), headless(path, text, ["-"] * len(titles[0]))
+    if table.bad:
+        raise ValueError(table.bad[0][1])
+    rows = table.rows
     if len(titles[0]) > 2 and [fields[0].rstrip("0").rstrip(".") for _, fields in rows[:2]] == ["1", "2"]:
         # The first column counts the points.
         titles, rows = [row[1:] for row in titles], [(line, fields[1:]) for line, fields in rows]
-    scales = []
-    for number, (title, *below) in enumerate(zip(*titles, strict=True), start=1):
-        bracket = _LENGTH_IN_BRACKETS.fullmatch(title)
-        given = below[0] if below else bracket[1] if bracket else title
-        unit = plain_unit(given)
-        if unit not in LENGTHS:
-            known = closest(unit, tuple(LENGTHS))
-            raise ValueError(f"{path}: column {number} {title!r}: unit {given!r}: {known}")
-        scales.append(LENGTHS[unit])
+    columns = enumerate(zip(*titles, strict=True), start=1)
+    scales = [_length(path, number, *texts) for number, texts in columns]
     values = np.empty((len(rows), len(scales)))
     for row, (line, fields) in zip(values, rows, strict=True):
         try:
@@ -98,6 +95,21 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
     values[:, 1:] = without_sentinels(path, values[:, 1:])
     x, *heights = (values * scales).T
     return x, _bridged(path, x, np.array(heights))
+
+
+def _length(path, number, title, *below):
+    """Return the length unit in a title or in the row below [m]."""
+    bracket = _LENGTH_IN_BRACKETS.fullmatch(title)
+    given = below[0] if below else bracket[1] if bracket else title
+    unit, in_title = plain_unit(given), plain_unit(bracket[1]) if bracket else None
+    if unit not in LENGTHS:
+        known = closest(unit, tuple(LENGTHS))
+        raise ValueError(f"{path}: column {number} {title!r}: unit {given!r}: {known}")
+    if in_title in LENGTHS and in_title != unit:
+        raise ValueError(
+            f"{path}: column {number} {title!r}: unit {given!r} below contradicts the title; must be equal"
+        )
+    return LENGTHS[unit]
 
 
 def _bridged(path, x, heights):

@@ -12,8 +12,6 @@ the quantity, and the unit determines the conversion to SI: `f` [Hz] becomes `om
 becomes `v`. An unknown name or unit is an error. Blank lines and lines that begin with # are skipped.
 """
 
-import csv
-import io
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -22,11 +20,12 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.atomic import StrPath, read_text, write_text
-from rubberfric.base.checks import as_leaf, between, check_choice, check_values, closest, shown, warn_caller
-from rubberfric.base.units import young_from_shear
-from rubberfric.io.columns import COLUMNS, MODULUS_COLUMNS, SET_VALUES
-from rubberfric.io.exports import TextRows, TextTable, find_table, headless, pick, suggested_columns
+from rubberfric.base.checks import check_choice, closest, listed, shown, warn_caller
+from rubberfric.io.columns import COLUMNS, SET_VALUES, quantities_of
+from rubberfric.io.exports import TextTable, find_table, headless, pick, suggested_columns
 from rubberfric.io.height_maps import read_traces
+from rubberfric.io.text_tables.derived import RELATIONS, plan_for, with_derived, with_travel_speed
+from rubberfric.io.text_tables.own_tables import missing_column, project_rows, project_table
 from rubberfric.roughness.normalisation import density_column, find_normalisation
 
 # Meaning of 1/m in a column "wavenumber".
@@ -42,7 +41,9 @@ def read_table(
     columns: list[str] | None = None,
     poisson: float | None = None,
     generic: str | None = None,
-    bad_rows: str = "error",
+    bad_rows: str | None = "error",
+    area: float | None = None,
+    block: int | None = None,
     wavenumber: str | None = None,
 ) -> dict[str, np.ndarray]:
     """Read columns of a table of the project or of another program (`rubberfric.io.exports`).
@@ -51,15 +52,21 @@ def read_table(
     ----------
     path : path of the file
     needed, optional : names in SI ("omega", not "f") of columns that the file must and may hold
-        E_stor and E_loss are computed from tan(delta), `abs(E*)` or shear moduli if necessary. Other columns
-        are errors in a table of the project, and ignored in an export.
+        Missing quantities are computed from other columns (`rubberfric.io.text_tables.derived`): E_stor and
+        E_loss from `abs(E*)`, a phase angle, tan(delta) or shear moduli, mu from forces, p from a load
+        and `area`, and v from a speed and a slip angle. Unknown columns are errors in a table of the project,
+        and are ignored in an export.
     increasing : require that the first needed column increases strictly; in an export it may also decrease
     columns : "name [unit]" of each column if the file does not name them, or None
     poisson : Poisson's ratio [-] for E = 2 (1 + poisson) G, or None
     generic : "E" or "G", the modulus that "storage modulus" means
         None: "G" if poisson is given, otherwise "E".
-    bad_rows : "error", or "drop" to leave out rows of an export with an empty, missing or invalid value
-        A warning names the lines that are left out.
+    bad_rows : "error", or "drop" to leave out rows with an empty, missing or invalid value
+        A warning names the lines that are left out. `rubberfric.io.text_tables.lines` says
+        which lines are rows.
+        None is "error" with a message that does not recommend "drop", for callers without this option.
+    area : nominal contact area [m^2], which gives the pressure if the table has normal forces, or None
+    block : number of the block of columns, from 1, if an export has several blocks with equal titles
     wavenumber : "rad" or "cycles", the meaning of 1/m in a column "wavenumber" of an export
         None refuses such a column, because it may be 2 pi over the wavelength or one over it.
 
@@ -74,16 +81,24 @@ def read_table(
         fields, and a value that is not a number, not finite, of the wrong sign or out of order. Shear moduli
         without Poisson's ratio, and Poisson's ratio without shear moduli, are faults too.
     """
-    check_choice("bad_rows", bad_rows, BAD_ROWS)
+    if bad_rows is not None:
+        check_choice("bad_rows", bad_rows, BAD_ROWS)
     if isinstance(needed, str) or isinstance(optional, str):
         raise ValueError(f"needed, optional = {shown((needed, optional))}: must be lists of names")
-    text, drop = read_text(path, exports=True), bad_rows == "drop"
-    export = _export(path, text, columns, generic or ("E" if poisson is None else "G"), drop)
+    text, wanted = read_text(path, exports=True), (*needed, *optional)
+    export = _export(path, text, columns, generic or ("E" if poisson is None else "G"), block)
     if export is None:
-        found = _project_table(path, text, needed, optional)
+        _refuse(
+            path, {"area": area, "block": block}, "the table has no load, and no columns with equal titles"
+        )
+        found, place = project_table(path, text, needed, optional)
+        _check_units(place, found)
+        plan = plan_for(wanted, quantities_of(found.names))
     else:
-        found = pick(export, (*needed, *optional, *(MODULUS_COLUMNS if "E_stor" in needed else ())))
-        found = _without_redundant(found)
+        export = export._replace(names=with_travel_speed(export.names, export.titles))
+        names = [SET_VALUES.get(name or "", name) for name in export.names]
+        plan = plan_for(wanted, quantities_of(names), area is not None)
+        found = pick(export, plan.columns)
         if wavenumber is not None and "wavenumber" in found.names:
             pairs = zip(found.names, found.units, strict=True)
             replaced = [
@@ -91,24 +106,33 @@ def read_table(
             ]
             found = found._replace(units=replaced)
         _check_units(export.where, found)
-        if drop:
-            found = _without_bad_rows(path, found)
-    table = {}
-    kinds = [COLUMNS[name] for name in found.names if name is not None]
-    for i, (title, column, unit) in enumerate(zip(found.titles, kinds, found.units, strict=True)):
-        texts = [(f"{path}: line {line}: {title} = {row[i]!r}", row[i]) for line, row in found.rows]
-        try:
-            table[column.name] = np.array([column.read(where, text, unit) for where, text in texts])
-        except ValueError as error:
-            hint = "" if export is None else '; bad_rows="drop" leaves out such rows'
-            raise ValueError(f"{error}{hint}") from None
-    if export is not None or (poisson is not None and generic is None):
-        table = _with_moduli(found.where, table, poisson, generic is None)
-        table = {name: values for name, values in table.items() if name in (*needed, *optional)}
-        for quantity in needed:
-            if quantity not in table:
-                raise ValueError(_missing(found.where, quantity) + ("" if columns else column_hint(path)))
+        if area is not None and "area" not in [relation.constant for relation in plan.relations]:
+            why = (
+                "the file has p" if "p" in plan.columns else "the table has no load F_n, or needs no pressure"
+            )
+            _refuse(path, {"area": area}, why)
+    if (
+        poisson is not None
+        and generic is None
+        and not any(step.constant == "poisson" for step in plan.relations)
+    ):
+        raise ValueError(
+            f"{found.where}: poisson = {shown(poisson)}: must not be given; the table has no shear moduli"
+        )
+    table = _values(path, found, bad_rows)
+    if plan.relations:
+        table = with_derived(path, found.where, table, plan, poisson, area)
+    table = {name: values for name, values in table.items() if name in wanted}
+    for quantity in needed:
+        if quantity not in table:
+            raise ValueError(missing_column(found.where, quantity) + ("" if columns else column_hint(path)))
     return _ordered(path, found, table, needed[0], export is not None) if increasing else table
+
+
+def _refuse(path, arguments, why):
+    for name, value in arguments.items():
+        if value is not None:
+            raise ValueError(f"{path}: {name} = {shown(value)}: must not be given; {why}")
 
 
 def _ordered(path, found, table, quantity, either):
@@ -121,7 +145,10 @@ def _ordered(path, found, table, quantity, either):
         return {name: values[::-1] for name, values in table.items()}
     bad = np.flatnonzero(~(np.diff(first) > 0))
     if bad.size:
-        i = [COLUMNS[name or ""].name for name in found.names].index(quantity)
+        own = [COLUMNS[name or ""].name for name in found.names]
+        if quantity not in own:  # computed from other columns
+            raise ValueError(f"{path}: {quantity} = {first[bad[0] + 1]:g}: must increase strictly")
+        i = own.index(quantity)
         (_, before), (line, row) = found.rows[bad[0] : bad[0] + 2]
         raise ValueError(
             f"{path}: line {line}: {found.titles[i]} = {row[i]} after {before[i]}: must increase strictly"
@@ -130,13 +157,17 @@ def _ordered(path, found, table, quantity, either):
 
 
 def read_columns(
-    path: StrPath, columns: list[str] | None = None, poisson: float | None = None
+    path: StrPath,
+    columns: list[str] | None = None,
+    poisson: float | None = None,
+    bad_rows: str = "error",
+    block: int | None = None,
 ) -> dict[str, np.ndarray]:
     """Read all columns of a table whose names are known.
 
     Parameters
     ----------
-    path, columns, poisson : as for `read_table`
+    path, columns, poisson, bad_rows, block : as for `read_table`
 
     Returns
     -------
@@ -146,14 +177,17 @@ def read_columns(
     ------
     ValueError : as for `read_table`, or two columns hold the same quantity
     """
-    names = read_names(path, columns, "E" if poisson is None else "G")
+    names = read_names(path, columns, "E" if poisson is None else "G", block)
     quantities = tuple(dict.fromkeys(COLUMNS[name].name for name in names if name in COLUMNS))
     if not quantities:
         near = closest("".join(names[:1]), tuple(COLUMNS))
-        raise ValueError(f"{path}: columns {', '.join(names)}: none is known; {near}{column_hint(path)}")
-    moduli = ("E_stor", "E_loss") if {"E_stor", *MODULUS_COLUMNS} & set(quantities) else ()
-    plain = tuple(name for name in quantities if name not in (*MODULUS_COLUMNS, *moduli))
-    return read_table(path, (*plain, *moduli), (), increasing=False, columns=columns, poisson=poisson)
+        raise ValueError(f"{path}: columns {listed(names)}: none is known; {near}{column_hint(path)}")
+    auxiliary = {column for relation in RELATIONS for column in relation.columns} - {"E_stor", "E_loss"}
+    moduli = tuple(m for m in ("E_stor", "E_loss") if plan_for([m], quantities).columns)
+    plain = tuple(name for name in quantities if name not in (*auxiliary, *moduli))
+    return read_table(
+        path, (*plain, *moduli), (), False, columns=columns, poisson=poisson, bad_rows=bad_rows, block=block
+    )
 
 
 def read_density(
@@ -192,7 +226,7 @@ def read_directions(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
     ValueError : as for `read_table`, or the rows are not a grid ordered by q and then by direction
         phi may deviate by 1/1000 of the distance between directions because of rounding.
     """
-    table = read_table(path, ("q", "phi", "C"), increasing=False)
+    table = read_table(path, ("q", "phi", "C"), increasing=False, bad_rows=None)
     q, phi, C = table["q"], table["phi"], table["C"]
     count = int(np.argmax(q != q[0])) or q.size
     for i, (q_i, phi_i) in enumerate(zip(q, phi, strict=True)):
@@ -211,15 +245,17 @@ def read_directions(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
     return q[::count], C.reshape(-1, count)
 
 
-def read_names(path: StrPath, columns: list[str] | None = None, generic: str = "E") -> list[str]:
+def read_names(
+    path: StrPath, columns: list[str] | None = None, generic: str = "E", block: int | None = None
+) -> list[str]:
     """Read the names of the columns of a table.
 
     Only the known names are returned for a table of another program.
     """
     text = read_text(path, exports=True)
-    export = _export(path, text, columns, generic, incomplete=True)
+    export = _export(path, text, columns, generic, block)
     if export is None:
-        return _rows(path, text)[0][1]
+        return project_rows(path, text)[0][0][1]
     return [SET_VALUES.get(name, name) for name in export.names if name is not None]
 
 
@@ -286,66 +322,53 @@ def table_text(table: Mapping[str, ArrayLike]) -> str:
 
 
 def _export(
-    path: StrPath, text: str, titles: list[str] | None, generic: str, incomplete: bool = False
+    path: StrPath, text: str, titles: list[str] | None, generic: str, block: int | None
 ) -> TextTable | None:
-    return find_table(path, text, generic, incomplete) if titles is None else headless(path, text, titles)
+    if titles is None:
+        return find_table(path, text, generic, block)
+    _refuse(path, {"block": block}, 'columns= selects columns, with "-" for one not read')
+    return headless(path, text, titles)
 
 
-def _without_redundant(table: TextTable) -> TextTable:
-    """Remove tan(delta) and absolute moduli from a table with storage and loss modulus.
+def _values(path: StrPath, table: TextTable, bad_rows: str | None) -> dict[str, np.ndarray]:
+    """Return the values in SI of a table.
 
-    Instruments write a useless tan(delta) if the loss is within the noise.
+    A bad row is an error, or, if `bad_rows` is "drop", is left out with a warning.
     """
-    if not any({f"{m}_stor", f"{m}_loss"} <= set(table.names) for m in "EG"):
-        return table
-    names = enumerate(table.names)
-    return table.with_columns([i for i, name in names if name not in ("tan_del", "E_comp", "G_comp")])
-
-
-def _without_bad_rows(path: StrPath, table: TextTable) -> TextTable:
-    """Remove rows with an invalid value from a table, and warn about the removed rows."""
-    good, bad, first = [], [], ""
+    bad, rows = list(table.bad), []
+    columns = [COLUMNS[name or ""] for name in table.names]
     for line, row in table.rows:
         try:
-            for title, name, unit, text in zip(table.titles, table.names, table.units, row, strict=True):
-                COLUMNS[name or ""].read(f"line {line}: {title} = {text!r}", text, unit)
+            values = [
+                column.read(f"{path}: line {line}: {_short(title)} = {shown(text)}", text, unit)
+                for column, title, unit, text in zip(columns, table.titles, table.units, row, strict=True)
+            ]
         except ValueError as error:
-            first = first or str(error)
-            bad.append(line)
+            bad.append((line, str(error)))
         else:
-            good.append((line, row))
-    if not good:
-        raise ValueError(f"{path}: must have a row of valid numbers; {first}")
+            rows.append(values)
     if bad:
-        lines = ", ".join(map(str, bad[:5])) + ", ..." * (len(bad) > 5)
-        of = len(bad) + len(good)
+        bad.sort()
+        if bad_rows != "drop":
+            hint = "" if bad_rows is None else '; bad_rows="drop" leaves out such rows'
+            raise ValueError(f"{bad[0][1]}{hint}")
+        if not rows:
+            raise ValueError(
+                f"{path}: must have a row of valid numbers; {bad[0][1].removeprefix(f'{path}: ')}"
+            )
+        lines, of = (
+            listed([str(line) for line in dict.fromkeys(line for line, _ in bad)], 5),
+            len(bad) + len(rows),
+        )
         warn_caller(
             f"{path}: {len(bad)} of {of} rows have bad values and are left out: lines {lines}", UserWarning
         )
-    return table._replace(rows=good)
+    values = np.array(rows, float).reshape(len(rows), len(columns))
+    return {column.name: values[:, i] for i, column in enumerate(columns)}
 
 
-def _project_table(path: StrPath, text: str, needed: Sequence[str], optional: Sequence[str]) -> TextTable:
-    """Parse a table of the project, and check names, units and numbers of fields."""
-    (name_line, names), (unit_line, units), *rows = every = _rows(path, text)
-    where = f"{path}: line {name_line}"
-    known = {n: c.name for n, c in COLUMNS.items() if c.name in (*needed, *optional) and c.offered}
-    for name in names:
-        if name not in known:
-            raise ValueError(f"{where}: column {name!r}: {closest(name, tuple(known))}")
-    given = [known[name] for name in names]
-    for quantity in needed:
-        if quantity not in given:
-            raise ValueError(_missing(where, quantity))
-    for i, quantity in enumerate(given):
-        if quantity in given[:i]:
-            raise ValueError(f"{where}: column {names[i]!r}: {quantity} is given twice; must be given once")
-    for line, row in every[1:]:
-        if len(row) != len(names):
-            raise ValueError(f"{path}: line {line}: has {len(row)} fields: must have {len(names)}")
-    table = TextTable(where, names, list(names), units, rows)
-    _check_units(f"{path}: line {unit_line}", table)
-    return table
+def _short(title: str) -> str:
+    return title if len(title) <= 60 else title[:57] + "..."
 
 
 def _check_units(where: str, table: TextTable) -> None:
@@ -358,56 +381,3 @@ def _check_units(where: str, table: TextTable) -> None:
             )
         if unit not in known:
             raise ValueError(f"{where}: column {title}: unit {unit!r}: must be one of {', '.join(known)}")
-
-
-def _rows(path: StrPath, content: str) -> TextRows:
-    """Return (line number, fields) of all lines except blank lines and comments."""
-    rows = []
-    for line, text in enumerate(io.StringIO(content), start=1):
-        if text.strip() and not text.lstrip().startswith("#"):
-            # Each line is parsed alone, so that a stray quote is an error in its line.
-            try:
-                fields = next(csv.reader([text.rstrip("\r\n")], strict=True, skipinitialspace=True))
-            except csv.Error as error:
-                raise ValueError(f"{path}: line {line}: is not CSV: {error}") from None
-            rows.append((line, [field.strip() for field in fields]))
-    if rows and all(word.lstrip("+-.")[:1].isdigit() for field in rows[0][1] for word in field.split()):
-        raise ValueError(
-            f"{path}: line {rows[0][0]}: begins with numbers: must have a row of names and a row of units,"
-            ' or name the columns, such as "f [Hz]" or "E_stor [MPa]", and "-" for one not read: '
-            f"{suggested_columns(content)}"
-        )
-    if len(rows) < 3:
-        raise ValueError(f"{path}: has {len(rows)} rows: must have a name row, a unit row and data")
-    return rows
-
-
-def _with_moduli(
-    where: str, table: dict[str, np.ndarray], poisson: float | None, strict: bool
-) -> dict[str, np.ndarray]:
-    """Add E_stor and E_loss if |E*|, shear moduli or tan(delta) = E''/E' determine them.
-
-    If `strict` is True, a Poisson's ratio for a table without shear moduli is an error.
-    """
-    shear = [name for name in ("G_stor", "G_loss", "G_comp") if name in table]
-    if shear and not {"E_stor", "E_loss", "E_comp"} & set(table):
-        if poisson is None:
-            raise ValueError(
-                f"{where}: {', '.join(shear)} are shear moduli: poisson must be given, E = 2 (1 + poisson) G"
-            )
-        name = f"{where}: poisson"
-        check_values(name, as_leaf(name, poisson, 0), between(0.0, 0.5))
-        table = table | {"E" + name[1:]: young_from_shear(table[name], poisson) for name in shear}
-    elif poisson is not None and strict:
-        raise ValueError(f"{where}: poisson = {poisson!r}: must not be given; the table has no shear moduli")
-    if "tan_del" in table:
-        if "E_stor" not in table and "E_comp" in table:
-            table["E_stor"] = table["E_comp"] / np.hypot(1, table["tan_del"])
-        if "E_loss" not in table and "E_stor" in table:
-            table["E_loss"] = table["E_stor"] * table["tan_del"]
-    return table
-
-
-def _missing(where: str, quantity: str) -> str:
-    spellings = [name for name, column in COLUMNS.items() if column.name == quantity and column.offered]
-    return f"{where}: no column {' or '.join(spellings)}: the table must have one"

@@ -157,9 +157,10 @@ def test_signs(cls, name, value):
     ],
 )
 def test_values_that_look_like_a_wrong_unit(cls, name, value, text):
-    expected = f"{cls.__name__}.{name} = {value}: {text} (check_units=False accepts it)"
-    assert message(lambda: good(cls, **{name: value})) == expected
-    data = good(cls, **{name: value}, check_units=False)
+    index, given = ("[0]", [value, value]) if name in cls.values else ("", value)
+    expected = f"{cls.__name__}.{name}{index} = {value}: {text} (check_units=False accepts it)"
+    assert message(lambda: good(cls, **{name: given})) == expected
+    data = good(cls, **{name: given}, check_units=False)
     np.testing.assert_array_equal(getattr(data, name), [value, value])
 
 
@@ -235,7 +236,7 @@ def test_order_of_arguments():
 
 
 def test_fields_broadcast():
-    data = FrictionData([1.0, 2.0, 3.0], 0.5, 0.1, [[1e5], [2e5]], np.float32(300))
+    data = FrictionData([1.0, 2.0, 3.0], np.full((2, 3), 0.5), 0.1, [[1e5], [2e5]], np.float32(300))
     np.testing.assert_array_equal(data.velocity, [1, 2, 3, 1, 2, 3])
     np.testing.assert_array_equal(data.pressure, [1e5, 1e5, 1e5, 2e5, 2e5, 2e5])
     for name in ("velocity", "friction", "sigma", "pressure", "temperature"):
@@ -293,10 +294,10 @@ def test_replaced(cls):
 
 
 def test_labels():
-    assert FrictionData(np.arange(40.0), 0.5, pressure=0.15e6, temperature=293.15).label == (
+    assert FrictionData(np.arange(40.0), [0.5] * 40, pressure=0.15e6, temperature=293.15).label == (
         "friction, 40 points, 0.15 MPa, 20 °C"
     )
-    data = AreaData(1.0, 0.5, pressure=[1e5, 3e5], temperature=[273.15, 313.15])
+    data = AreaData(1.0, [0.5, 0.5], pressure=[1e5, 3e5], temperature=[273.15, 313.15])
     assert data.label == "area, 2 points, 0.1 ... 0.3 MPa, 0 ... 40 °C"
     assert AreaData(1.0, 0.5, pressure=1e5).label == "area, 1 point, 0.1 MPa"
     assert good(ModulusData).label == "modulus, 2 points, 20 °C"
@@ -389,8 +390,6 @@ SPECTRUM = "q,C\n1/m,m^4\n1e3,1e-12\n"
 def test_what_a_file_lacks(tmp_path):
     data = read(csv(tmp_path, FRICTION), pressure=1e5, temperature=300.0, relative=0.1)
     equal(data, FrictionData(1.0, 0.5, pressure=1e5, temperature=300.0, relative=0.1))
-    data = read(csv(tmp_path, FRICTION), pressure=[1e5, 2e5])
-    equal(data, FrictionData(1.0, 0.5, pressure=[1e5, 2e5]))
     data = read(csv(tmp_path, MODULUS), temperature=300.0, relative=0.1, body="upper")
     equal(data, ModulusData(2 * np.pi, 1e6, 1e5, temperature=300.0, relative=0.1, body="upper"))
     data = FrictionData(1.0, 0.5, pressure=1e5)

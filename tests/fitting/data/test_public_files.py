@@ -71,7 +71,7 @@ def test_files_that_state_the_temperature_in_their_names(tmp_path):
     columns = ["omega [rad/s]", "E_stor [kPa]", "E_loss [kPa]"]
     paths = {T: write_foam(tmp_path, T) for T in (-5, 0, 5)}
     without = fitting.read(paths[0], columns=columns)
-    with pytest.raises(ValueError, match=r"give temperature=\.\.\. to `fitting.read` if only the name"):
+    with pytest.raises(ValueError, match=r"give temperature=\.\.\. when reading it if only the name"):
         fitting.fit_master_curve(without)
     sweeps = [fitting.read(path, columns=columns, temperature=273.15 + T) for T, path in paths.items()]
     curve = fitting.fit_master_curve(sweeps, 273.15)

@@ -6,15 +6,18 @@
           E'     E''    E'     E''          0.5        0.61         0.58         0.55
     Hz    MPa    MPa    MPa    MPa          ...
 
-The label of a block stands in the titles of its columns, or in the row above its first column. Conditions
-without a label belong to all blocks.
+The label of a block stands in the titles of its columns, in the row above its first column, or in the row of
+units. Conditions without a label belong to all blocks. Blocks of samples have equal titles, so the caller
+selects one of them by its number.
 """
 
+import collections
 import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
 from rubberfric.base.atomic import is_number
+from rubberfric.base.checks import shown
 from rubberfric.io.columns import COLUMNS, LONGEST_TITLE, known_name, known_unit, quantities_of
 
 # Quantities that a label can state, by the unit of the label.
@@ -72,6 +75,66 @@ def labels_above(titles: Sequence[LabelledTitle], above: Sequence[str]) -> list[
         repeated = title.name is not None and title.label is None and names.count(title.name) > 1
         labelled.append(title._replace(label=label) if repeated else title)
     return labelled
+
+
+def labels_in_units(
+    titles: Sequence[LabelledTitle], units: Sequence[str]
+) -> tuple[list[LabelledTitle], list[str]]:
+    """Return titles with labels from the row of units, and the units without labels.
+
+    For example, three columns "Reibwert" have the labels "Lauf 1", "Lauf 2" and "Lauf 3" in the row of units.
+    Only columns whose name occurs several times without a label get a label.
+    """
+    names = [title.name for title in titles if title.label is None]
+    labelled, own = [], []
+    for title, text in zip(titles, units, strict=False):
+        rest, label = _split_label(text)
+        if (
+            title.label is None
+            and title.name is not None
+            and names.count(title.name) > 1
+            and label is not None
+        ):
+            title, text = title._replace(label=label), rest.strip()
+        labelled.append(title)
+        own.append(text)
+    return labelled, own
+
+
+def unlabelled_blocks(titles: Sequence[LabelledTitle]) -> int:
+    """Return how often each of the repeated titles occurs, or 1 if titles occur differently often."""
+    counts = collections.Counter(title for title in titles if title.name is not None)
+    repeated = {count for count in counts.values() if count > 1}
+    return repeated.pop() if len(repeated) == 1 else 1
+
+
+def selected_block(where: str, titles: Sequence[LabelledTitle], block: int | None) -> list[LabelledTitle]:
+    """Return the titles of one block of columns with equal titles. The other blocks become unknown.
+
+    Parameters
+    ----------
+    where : file and line in messages
+    titles : titles of all columns
+    block : number of the block from 1, or None for all columns
+
+    Raises
+    ------
+    ValueError : no titles are equal, or `block` is not the number of a block
+    """
+    if block is None:
+        return list(titles)
+    count = unlabelled_blocks(titles)
+    if count < 2:
+        raise ValueError(f"{where}: block = {shown(block)}: must not be given; no columns have equal titles")
+    if isinstance(block, bool) or not isinstance(block, int) or not 1 <= block <= count:
+        raise ValueError(f"{where}: block = {shown(block)}: must be a whole number from 1 to {count}")
+    seen: collections.Counter[LabelledTitle] = collections.Counter()
+    selected = []
+    for title in titles:
+        seen[title] += 1
+        repeated = titles.count(title) > 1
+        selected.append(LabelledTitle(None, None) if repeated and seen[title] != block else title)
+    return selected
 
 
 def blocks_of(titles: Sequence[LabelledTitle]) -> dict[Label, list[int]]:

@@ -261,8 +261,8 @@ def test_friction_of_a_linear_tester(tmp_path):
 def test_friction_of_a_wheel_tester_with_the_columns_of_the_message(tmp_path):
     path = exports.wheel_tester(tmp_path)
     columns = json.loads(refused(path, lambda: read(path)).rpartition("columns=")[2])
-    assert columns == ["?", "?", "?", "p [MPa]", "?"]
-    known = iter(["-", "v [mm/s]", "-", "mu [-]"])
+    assert columns == ["?", "?", "F_n [N]", "p [MPa]", "?"]
+    known = iter(["-", "v [mm/s]", "mu [-]"])
     data = read(path, columns=[next(known) if column == "?" else column for column in columns])
     np.testing.assert_allclose(data.friction, exports.mu(1e3 * data.velocity, 1e-6 * data.pressure))
     assert len(data) == 6

@@ -1,0 +1,163 @@
+"""Quantities that other columns of a table determine: moduli, friction, pressure and sliding velocity.
+
+::
+
+    E' = |E*| cos(delta)     E'' = |E*| sin(delta)     E = 2 (1 + nu) G
+    mu = |F_t| / |F_n|       p = |F_n| / area          v = |v_travel sin(slip angle)|
+
+`RELATIONS` lists all relations. A relation is used only if the table lacks its result.
+"""
+
+from collections.abc import Callable, Collection, Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from rubberfric.base.atomic import StrPath
+from rubberfric.base.checks import as_leaf, between, check_values, warn_caller
+from rubberfric.base.units import young_from_shear
+
+Values = dict[str, np.ndarray]
+# Largest plausible nominal contact area [m^2].
+_LARGEST_AREA = 1.0
+# Parts of titles of a velocity between the surfaces; a plain "speed" beside a slip angle is the travel speed.
+_SLIDING = ("slid", "slip", "gleit", "gliss")
+
+
+class Relation(NamedTuple):
+    """Quantity that columns, and constants that the caller gives, determine."""
+
+    result: str
+    columns: tuple[str, ...]
+    compute: Callable[..., np.ndarray]
+    constant: str = ""  # last argument of `compute`
+
+
+RELATIONS = (
+    Relation("tan_del", ("delta",), np.tan),
+    *(
+        relation
+        for m in "EG"
+        for relation in (
+            Relation(f"{m}_stor", (f"{m}_comp", "tan_del"), lambda comp, tan: comp / np.hypot(1, tan)),
+            Relation(f"{m}_loss", (f"{m}_stor", "tan_del"), lambda stor, tan: stor * tan),
+            Relation(f"{m}_stor", (f"{m}_loss", "tan_del"), lambda loss, tan: loss / tan),
+        )
+    ),
+    Relation("E_stor", ("G_stor",), young_from_shear, "poisson"),
+    Relation("E_loss", ("G_loss",), young_from_shear, "poisson"),
+    Relation("mu", ("F_t", "F_n"), lambda tangential, normal: np.abs(tangential / normal)),
+    Relation("p", ("F_n",), lambda normal, area: np.abs(normal) / area, "area"),
+    Relation("v", ("v_travel", "slip_angle"), lambda speed, angle: np.abs(speed * np.sin(angle))),
+)
+DERIVED = tuple(dict.fromkeys(relation.result for relation in RELATIONS))
+
+
+class Plan(NamedTuple):
+    """Columns to read, and relations to evaluate in order."""
+
+    columns: tuple[str, ...]
+    relations: tuple[Relation, ...]
+
+
+def plan_for(wanted: Iterable[str], given: Collection[str], area: bool = False) -> Plan:
+    """Return the columns and relations that give as many of the wanted quantities as possible.
+
+    Parameters
+    ----------
+    wanted : quantities
+    given : quantities of the columns of a table
+    area : True if the contact area is known. Otherwise a load gives no pressure.
+    """
+    columns: dict[str, None] = {}
+    relations: dict[Relation, None] = {}
+    usable = [relation for relation in RELATIONS if relation.constant != "area" or area]
+    for quantity in wanted:
+        found = _steps(quantity, given, usable, ())
+        if found is not None:
+            columns |= dict.fromkeys(found.columns)
+            relations |= dict.fromkeys(found.relations)
+    return Plan(tuple(columns), tuple(relations))
+
+
+def _steps(quantity, given, usable, above) -> Plan | None:
+    """Return the plan with the fewest relations for one quantity, or None.
+
+    `above` are quantities that the plan must not use.
+    """
+    if quantity in given:
+        return Plan((quantity,), ())
+    found = []
+    for relation in usable:
+        if relation.result != quantity or quantity in above:
+            continue
+        parts = [_steps(column, given, usable, (*above, quantity)) for column in relation.columns]
+        plans = [part for part in parts if part is not None]
+        if len(plans) == len(parts):
+            columns = dict.fromkeys(column for plan in plans for column in plan.columns)
+            before = dict.fromkeys(step for plan in plans for step in plan.relations)
+            found.append(Plan(tuple(columns), (*before, relation)))
+    return min(found, key=lambda plan: len(plan.relations), default=None)
+
+
+def with_travel_speed(names: list[str | None], titles: list[str]) -> list[str | None]:
+    """Return the names of columns, where a speed beside a slip angle is the travel speed.
+
+    A title such as "sliding speed" remains the sliding velocity.
+    """
+    if "slip_angle" not in names or "v_travel" in names:
+        return names
+    return [
+        "v_travel" if name == "v" and not any(part in title.lower() for part in _SLIDING) else name
+        for name, title in zip(names, titles, strict=True)
+    ]
+
+
+def with_derived(
+    path: StrPath, where: str, table: Values, plan: Plan, poisson: float | None, area: float | None
+) -> Values:
+    """Return a table with the results of all relations of a plan.
+
+    Raises
+    ------
+    ValueError : a constant is missing or invalid, or the normal force changes its sign
+    """
+    constants = {}
+    shear = [name for name in ("G_stor", "G_loss", "G_comp") if name in table]
+    if any(relation.constant == "poisson" for relation in plan.relations):
+        if poisson is None:
+            raise ValueError(
+                f"{where}: {', '.join(shear)} are shear moduli: poisson must be given, E = 2 (1 + poisson) G"
+            )
+        check_values(f"{where}: poisson", as_leaf(f"{where}: poisson", poisson, 0), between(0.0, 0.5))
+        constants["poisson"] = poisson
+    if area is not None:
+        constants["area"] = checked_area(where, area)
+    if "F_n" in table and np.ptp(np.sign(table["F_n"])) > 0:
+        raise ValueError(f"{where}: the normal force F_n changes its sign; must be > 0, or < 0, in all rows")
+    table = dict(table)
+    for relation in plan.relations:
+        values = [table[name] for name in relation.columns]
+        values += [constants[relation.constant]] if relation.constant else []
+        table[relation.result] = relation.compute(*values)
+    if any(relation.result == "mu" for relation in plan.relations) and "v" in table:
+        reverses = np.ptp(np.sign(table["F_t"])) > 0 or np.any(table["v"] < 0)
+        table["v"] = np.abs(table["v"])
+        if reverses:
+            warn_caller(
+                f"{path}: forces or velocities have both signs; mu = |F_t| / |F_n| and |v| are used",
+                UserWarning,
+            )
+    return table
+
+
+def checked_area(where: str, area: float) -> float:
+    """Return a contact area [m^2] as float, or raise ValueError if it is invalid."""
+    name = f"{where}: area"
+    rule = (
+        f"must be > 0 and <= {_LARGEST_AREA:g} m^2; is it in mm^2? 400 mm^2 is 4e-4",
+        lambda x: (x > 0) & (x <= _LARGEST_AREA),
+    )
+    value = as_leaf(name, area, 0)
+    check_values(name, value, rule)
+    return float(value)
