@@ -25,6 +25,7 @@ from fitting.solvers.residuals import (
     rows_of,
     slopes_in_errors,
 )
+from rubberfric.analysis import uses_forward_mode
 from rubberfric.base import quick_jit
 
 # Number of x in one call of a compiled function.
@@ -59,10 +60,7 @@ def _by_forward_mode(structure, numbers):
     """Return True if all derivatives use forward mode, so that one function serves all calls."""
     scenes = by_name(jax.tree.unflatten(structure.variables.tree, numbers.constants.leaves))
     return all(
-        block.quantity not in CURVE_QUANTITIES
-        or any(
-            body.material.needs_quadrature for body in (scenes[block.scene].lower, scenes[block.scene].upper)
-        )
+        block.quantity not in CURVE_QUANTITIES or uses_forward_mode(scenes[block.scene])
         for block in structure.blocks
     )
 

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from rubberfric.analysis.interface import contact_stiffness as contact_stiffness
     from rubberfric.analysis.interface import dissipated_power as dissipated_power
     from rubberfric.analysis.interface import stress_distribution as stress_distribution
+    from rubberfric.analysis.jacobian import uses_forward_mode as uses_forward_mode
     from rubberfric.analysis.jacobian import value_and_jacobian as value_and_jacobian
     from rubberfric.analysis.maps import FrictionMap as FrictionMap
     from rubberfric.analysis.maps import friction_map as friction_map

@@ -36,13 +36,10 @@ from rubberfric.base.checks import FINITE, POSITIVE, check_kind, check_values, s
 from rubberfric.base.fixed_points import anderson
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.material import (
+    E_r,
     Material,
     Rigid,
-    apply_vertical_shift,
-    plane_strain_factor,
     poisson_of,
-    series_modulus,
-    series_of,
 )
 from rubberfric.scene.scene import Body, Scene, optional_parts
 from rubberfric.theory.arguments import checked_arguments
@@ -296,13 +293,7 @@ def _modulus_along(material, omega, temperature):
 @jax.jit
 def _modulus_at(material, omega, temperature):
     """Return E_r at angular frequencies >= 0 [Pa]."""
-    if temperature is not None and material.shift is not None:
-        omega = omega * jnp.exp(material.shift.log_factor(temperature))
-    if material.has_series:
-        modulus = series_modulus(series_of(material, 1.0), omega)
-    else:
-        modulus = material.modulus(omega) * plane_strain_factor(material)
-    return apply_vertical_shift(modulus, material.shift, temperature)
+    return E_r(material, omega, temperature)
 
 
 def _rough_first(scene):

@@ -25,7 +25,7 @@ from rubberfric.base.compilation import quick_jit
 from rubberfric.io.results import Conditions, Interpolation, result_shape
 from rubberfric.scene.interface import shear_friction
 from rubberfric.scene.scene import Scene
-from rubberfric.theory.structure import quantity_parts, rough_surfaces_of
+from rubberfric.theory.structure import MeansMethod, quantity_parts, rough_surfaces_of
 
 _LEAST = 4096  # smaller maps are computed point by point
 _PIECE = 2**20  # points of a map that are interpolated at once, to bound memory
@@ -186,7 +186,7 @@ def _log_factors(scene, temperature):
         if surface.static:
             continue
         shift = surface.strained.material.shift
-        if surface.varies or (shift is not None and shift.vertical is not None):
+        if surface.method is MeansMethod.AT_POINTS or (shift is not None and shift.vertical is not None):
             return None
         found.append(jnp.zeros(temperature.shape) if shift is None else shift.log_factor(temperature))
     return found

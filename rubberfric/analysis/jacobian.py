@@ -31,7 +31,7 @@ from rubberfric.scene.scene import Scene
 from rubberfric.theory.heat_balance import heat_of
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.model import solve
-from rubberfric.theory.structure import Structure, iterates, rough_surfaces_of
+from rubberfric.theory.structure import MeansMethod, Structure, iterates, means_methods
 from rubberfric.theory.temperatures import preconditioner, solve_rises, temperatures_of
 
 # Points evaluated together. Each keeps its derivatives with respect to all prepared leaves, about 0.2 MB.
@@ -96,6 +96,14 @@ def _watched(moves, *arrays):
     return identity(*arrays)
 
 
+def uses_forward_mode(scene: Scene) -> bool:
+    """Return True if `value_and_jacobian` uses forward mode, because F is not a Prony series.
+
+    In reverse mode each point would keep derivatives with respect to a whole table of means.
+    """
+    return bool({*means_methods(scene)} - {MeansMethod.CONSTANT, MeansMethod.CLOSED_FORM})
+
+
 @exact_products
 def value_and_jacobian(
     scene_of: Callable[[jax.Array], Scene],
@@ -120,8 +128,7 @@ def value_and_jacobian(
     heated scene did not converge.
     """
     scene = scene_of(x)
-    if any(body.material.needs_quadrature for body in (scene.lower, scene.upper)):
-        # In reverse mode each point would keep derivatives with respect to the whole table of means.
+    if uses_forward_mode(scene):
         structure = Structure.of(scene, (quantity,))
         heats_itself = structure.heated and structure.feeds_back and not structure.adhesive
         known = all(c is not None for c in conditions)
@@ -171,12 +178,11 @@ def _parts(scene_of, x, prepared):
     every = jnp.eye(x.size, dtype=x.dtype)
     by_x = dict(zip(scene.moving, jax.vmap(scene.push)(every), strict=True))
     paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(scene.tree({}))[0]]
-    together = any(surface.by_wavevector for surface in rough_surfaces_of(scene.tree({})))
     groups: dict[str, list[int]] = {}
     for i in scene.moving:
         names = [getattr(key, "name", "") for key in paths[i]]
         part_name = next((name for name in ("spectrum", "layer") if name in names), "others")
-        groups.setdefault("all" if together else part_name, []).append(i)
+        groups.setdefault(part_name, []).append(i)
     parts = []
     for group in list(groups.values()) or [[]]:
         leaves = [scene.leaves[i] for i in group]

@@ -32,8 +32,7 @@ from rubberfric.theory.contact import Contact
 from rubberfric.theory.contributions import total
 from rubberfric.theory.heat_balance import temperature_at
 from rubberfric.theory.integrals import Prepared, evaluate, prepare, solved
-from rubberfric.theory.stiffness.series import factors_at
-from rubberfric.theory.stiffness.stiffness_means import stiffness_means
+from rubberfric.theory.stiffness.means import factors_at, stiffness_means
 from rubberfric.theory.structure import RequiredMeans, RoughSurface, SurfaceTemperatures, rough_surfaces_of
 
 # Default numbers of wavevectors, and points evaluated at once. A profile keeps the nodes of some hundred
@@ -259,8 +258,10 @@ def density_of(
     roughness = jnp.where(inside, law.height2 * jnp.exp(log_shape(law, at) + 4 * jnp.log(at)), 0.0)
     if not surface.relaxes and kind == "mean_cos_loss":
         return lambda *_: 0.0
-    excited = stiffness_means(surface, scale, q[None], RequiredMeans(**{kind: True}))
     weights = factors_at(surface, scale, q).of(kind, roughness)
+    if surface.static:
+        return lambda *_: weights[0]
+    excited = stiffness_means(surface, scale, q[None], RequiredMeans(**{kind: True}))
 
     def density(velocity, temperatures):
         at = jax.tree.map(lambda T: T[None] if T.ndim > 1 else T, temperatures)

@@ -22,6 +22,7 @@ import numpy as np
 from jax.stages import Compiled
 from jax.typing import ArrayLike
 
+from rubberfric.analysis.jacobian import uses_forward_mode
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import moment
 from rubberfric.roughness.radial_mesh import build_mesh
@@ -111,7 +112,7 @@ def case_of(
     solve(scene, velocity, pressure, temperature, quantities=())  # only checks its arguments
     given = [np.asarray(x, float) for x in (velocity, pressure, temperature) if x is not None]
     conditions = tuple(jnp.asarray(x.ravel()) for x in np.broadcast_arrays(*given))
-    tabulated = any(body.material.needs_quadrature for body in (scene.lower, scene.upper))
+    tabulated = uses_forward_mode(scene)
     count = min(conditions[0].size, _GRADIENTS_TABULATED if tabulated else _GRADIENTS)
     if conditions[0].size == 0:
         raise ValueError("velocity, pressure and temperature have no points; give at least one")

@@ -1,4 +1,4 @@
-r"""A layer bonded to a deformable half-space, where layer and base are elastic or Prony solids.
+r"""A layer bonded to a deformable half-space.
 
 Sbar is the reduced stiffness of layer and base divided by E_r1 of a half-space of the layer's material. With
 rho = mu_1/mu_0, x = q d, a = 3 - 4 nu_1 and b = 3 - 4 nu_0,
@@ -8,31 +8,24 @@ rho = mu_1/mu_0, x = q d, a = 3 - 4 nu_1 and b = 3 - 4 nu_0,
           = \alpha + \sum_{k=1,2} \frac{w_k \cdot w_k r_k/\rho}{w_k + w_k r_k/\rho}
 
 with the roots -r_k of D. Sbar is the stiffness of the layer as a free plate, in parallel with two pairs of
-layer and base in series. A body of two Prony solids is therefore a Prony series at every q. N and D follow
-from the continuity of displacements and stresses in plane strain. R_1, R_2 and the discriminant are written
-as sums without cancellation. N_1 - alpha D_1 would lose all digits for thick layers, and the roots would
-lose all digits for two incompressible solids.
+layer and base in series. N and D follow from the continuity of displacements and stresses in plane strain.
+R_1, R_2 and the discriminant are written as sums without cancellation. N_1 - alpha D_1 would lose all digits
+for thick layers, and the roots would lose all digits for two incompressible solids. rho is complex if a solid
+relaxes.
 """
 
 from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jax.typing import ArrayLike
 
-from rubberfric.base.checks import POSITIVE, either
+from rubberfric.base.checks import POSITIVE
 from rubberfric.base.objects.fields import Number, child, leaf
-from rubberfric.base.objects.physical import kinds, physical
-from rubberfric.materials.material import (
-    Coatable,
-    Material,
-    Series,
-    apply_vertical_shift,
-    poisson_of,
-    series_of,
-)
+from rubberfric.base.objects.physical import physical
+from rubberfric.materials.in_series import in_series
+from rubberfric.materials.material import Material, poisson_of
+from rubberfric.materials.shifts import Shift
 from rubberfric.materials.slab import Layer, sinh_minus_linear
-from rubberfric.materials.solids_in_series import two_in_series
 
 
 @physical
@@ -42,18 +35,20 @@ class Coating(Layer):
     Parameters
     ----------
     thickness : d [m], > 0
-    base : Elastic or Prony
-        material of the half-space. If a Prony base has no shift, the shift of the body's material applies to
-        the base.
+    base : material of the half-space, with a constant Poisson's ratio
+        If a viscoelastic base has no shift, the shift of the body's material applies to the base.
     """
 
     multiplies: ClassVar[bool] = False
 
     thickness: Number = leaf(POSITIVE, unit="m")
-    base: Coatable = child(hint=" (on a rigid base use Slab)")
+    base: Material = child(hint=" (on a rigid base use Slab)")
+
+    def _check(self):
+        _check_solid("Coating.base", self.base)
 
     @property
-    def below(self) -> Material:
+    def below(self) -> Material | None:
         """Return `base`, the material of the half-space."""
         return self.base
 
@@ -62,73 +57,60 @@ class Coating(Layer):
         vertical = material.shift is not None and material.shift.vertical is not None
         return self.shift is not None or (vertical and not self.base.relaxes)
 
-    def _base_shift(self, material):
+    def base_shift(self, material: Material) -> Shift | None:
+        """Return the shift of the base if the layer consists of `material`."""
         return material.shift if self.shift is None and self.base.relaxes else self.shift
 
-    def _bonded(self, material):
-        return Bonded(self.thickness, poisson_of(material), poisson_of(self.base))
-
     def check_material(self, material: Material) -> None:
-        """Raise ValueError unless `material` is a `Coatable`, such as Elastic or Prony."""
-        if not isinstance(material, Coatable):
-            raise ValueError(
-                f"Body.material is a {type(material).__name__} with a Coating: must be "
-                f"{either(kinds(Coatable))}"
-            )
+        """Raise ValueError unless `material` deforms and has a constant Poisson's ratio."""
+        _check_solid("Body.material with a Coating", material)
 
-    def static_reduced(
-        self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
+    def E_r_S_bar(
+        self, poisson: jax.Array, q: jax.Array, layer: jax.Array, base: jax.Array | None
     ) -> jax.Array:
-        """Return E_r Sbar of the coated body at zero frequency, divided by `scale` [-].
+        """Return E_r Sbar of the coated body, which tends to E_r of the layer for q d -> infinity.
 
-        `scale` is in Pa, `q` is the wavevector [1/m], and `temperature` is in K. E_r is the reduced modulus
-        of the layer's material, and Sbar is the stiffness of the body relative to a half-space of this
-        material.
+        `Layer.E_r_S_bar` describes the arguments. For q d -> 0 the result tends to E_r of the base. For a
+        base that is much stiffer it is that of a bonded Slab.
         """
-        layer, base = (
-            apply_vertical_shift(solid.static_reduced() / scale, shift, temperature)
-            for solid, shift in ((material, material.shift), (self.base, self._base_shift(material)))
+        assert base is not None
+        nu_0 = poisson_of(self.base)
+        pairs = _pairs(q * self.thickness, 2 * (1 - 2 * poisson), 2 * (1 - 2 * nu_0))
+        base = pairs.of_base * ((1 - nu_0) / (1 - poisson)) * base
+        found = pairs.free * layer
+        for size, of_layer in zip(pairs.size, pairs.of_layer, strict=True):
+            found = found + size * in_series(of_layer * layer, base)
+        return found
+
+
+def _check_solid(name, material):
+    if not material.deforms or material.poisson is None:
+        raise ValueError(
+            f"{name} is a {type(material).__name__}: must be a deformable material with a constant Poisson's "
+            "ratio, such as Elastic, Prony or TabulatedModulus"
         )
-        return coated_spring(self._bonded(material), layer, base, q)
-
-    def glassy_stiffening(self, material: Material, q: jax.Array) -> jax.Array:
-        """Return Sbar [-] at wavevectors q [1/m] of any shape if layer and base are glassy."""
-        layer, base = material.glassy_reduced(), self.base.glassy_reduced()
-        return coated_spring(self._bonded(material), layer, base, q) / layer
-
-    def reduced_series(
-        self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
-    ) -> Series:
-        """Return E_r Sbar divided by `scale` [Pa] as a Prony series at every q [1/m] of shape (nodes,).
-
-        All values belong to one temperature [K]. `coated_series` describes the shapes of the result. The
-        relaxation times do not include a_T of the material. If the base has another shift, the relaxation
-        times of the base therefore change with temperature.
-        """
-        layer, base = (series_of(solid, scale) for solid in (material, self.base))
-        if temperature is not None:
-            layer, base = (
-                Series(
-                    apply_vertical_shift(x.rest, shift, temperature),
-                    apply_vertical_shift(x.weight, shift, temperature),
-                    x.tau,
-                )
-                for x, shift in ((layer, material.shift), (base, self._base_shift(material)))
-            )
-            if self.shift is not None:
-                factor = self.shift.log_factor(temperature)
-                if material.shift is not None:
-                    factor = factor - material.shift.log_factor(temperature)
-                base = base._replace(tau=jnp.exp(factor) * base.tau)
-        return coated_series(self._bonded(material), layer, base, q)
 
 
-class Bonded(NamedTuple):
-    """Thickness of a layer, and Poisson's ratios of the layer and of its base."""
+class _Pairs(NamedTuple):
+    """E_r Sbar = free E_r1 + sum_k size_k times of_layer_k E_r1 in series with of_base E_r0, k = 1, 2."""
 
-    thickness: jax.Array  # d of the layer [m]
-    layer: jax.Array  # nu_1 [-]
-    base: jax.Array  # nu_0 [-]
+    free: jax.Array
+    # A separate factor, because it may round to 0, where the pair must stay finite.
+    size: tuple[jax.Array, jax.Array]
+    of_layer: tuple[jax.Array, jax.Array]
+    of_base: jax.Array
+
+
+def _pairs(x, alpha, beta):
+    """Return the `_Pairs` at x = q d, without the ratio of mu_0 / mu_1 to E_r0 / E_r1."""
+    free, R1, _, D0, D1, D2 = _rational(x, alpha, beta)
+    root = jnp.sqrt(_discriminant(x, alpha, beta))
+    parts, _ = _parts(x)
+    skew = parts.one / parts.sum * _skew(x, alpha, beta) / root
+    # If one of the two sums is much larger, rounding may make the smaller sum negative.
+    size = jnp.maximum(R1 + skew, 0.0), jnp.maximum(R1 - skew, 0.0)
+    # D2 only in the layer's factor: for a thin incompressible layer it is x^3, and its derivative is x.
+    return _Pairs(free, size, (1 / (D1 + root), (D1 + root) / (4 * D0 * D2)), 1 / (2 * D0))
 
 
 class _Rational(NamedTuple):
@@ -159,8 +141,7 @@ class _Parts(NamedTuple):
     X: jax.Array  # 2x, without the factor
 
 
-def _parts(bonded, q):
-    x = q * bonded.thickness
+def _parts(x):
     # There every correction to 1 is below e^-2x (2x)^2, and R^2 e^-4x does not underflow.
     x = jnp.minimum(x, 40.0 if x.dtype == jnp.float64 else 20.0)
     one, rise = jnp.exp(-2 * x), -jnp.expm1(-2 * x)
@@ -168,12 +149,12 @@ def _parts(bonded, q):
     return _Parts(one, cosh1, sinh, cosh1 + one, sinh + 2 * x * one, 2 * x), x
 
 
-def _rational(bonded, alpha, beta, q):
-    """Return the `_Rational` at wavevectors q, where alpha = 2 - 4 nu_1 and beta = 2 - 4 nu_0.
+def _rational(x, alpha, beta):
+    """Return the `_Rational` at x = q d, where alpha = 2 - 4 nu_1 and beta = 2 - 4 nu_0.
 
     alpha is 0 for an incompressible layer, and beta is 0 for an incompressible base.
     """
-    (one, cosh1, sinh, cosh, both, X), x = _parts(bonded, q)
+    (one, cosh1, sinh, cosh, both, X), x = _parts(x)
     half = jnp.exp(-x)
     # 2 (sinh x - x)(sinh x + x) / (sinh 2x + 2x)
     plus = 0.5 * -jnp.expm1(-2 * x) + x * half
@@ -192,12 +173,12 @@ def _rational(bonded, alpha, beta, q):
     return _Rational(free, scale * R1, scale * R2, D0, D1, D2)
 
 
-def _discriminant(bonded, alpha, beta, q):
+def _discriminant(x, alpha, beta):
     """Return (D1^2 - 4 D0 D2) e^(-4x) as a square plus a remainder.
 
     For two incompressible solids, the difference of D1^2 and 4 D0 D2 would lose all digits.
     """
-    (one, _, sinh, cosh, _, X), _ = _parts(bonded, q)
+    (one, _, sinh, cosh, _, X), _ = _parts(x)
     # D1 without its share of X sinh: alpha beta e^2x + 2 alpha cosh 2x + 2 beta (cosh 2x - 2x)
     split = alpha * beta + 2 * alpha * cosh + 2 * beta * (cosh - X * one)
     remainder = (
@@ -209,13 +190,13 @@ def _discriminant(bonded, alpha, beta, q):
     return split**2 + one * remainder
 
 
-def _skew(bonded, alpha, beta, q):
+def _skew(x, alpha, beta):
     """Return (D1 R1 - 2 D0 R2) (sinh 2x + 2x) e^(-4x) without cancellation.
 
     The result is computed as a polynomial in alpha and beta. The names o, c and s stand for e^(-2x),
     (cosh 2x - 1) e^(-2x) and sinh 2x e^(-2x).
     """
-    (o, c, s, cosh, _, X), _ = _parts(bonded, q)
+    (o, c, s, cosh, _, X), _ = _parts(x)
     X2, X3 = X * X, X * X * X
     falling = -16 * o * c + 8 * X * s * (c - 2 * o) + 4 * X2 * (c * c - 2 * o * o)
     last = -4 * o * c + 4 * X * s * (c - o) + 2 * X2 * (c * c + 2 * o * c - o * o)
@@ -256,69 +237,3 @@ def _skew(bonded, alpha, beta, q):
     )
     in_beta = [p[0] + beta * (p[1] + beta * p[2]) for p in (none, first, second)]
     return in_beta[0] + alpha * (in_beta[1] + alpha * in_beta[2])
-
-
-def _numbers(bonded):
-    """Return alpha = 2 - 4 nu_1, beta = 2 - 4 nu_0 and the ratio (mu_0 / mu_1) / (E_r0 / E_r1)."""
-    layer, base = bonded.layer, bonded.base
-    return 2 * (1 - 2 * layer), 2 * (1 - 2 * base), (1 - base) / (1 - layer)
-
-
-def coated_spring(bonded: Bonded, layer: jax.Array, base: jax.Array, q: jax.Array) -> jax.Array:
-    """Return the stiffness E_r1 Sbar of a coated body whose solids do not relax, at wavevectors q [1/m].
-
-    `layer` and `base` are E_r1 and E_r0 >= 0 in the unit of the result, which tends to E_r1 for q d ->
-    infinity and to E_r0 for q d -> 0. For E_r0 -> infinity the result is that of a bonded Slab.
-    """
-    alpha, beta, ratio = _numbers(bonded)
-    free, R1, R2, D0, D1, D2 = _rational(bonded, alpha, beta, q)
-    base = base * ratio
-    largest = jax.lax.stop_gradient(jnp.maximum(layer, base))
-    largest = jnp.where(largest > 0, largest, 1.0)  # two liquids at rest: 0
-    one, two = layer / largest, base / largest
-    bottom = D0 * one * one + D1 * one * two + D2 * two * two
-    shared = two * (R1 * one + R2 * two) / jnp.where(bottom > 0, bottom, 1.0)
-    return layer * (free + shared)
-
-
-def coated_series(bonded: Bonded, layer: Series, base: Series, q: jax.Array) -> Series:
-    """Return the stiffness E_r1 Sbar of a coated body as a Prony series at every q [1/m] of shape (nodes,).
-
-    `layer` and `base` are the series of E_r1 and of E_r0, with shapes (), (n,) and (n,), n >= 0. The result
-    has the shapes (nodes,), (nodes, terms) and (nodes, terms).
-    """
-    free, size, of_layer, of_base = _in_series(bonded, q)
-    rest, weight, tau = _times(layer, free)
-    # The two pairs are evaluated together, which halves the compile time.
-    pairs = two_in_series(_times(layer, of_layer.reshape(-1)), _times(base, jnp.tile(of_base, 2)))
-    pairs = _times(pairs, size.reshape(-1))
-    rests, weights, times = (x.reshape(2, q.size, *x.shape[1:]) for x in pairs)
-    return Series(
-        rest + rests.sum(0),
-        jnp.concatenate([weight, *weights], -1),
-        jnp.concatenate([jnp.broadcast_to(tau, weight.shape), *times], -1),
-    )
-
-
-def _times(series, factor):
-    rest, weight, tau = series
-    return factor * rest, factor[:, None] * weight, tau
-
-
-def _in_series(bonded, q):
-    """Return `free`, `size`, `of_layer` and `of_base`, which express E_r1 Sbar by solids in series.
-
-    E_r1 Sbar = free E_r1 + sum_k size_k f_k g / (f_k + g) with f_k = of_layer_k E_r1 and g = of_base E_r0.
-    The index k numbers the two pairs of layer and base, so `size` and `of_layer` have the shape (2, nodes).
-    `size` is a separate factor because it may round to 0, where f_k g / (f_k + g) must stay finite.
-    """
-    alpha, beta, ratio = _numbers(bonded)
-    free, R1, _, D0, D1, D2 = _rational(bonded, alpha, beta, q)
-    root = jnp.sqrt(_discriminant(bonded, alpha, beta, q))
-    parts, _ = _parts(bonded, q)
-    skew = parts.one / parts.sum * _skew(bonded, alpha, beta, q) / root
-    # If one of the two sums is much larger, rounding may make the smaller sum negative.
-    size = jnp.maximum(jnp.stack([R1 + skew, R1 - skew]), 0.0)
-    # D2 only in the layer's factor: for a thin incompressible layer it is x^3, and its derivative is x.
-    of_layer = jnp.stack([1 / (D1 + root), (D1 + root) / (4 * D0 * D2)])
-    return free, size, of_layer, ratio / (2 * D0)

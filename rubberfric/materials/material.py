@@ -1,8 +1,8 @@
 r"""Materials: the complex Young's modulus E(omega) = E' + i E'', with E'' > 0 for omega > 0.
 
-Contact mechanics uses the reduced modulus E_r = E / (1 - poisson^2): at rest, in the glassy limit, and in the
-angular integrals. The integrals have closed forms for a Prony series. Other materials use quadrature over E'
-and E''. Solids without relaxation are defined here.
+Contact mechanics uses the reduced modulus E_r = E / (1 - nu^2). Means of the stiffness over the direction of
+sliding have closed forms for a Prony series. For every other material they follow from `Material.modulus`.
+Solids without relaxation are defined here.
 """
 
 from typing import ClassVar, NamedTuple
@@ -15,7 +15,6 @@ from jax.typing import ArrayLike
 from rubberfric.base.blocks import broadcast_shape
 from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE, as_numbers, between, is_concrete
 from rubberfric.base.compilation import exact_products
-from rubberfric.base.logarithms import floored_log
 from rubberfric.base.objects.fields import Number, leaf
 from rubberfric.base.objects.physical import Kind, check_kind, kinds, physical
 from rubberfric.materials.shifts import Shift, log_vertical
@@ -34,16 +33,13 @@ class Series(NamedTuple):
 class Material(Kind):
     """Modulus of a solid: base class of Rigid, Elastic, Prony, PronyShear and TabulatedModulus.
 
-    A subclass implements `reduced_series`, or `storage_and_loss` and `frequency_range`. The base class
-    derives the other methods from these methods, unless Poisson's ratio depends on the frequency.
+    A subclass implements `modulus` and `frequency_range`. If E_r is a Prony series, it implements
+    `reduced_series` instead. The base class derives the other methods.
     """
 
     deforms: ClassVar[bool] = True
     # True if E depends on omega.
     relaxes: ClassVar[bool] = True
-    # True if E_r always consists of two solids in series, so that single precision limits the relaxation
-    # times.
-    always_in_series: ClassVar[bool] = False
     # Poisson's ratio [-]; None if it depends on the frequency. Such a body has no layer.
     poisson: jax.Array | None = None
     # Change with temperature, E(omega, T) = b_T E(a_T omega).
@@ -55,11 +51,6 @@ class Material(Kind):
         return type(self).reduced_series is not Material.reduced_series
 
     @property
-    def needs_quadrature(self) -> bool:
-        """Return True if the angular integrals have no closed form."""
-        return self.relaxes and not self.has_series
-
-    @property
     def loss_beyond(self) -> str:
         """Return the form of E'' beyond `frequency_range`, where E' is constant.
 
@@ -69,13 +60,14 @@ class Material(Kind):
         return "fall"
 
     @property
-    def detail(self) -> float:
-        """Return the width in ln omega of the finest detail of E' and E'' [-].
+    def detail(self) -> float | None:
+        """Return the width in ln omega of the finest detail of E [-], or None.
 
-        E' and E'' are as smooth as functions that are convolved with a Gaussian of this width. The width is
-        needed only if E_r is not a Prony series.
+        E is as smooth as a function that is convolved with a Gaussian of this width. None: E is a
+        relaxation spectrum convolved with i omega tau / (1 + i omega tau), as every model of springs and
+        dashpots is. A material with sharper features states their width.
         """
-        return 0.1
+        return None
 
     @property
     def loss_at_rest(self) -> bool:
@@ -85,26 +77,15 @@ class Material(Kind):
         """
         return self.loss_beyond == "hold"
 
-    def reduced_series(self, scale: ArrayLike) -> Series | None:
-        """Return E_r divided by `scale` [Pa] as a Prony series, or None if E_r is not a Prony series.
+    def modulus(self, omega: jax.Array) -> jax.Array:
+        """Return the complex modulus E(omega) [Pa] at the reference temperature.
 
-        The series of an elastic solid has no terms.
+        omega [rad/s] must be >= 0 and may have any shape. Beyond `frequency_range`, E' tends to constants and
+        E'' follows `loss_beyond`.
         """
-        del scale
-
-    def storage_and_loss(self, log_omega: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """Return E' and E'' [Pa] at `log_omega`, the logarithm of omega, of any shape.
-
-        A material implements this method if E_r is not a Prony series. Beyond `frequency_range`, E' is
-        constant and E'' follows `loss_beyond`.
-        """
-        raise NotImplementedError(f"{type(self).__name__}.storage_and_loss")
-
-    def storage_and_loss_on_grid(
-        self, first: jax.Array, step: float, count: int
-    ) -> tuple[jax.Array, jax.Array]:
-        """Return E' and E'' [Pa] at ln omega = step (first + k) for k = 0 ... count - 1."""
-        return self.storage_and_loss(step * (first + jnp.arange(count, dtype=jnp.result_type(first))))
+        if not self.has_series:
+            raise NotImplementedError(f"{type(self).__name__}.modulus")
+        return series_modulus(series_of(self, plane_strain_factor(self)), omega)
 
     def frequency_range(self) -> tuple[jax.Array, jax.Array] | None:
         """Return the lowest and highest omega [rad/s] between which E changes, or None if E is constant."""
@@ -115,21 +96,29 @@ class Material(Kind):
         times = np.asarray(times) if is_concrete(times) else times
         return 1 / times.max(), 1 / times.min()
 
+    def reduced_series(self, scale: ArrayLike) -> Series | None:
+        """Return E_r divided by `scale` [Pa] as a Prony series, or None if E_r is not a Prony series.
+
+        The series of an elastic solid has no terms.
+        """
+        del scale
+
     def relaxation_times(self) -> jax.Array | None:
         """Return the relaxation times [s] of shape (n,), or None if E_r is not a Prony series."""
         series = self.reduced_series(1.0)
         return None if series is None else series.tau
 
-    def modulus(self, omega: jax.Array) -> jax.Array:
-        """Return the complex modulus E(omega) [Pa] at the reference temperature.
+    def reduced_modulus(self, omega: jax.Array) -> jax.Array:
+        """Return E_r = E / (1 - nu^2) [Pa], complex, at the reference temperature; see `modulus`."""
+        return plane_strain_factor(self) * self.modulus(omega)
 
-        omega [rad/s] must be >= 0 and may have any shape.
-        """
-        if self.has_series:
-            return series_modulus(series_of(self, plane_strain_factor(self)), omega)
-        # Below the smallest number E' is constant and E'' is 0.
-        storage, loss = self.storage_and_loss(floored_log(omega))
-        return storage + 1j * jnp.where(omega > 0, loss, 0.0)
+    def reduced_on_grid(self, first: jax.Array, step: float, count: int) -> jax.Array:
+        """Return E_r [Pa], complex, at ln omega = step (first + k) for k = 0 ... count - 1."""
+        return self.reduced_modulus(jnp.exp(step * (first + jnp.arange(count, dtype=jnp.result_type(first)))))
+
+    def quick(self) -> "Material":
+        """Return a material with the same E that is evaluated quickly at many frequencies."""
+        return self
 
     def static_modulus(self) -> jax.Array:
         """Return E(omega = 0) [Pa], real."""
@@ -162,11 +151,7 @@ class Material(Kind):
             raise ValueError(
                 f"material is {type(self).__name__}, which has no modulus; use a deformable material"
             )
-        return self.storage_and_loss(jnp.log(jnp.asarray(ends[which])))[0]
-
-
-class Coatable(Material):
-    """Base class of materials that a Coating accepts: Prony series with a constant Poisson's ratio."""
+        return jnp.real(self.modulus(jnp.asarray(ends[which])))
 
 
 @physical
@@ -178,7 +163,7 @@ class Rigid(Material):
 
 
 @physical
-class Elastic(Coatable):
+class Elastic(Material):
     """Elastic solid, E(omega) = young.
 
     Parameters
@@ -217,6 +202,25 @@ def plane_strain_factor(material: Material) -> jax.Array:
     """Return 1 / (1 - poisson^2) [-], without cancellation for poisson -> 1."""
     poisson = poisson_of(material)
     return 1.0 / ((1.0 - poisson) * (1.0 + poisson))
+
+
+def E_r(
+    material: Material, omega: jax.Array | None, T: ArrayLike | None = None, shift: Shift | None = None
+) -> jax.Array:
+    """Return E / (1 - nu^2) [Pa], complex, with the shifts a_T and b_T.
+
+    Parameters
+    ----------
+    material : Material that deforms
+    omega : [rad/s], >= 0, any shape; None: omega = 0
+    T : [K], broadcastable to omega; None: the reference temperature
+    shift : None: the shift of the material
+    """
+    shift = material.shift if shift is None else shift
+    if omega is not None and T is not None and shift is not None:
+        omega = omega * jnp.exp(shift.log_factor(T))
+    reduced = material.static_reduced() if omega is None else material.reduced_modulus(omega)
+    return apply_vertical_shift(reduced, shift, T)
 
 
 def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike | None = None) -> jax.Array:
@@ -267,8 +271,9 @@ def apply_vertical_shift(modulus: jax.Array, shift: Shift | None, temperature: A
 
 def series_modulus(series: Series, omega: jax.Array) -> jax.Array:
     """Return the complex value of a Prony series at omega, which may have any shape and sign."""
-    storage, loss = relaxation(omega[..., None] * series.tau)
-    return series.rest + jnp.sum(series.weight * (storage + 1j * loss), -1)
+    a = clip_for_square(omega[..., None] * series.tau)
+    loss = series.weight * (a / (1 + a * a))
+    return jax.lax.complex(series.rest + jnp.sum(a * loss, -1), jnp.sum(loss, -1))
 
 
 def relaxation(a: jax.Array) -> tuple[jax.Array, jax.Array]:

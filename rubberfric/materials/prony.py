@@ -3,8 +3,6 @@
 [Ferry, Viscoelastic Properties of Polymers, 3rd edition, Wiley 1980, chapters 1 and 3]
 """
 
-from typing import ClassVar
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -20,16 +18,15 @@ from rubberfric.base.checks import (
 )
 from rubberfric.base.objects.fields import Number, Vector, child, leaf
 from rubberfric.base.objects.physical import physical
+from rubberfric.materials.in_series import in_series
 from rubberfric.materials.material import (
     POISSON,
-    Coatable,
     Material,
     Series,
     plane_strain_factor,
     series_modulus,
 )
 from rubberfric.materials.shifts import Shift
-from rubberfric.materials.solids_in_series import in_series
 
 # Smallest relaxed modulus of rubber in MPa. Smaller numbers are rounding errors of fits and of files whose
 # moduli add up to the glassy modulus.
@@ -41,7 +38,7 @@ _GAP = 1e-3
 
 
 @physical
-class Prony(Coatable):
+class Prony(Material):
     r"""Viscoelastic solid as a Prony series (generalised Maxwell model).
 
     .. math:: E(\omega) = E_\infty + \sum_i E_i \frac{i\omega\tau_i}{1 + i\omega\tau_i}
@@ -91,9 +88,8 @@ class PronyShear(Material):
               E = \frac{9 B G}{3 B + G},\qquad \nu = \frac{3 B - 2 G}{2 (3 B + G)}
 
     Poisson's ratio depends on the frequency: 1/2 for G << B, less in the glassy state. The reduced modulus is
-    a Prony series with twice the number of terms,
 
-    .. math:: E_r = \frac{E}{1 - \nu^2} = G + \frac{3}{4} \frac{3 B \cdot 4 G}{3 B + 4 G}
+    .. math:: E_r = \frac{E}{1 - \nu^2} = G + 3\,\frac{G \cdot 3 B / 4}{G + 3 B / 4}
 
     Parameters
     ----------
@@ -107,8 +103,6 @@ class PronyShear(Material):
 
     Limits: the body must be a half-space, because the factor of a layer depends on Poisson's ratio.
     """
-
-    always_in_series: ClassVar[bool] = True  # with the bulk modulus
 
     G_inf: Number = leaf(NONNEGATIVE, unit="Pa", plausible=PLAUSIBLE_STRESS, plus="G")
     G: Vector = leaf(NONNEGATIVE, unit="Pa", over="tau")
@@ -128,14 +122,6 @@ class PronyShear(Material):
         """Return a list with a warning if G_inf and G seem to have different units."""
         return _doubts_of_terms("G", self.G_inf, self.G)
 
-    def reduced_series(self, scale: ArrayLike) -> Series:
-        """Return E_r divided by `scale` [Pa] as a Prony series with twice as many terms as G."""
-        rest, weight, bulk = self.G_inf / scale, self.G / scale, self.bulk / scale
-        compressed = Series(*in_series((4 * rest, 4 * weight, self.tau), jnp.asarray(3 * bulk)))
-        relaxing = jnp.concatenate([weight, 0.75 * compressed.weight])
-        times = jnp.concatenate([self.tau, compressed.tau])
-        return Series(rest + 0.75 * compressed.rest, relaxing, times)
-
     def relaxation_times(self) -> jax.Array:
         """Return `tau`, the relaxation times [s] of the shear modulus, of shape (n,)."""
         return self.tau
@@ -147,6 +133,10 @@ class PronyShear(Material):
     def static_modulus(self) -> jax.Array:
         """Return E(omega = 0) [Pa]."""
         return _young(self.G_inf, self.bulk)
+
+    def reduced_modulus(self, omega: jax.Array) -> jax.Array:
+        """Return E_r(omega) [Pa], complex."""
+        return _reduced(series_modulus(Series(self.G_inf, self.G, self.tau), omega), self.bulk)
 
     def static_reduced(self) -> jax.Array:
         """Return E_r(omega = 0) [Pa]."""
@@ -184,4 +174,4 @@ def _young(shear, bulk):
 
 
 def _reduced(shear, bulk):
-    return shear + 3 * shear / (1 + 4 * shear / (3 * bulk))
+    return shear + 3 * in_series(shear, 0.75 * bulk)

@@ -5,12 +5,11 @@ from typing import ClassVar, Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.base.checks import POSITIVE
 from rubberfric.base.objects.fields import Number, leaf, static
 from rubberfric.base.objects.physical import Kind, physical
-from rubberfric.materials.material import Material, Series, apply_vertical_shift, poisson_of, series_of
+from rubberfric.materials.material import Material, poisson_of
 from rubberfric.materials.shifts import Shift
 
 # sinh(2x) - 2x = sum_{k>=1} (2x)^(2k+1) / (2k+1)!: exact to rounding for x <= 1.
@@ -20,8 +19,7 @@ _SINH_SERIES = 1.0 / np.cumprod([6.0] + [(2 * k) * (2 * k + 1) for k in range(2,
 class Layer(Kind):
     """Finite thickness of a body: base class of Slab and Coating.
 
-    If `multiplies` is True, a subclass implements `stiffening`. Otherwise it implements `static_reduced`,
-    `glassy_stiffening` and `reduced_series`.
+    If `multiplies` is True, a subclass implements `stiffening`. Otherwise it implements `E_r_S_bar`.
     """
 
     # True if the stiffness of the layered solid is E_r(omega) times a real function of q.
@@ -57,34 +55,31 @@ class Layer(Kind):
         """
         raise NotImplementedError(f"{type(self).__name__}.stiffening")
 
-    def static_reduced(
-        self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
+    def E_r_S_bar(
+        self, poisson: jax.Array, q: jax.Array, layer: jax.Array, base: jax.Array | None
     ) -> jax.Array:
-        """Return E_r Sbar of the layered body at zero frequency, divided by `scale` [-].
+        """Return E_r Sbar, in the unit of the moduli.
 
-        `scale` is in Pa, `q` is the wavevector [1/m], and `temperature` is in K. E_r is the reduced modulus
-        of `material`, and Sbar is the stiffness of the body relative to a half-space of this material.
+        Parameters
+        ----------
+        poisson : Poisson's ratio of the layer [-]
+        q : wavevector [1/m], any shape
+        layer : E_r of the layer, real or complex, broadcastable to q
+        base : E_r of the material `below`; None: the base is rigid
         """
-        own = apply_vertical_shift(material.static_reduced() / scale, material.shift, temperature)
-        return own * self.stiffening(poisson_of(material), q)
+        del base
+        return layer * self.stiffening(poisson, q)
+
+    def base_shift(self, material: Material) -> Shift | None:
+        """Return the shift of the base if the layer consists of `material`."""
+        del material
+        return self.shift
 
     def glassy_stiffening(self, material: Material, q: jax.Array) -> jax.Array:
         """Return Sbar [-] at wavevectors q [1/m] if all solids of the body have their glassy moduli."""
-        return self.stiffening(poisson_of(material), q)
-
-    def reduced_series(
-        self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
-    ) -> Series:
-        """Return E_r Sbar divided by `scale` [Pa] as a Prony series at every q [1/m] of shape (nodes,).
-
-        rest, weight and tau have the shapes (nodes,), (nodes, terms) and (nodes, terms). All values belong to
-        one temperature [K]. tau does not include a_T of the material.
-        """
-        rest, weight, tau = series_of(material, scale)
-        rest, weight = (apply_vertical_shift(x, material.shift, temperature) for x in (rest, weight))
-        factor = self.stiffening(poisson_of(material), q)
-        weight = factor[:, None] * weight
-        return Series(factor * rest, weight, jnp.broadcast_to(tau, weight.shape))
+        layer = material.glassy_reduced()
+        base = None if self.below is None else self.below.glassy_reduced()
+        return self.E_r_S_bar(poisson_of(material), q, layer, base) / layer
 
 
 @physical

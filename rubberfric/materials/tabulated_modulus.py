@@ -2,16 +2,18 @@
 
 import functools
 import math
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE, check_table, is_concrete
+from rubberfric.base.logarithms import floored_log
 from rubberfric.base.objects.fields import Number, Vector, child, leaf, static
 from rubberfric.base.objects.physical import physical
 from rubberfric.base.quadrature import typed
+from rubberfric.base.splines import BEFORE, BESIDE, MARGIN, at, splines
 from rubberfric.materials.material import POISSON, Material, plane_strain_factor
 from rubberfric.materials.shifts import Shift
 
@@ -20,6 +22,9 @@ LONGEST_TABLE = 60.0
 
 # Extent of a rounded knot in widths; beyond it the deviation is 1e-20 of the change of slope.
 REACH = 9.0
+
+# Steps of the grid of `OnGrid` per smoothing width.
+_PER_DETAIL = 6
 
 # Degree of the polynomials for a rounded knot between two entries of a grid; error 1e-16.
 _DEGREE = 13
@@ -102,20 +107,20 @@ class TabulatedModulus(Material):
         """Return the largest real part of E_r in the table [Pa]."""
         return jnp.max(self.storage) * plane_strain_factor(self)
 
-    def storage_and_loss(self, log_omega: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """Return E' and E'' [Pa] at `log_omega`, the logarithm of omega, of any shape."""
+    def modulus(self, omega: jax.Array) -> jax.Array:
+        """Return E(omega) [Pa], complex. omega [rad/s] must be >= 0."""
+        # Below the smallest number E' is constant and E'' is 0.
+        log_omega = floored_log(omega)
         knots, lines = self._lines()
-        log_omega = jnp.asarray(log_omega)
-        # Every knot at every point, for the few points of a plot.
+        # Every knot at every point, for few points; `quick` and `modulus_on_grid` serve many.
         u = (log_omega[..., None] - knots) / self.smoothing
         curves = _straight(lines, log_omega, jnp.sum(u > 0, -1))
         curves = curves + self.smoothing * (_rounding(u) @ _bends(lines))
-        return self._moduli(log_omega, curves)
+        E = self._modulus(log_omega, curves)
+        return jax.lax.complex(jnp.real(E), jnp.where(omega > 0, jnp.imag(E), 0.0))
 
-    def storage_and_loss_on_grid(
-        self, first: jax.Array, step: float, count: int
-    ) -> tuple[jax.Array, jax.Array]:
-        """Return E' and E'' [Pa] at ln omega = step (first + k) for k = 0 ... count - 1."""
+    def reduced_on_grid(self, first: jax.Array, step: float, count: int) -> jax.Array:
+        """Return E_r [Pa], complex, at ln omega = step (first + k) for k = 0 ... count - 1."""
         knots, lines = self._lines()
         log_omega = step * (first + jnp.arange(count, dtype=knots.dtype))
         # Last entry of the grid at or before every knot.
@@ -136,16 +141,28 @@ class TabulatedModulus(Material):
             place,
             mode=jax.lax.GatherScatterMode.FILL_OR_DROP,
         )
-        return self._moduli(log_omega, curves)
+        return plane_strain_factor(self) * self._modulus(log_omega, curves)
 
-    def _moduli(self, log_omega, curves):
-        """Return E' and E'' [Pa], where the last axis of `curves` holds ln E' and ln E''."""
+    def quick(self) -> "OnGrid":  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Return splines of ln E_r' and ln E_r''."""
+        step, reach = self.smoothing / _PER_DETAIL, REACH * self.smoothing
+        low, high = (jnp.log(end) for end in self.frequency_range())
+        ends = jax.lax.stop_gradient(jnp.stack([low - reach, high + reach]))
+        first = jnp.floor(ends[0] / step) - BEFORE
+        count = math.ceil((LONGEST_TABLE + 2 * reach) / step) + 12 + 2 * MARGIN
+        reduced = self.reduced_on_grid(first, step, count)
+        logarithms = log_floored(jnp.stack([jnp.real(reduced), jnp.imag(reduced)]))
+        logarithms = jnp.where(high - low <= LONGEST_TABLE, logarithms, jnp.nan)
+        return OnGrid(self, first + MARGIN + BESIDE, ends, splines(logarithms))
+
+    def _modulus(self, log_omega, curves):
+        """Return E [Pa], where the last axis of `curves` holds ln E' and ln E''."""
         loss = jnp.exp(curves[..., 1])
         if self.outside == "none":
             first, last = jnp.log(self.omega[0]), jnp.log(self.omega[-1])
             inside = _below((log_omega - first) / self.smoothing)
             loss = loss * inside * _below((last - log_omega) / self.smoothing)
-        return jnp.exp(curves[..., 0]), loss
+        return jax.lax.complex(jnp.exp(curves[..., 0]), loss)
 
     def _lines(self):
         """Return ln omega of the entries, and the lines before, between and after them, of shape (n + 1, 5).
@@ -160,6 +177,51 @@ class TabulatedModulus(Material):
         slopes = jnp.concatenate([ends[:1], slopes, ends[1:]])
         points = jnp.concatenate([knots[:, None], values], 1)
         return knots, jnp.concatenate([jnp.concatenate([points[:1], points]), slopes], 1)
+
+
+class OnGrid(NamedTuple):
+    """A tabulated modulus as splines of the logarithms of E_r over a uniform grid of ln omega."""
+
+    table: TabulatedModulus
+    first: jax.Array  # the first cell begins at step * first
+    ends: jax.Array  # ln omega where the moduli become powers, below and above
+    cells: jax.Array
+
+    @property
+    def deforms(self) -> bool:
+        """Return True, as for all solids with a modulus."""
+        return True
+
+    @property
+    def poisson(self) -> jax.Array:
+        """Return Poisson's ratio of the table [-]."""
+        return self.table.poisson
+
+    @property
+    def shift(self) -> Shift | None:
+        """Return the shift of the table."""
+        return self.table.shift
+
+    def reduced_modulus(self, omega: jax.Array) -> jax.Array:
+        """Return E_r(omega) [Pa], complex. omega [rad/s] must be >= 0."""
+        log_omega = floored_log(omega)
+        inside = jnp.clip(log_omega, *self.ends)
+        position = inside * (_PER_DETAIL / self.table.smoothing) - self.first
+        storage, loss = jnp.exp(at(self.cells, position))
+        if self.table.outside == "fall":
+            loss = loss * jnp.exp(-jnp.abs(log_omega - inside))
+        elif self.table.outside == "none":
+            loss = jnp.where(log_omega == inside, loss, 0.0)
+        return jax.lax.complex(storage, loss)
+
+    def static_reduced(self) -> jax.Array:
+        """Return E_r(omega = 0) [Pa]."""
+        return self.table.static_reduced()
+
+
+def log_floored(values: jax.Array) -> jax.Array:
+    """Return the logarithm of values >= 0, with a floor."""
+    return floored_log(values, 0.8)
 
 
 def _straight(lines, log_omega, which):

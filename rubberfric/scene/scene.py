@@ -66,7 +66,6 @@ class Body(PhysicalObject):
     spectrum : SelfAffine, TabulatedSpectrum, Anisotropic, TabulatedAnisotropic or None (smooth)
     layer : Slab, Coating or None (half-space)
         a finite thickness of the material, on a rigid base or on a half-space of another solid
-        (Coating, if the material is Elastic or Prony).
     thermal : ThermalProperties or None
         thermal properties of this solid, which replace the thermal properties in the scene's Heating. A rigid
         body takes up its share of the heat of contact shear.
@@ -93,6 +92,11 @@ class Body(PhysicalObject):
                 f"of a layer depends on Poisson's ratio; must be None"
             )
         self.layer.check_material(self.material)
+
+    @property
+    def below(self) -> Material | None:
+        """Return the material of the deformable base of the layer, or None."""
+        return None if self.layer is None else self.layer.below
 
 
 @physical

@@ -36,8 +36,7 @@ class Softening(PhysicalObject):
     storage, loss : f and g [-], > 0, shape (n,)
     factor : strain divided by rms slope [-], > 0
 
-    Limits: elastic solids do not soften. If both solids deform, the angular integrals have no closed form and
-    use quadrature, which is slower.
+    Limits: elastic solids do not soften.
     """
 
     rising: ClassVar = (("strain",),)

@@ -4,6 +4,7 @@ Scenes within the limits of single precision, tested on extreme scenes, have err
 Values that are known only at run time (under jit) are not checked.
 """
 
+import math
 import operator
 from collections.abc import Iterable, Sequence
 
@@ -36,7 +37,7 @@ from rubberfric.scene.scene import (
     warn_of_conditions,
 )
 from rubberfric.scene.settings import ROBUST, default_quadrature
-from rubberfric.theory.structure import Values, iterated, iterates
+from rubberfric.theory.structure import MeansMethod, Values, iterated, iterates, means_methods
 
 AT_REST: Rule = (
     "must be 0, because correlated roughness is possible between solids at rest only",
@@ -128,6 +129,26 @@ def check_heated(scene: Scene, quantities: Iterable[str]) -> None:
         raise ValueError("quantities has 'flash_temperature' or 'converged': the scene must have heating")
 
 
+# Spans of ln(v a_T) are rounded up to multiples of this, so that few functions are compiled.
+_SPAN_STEP = 6.0
+
+
+def span_of_speeds(scene: Scene, velocity: jax.Array, temperature: jax.Array | None) -> float | None:
+    """Return a bound of the largest minus the smallest ln(v a_T) of the points.
+
+    The result is None if the span is unknown, infinite or not needed. It is needed if F depends on the
+    wavevector.
+    """
+    if MeansMethod.BY_NODE not in means_methods(scene) or not is_concrete(velocity):
+        return None
+    if temperature is not None and temperature.size > 1:
+        return None
+    speeds = np.abs(np.asarray(velocity))
+    if speeds.size == 0 or not speeds.all():
+        return None
+    return _SPAN_STEP * math.ceil(float(np.ptp(np.log(speeds))) / _SPAN_STEP)
+
+
 # Rules for velocity, pressure and temperature.
 _UNITS = ("v", "m/s"), ("p", "Pa"), ("T", "K")
 
@@ -165,9 +186,6 @@ def _check_temperature(scene, temperature):
 
 # Sbar^2 must not overflow.
 STIFFEST_LAYER = 1e18
-# Limit between neighbouring relaxation times if both solids deform; see
-# `rubberfric.materials.solids_in_series`.
-DECADES = 30
 
 
 def check_single(scene: Scene, temperature: ArrayLike | None) -> None:
@@ -191,22 +209,16 @@ def check_single(scene: Scene, temperature: ArrayLike | None) -> None:
 
 
 def _check_body(name, body, scene):
-    in_series, below = _two_deform(scene), None
+    below = None
     if body.layer is not None:
         spectra = [one.spectrum for one in (scene.lower, scene.upper) if one.spectrum is not None]
         _check_layer(f"{name}.layer", body, [spectrum.power_law().q[0] for spectrum in spectra])
         below = body.layer.below
-    if below is not None and relaxes(body):
-        in_series = True  # two solids of one body
-        _check_times(f"{name}.layer.base.tau", below.relaxation_times())
-        if body.material.is_liquid() and below.is_liquid():
-            raise ValueError(
-                f"{name}.material.E_inf and {name}.layer.base.E_inf are 0: one must be > 0 in float32; "
-                "use float64"
-            )
-    # A relaxing shear modulus is always in series with the bulk modulus.
-    if in_series or body.material.always_in_series:
-        _check_times(f"{name}.material.tau", body.material.relaxation_times())
+    if below is not None and relaxes(body) and body.material.is_liquid() and below.is_liquid():
+        raise ValueError(
+            f"{name}.material.E_inf and {name}.layer.base.E_inf are 0: one must be > 0 in float32; "
+            "use float64"
+        )
 
 
 def _two_deform(scene):
@@ -231,17 +243,6 @@ def _check_table(name, C):
     if C is not None and is_concrete(C) and np.min(np.asarray(C)) < smallest:
         raise ValueError(
             f"{name} has values below {smallest:.2g} m^4, the smallest number of float32; use float64"
-        )
-
-
-def _check_times(name, tau):
-    if tau is None or not is_concrete(tau):
-        return
-    gaps = np.diff(np.sort(np.log10(np.asarray(tau, float))))
-    if gaps.size and gaps.max() > DECADES:
-        raise ValueError(
-            f"{name} has neighbouring values {gaps.max():.3g} decades apart: must be at most {DECADES} in "
-            "float32 for a solid in series with another stiffness; use float64"
         )
 
 

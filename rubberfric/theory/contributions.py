@@ -16,12 +16,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.quadrature import cumulative, typed, weights_between
+from rubberfric.materials.tabulated_modulus import log_floored
 from rubberfric.roughness.radial_mesh import Mesh
-from rubberfric.theory.stiffness.angular_means import Means
-from rubberfric.theory.stiffness.means_table import MeansTable
-from rubberfric.theory.stiffness.series import factors_at
-from rubberfric.theory.stiffness.stiffness_means import StiffnessMeans, stiffness_means
-from rubberfric.theory.stiffness.tabulated_means import log_floored
+from rubberfric.theory.stiffness.closed_form import Means
+from rubberfric.theory.stiffness.means import StiffnessMeans, factors_at, stiffness_means
+from rubberfric.theory.stiffness.table import MeansTable
 from rubberfric.theory.structure import MeansInterpolation, RequiredMeans, RoughSurface, SurfaceTemperatures
 
 
@@ -122,6 +121,7 @@ def contribution(
     scale: jax.Array,
     needs: RequiredMeans,
     table: MeansTable | None = None,
+    span: float | None = None,
 ) -> Contribution:
     """Return the `Contribution` of one rough surface.
 
@@ -132,7 +132,7 @@ def contribution(
     j : index of the surface's spectrum in the mesh
     scale : modulus scale [Pa]
     needs : RequiredMeans
-    table : see `stiffness_means`
+    table, span : see `stiffness_means`
     """
     if not surface.relaxes:
         needs = dataclasses.replace(needs, mean_cos_loss=False, mean_sin_loss=False)
@@ -147,7 +147,7 @@ def contribution(
     angular = interpolation is not MeansInterpolation.NONE
     means = None
     if not surface.static:
-        means = stiffness_means(surface, scale, mesh.angular_q if angular else mesh.q, needs, table)
+        means = stiffness_means(surface, scale, mesh.angular_q if angular else mesh.q, needs, table, span)
     within = None
     if mesh.between is not None:
         between = factors_at(surface, scale, mesh.between.q).of("mean_abs2", mesh.between.roughness[j])

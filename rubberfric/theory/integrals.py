@@ -31,9 +31,9 @@ from rubberfric.theory.area.partial_contact import separation_weight
 from rubberfric.theory.contact import Contact, Roughness
 from rubberfric.theory.contributions import contribution, total
 from rubberfric.theory.heat_balance import Temperatures, Thermal, macroasperity, prepare_thermal
-from rubberfric.theory.stiffness.means_table import MeansTable
-from rubberfric.theory.stiffness.series import modulus_scale
-from rubberfric.theory.stiffness.stiffness_means import Tables
+from rubberfric.theory.stiffness.complex_stiffness import modulus_scale
+from rubberfric.theory.stiffness.means import Tables
+from rubberfric.theory.stiffness.table import MeansTable
 from rubberfric.theory.structure import (
     MeansInterpolation,
     RequiredMeans,
@@ -84,6 +84,7 @@ def prepare(
     surfaces: Sequence[RoughSurface] | None = None,
     borders: jax.Array | None = None,
     tables: Tables | None = None,
+    span: float | None = None,
 ) -> Prepared:
     """Prepare mesh, spectra and series stiffness, which do not depend on the conditions.
 
@@ -95,6 +96,7 @@ def prepare(
     surfaces : rough surfaces, if already known or with other power laws; None: `rough_surfaces_of(scene)`
     borders : see `build_mesh`; with borders G is computed at every node
     tables : result of `known_tables` for the scene and the quantities, or None
+    span : of ln(v a_T) over the points if it is known, see `span_of_speeds`
     """
     law = None
     if scene.contact_model == "boundary_elements":
@@ -107,7 +109,7 @@ def prepare(
     if not needs.mean_abs2:
         return Prepared(needs, None, None, scene.shear, scene.adhesion, law)
     surfaces = rough_surfaces_of(scene) if surfaces is None else surfaces
-    roughness, thermal = _rough(scene, surfaces, quadrature, needs, borders, tables), None
+    roughness, thermal = _rough(scene, surfaces, quadrature, needs, borders, tables, span=span), None
     heating = scene.heating
     if heating is not None:
         coarse = None
@@ -118,7 +120,7 @@ def prepare(
     return Prepared(needs, roughness, thermal, scene.shear, scene.adhesion, law)
 
 
-def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=None):
+def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=None, span=None):
     """Return the `Roughness` of a scene.
 
     `like` is None, or the `Roughness` of the scene on another mesh, whose tables are reused.
@@ -152,7 +154,8 @@ def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=N
     return Roughness(
         mesh,
         tuple(
-            contribution(surface, mesh, j, scale, needs, table) for j, (surface, table) in enumerate(given)
+            contribution(surface, mesh, j, scale, needs, table, span)
+            for j, (surface, table) in enumerate(given)
         ),
         tuple(surface.side for surface in surfaces),
         scale,
@@ -170,9 +173,9 @@ def _tables_of(roughness, needs):
     """
     found = [one.stiffness for one in roughness.contributions]
     return tuple(
-        one.stiffness
+        one.prepared
         if one is not None
-        and isinstance(one.stiffness, MeansTable)
+        and isinstance(one.prepared, MeansTable)
         and one.harmonics is None
         and one.needs.kinds == needs.kinds
         else None

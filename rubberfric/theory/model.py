@@ -1,7 +1,7 @@
 r"""Contact area, friction and separation of a sliding scene: the public functions.
 
 Scaraggi & Persson's general case in three lines, for roughness on either solid and
-series stiffness K_j (see `rubberfric.theory.stiffness.series`):
+series stiffness K_j (see `rubberfric.theory.stiffness.complex_stiffness`):
 
 .. math:: G(q) = \frac{1}{2\sigma_0^2}\int_{q_0}^{q} d^2q \sum_j C_j |K_j|^2,\qquad
           P = \mathrm{erf}\frac{1}{2\sqrt G}
@@ -22,9 +22,9 @@ from jax.typing import ArrayLike
 from rubberfric.base.blocks import over_points
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene
-from rubberfric.theory.arguments import check_heated, validate, warn_of_last_iterates
+from rubberfric.theory.arguments import check_heated, span_of_speeds, validate, warn_of_last_iterates
 from rubberfric.theory.integrals import evaluate, prepare
-from rubberfric.theory.stiffness.stiffness_means import known_tables
+from rubberfric.theory.stiffness.means import known_tables
 from rubberfric.theory.structure import QUANTITIES, Solution, iterates
 
 # Points that are evaluated together.
@@ -204,7 +204,9 @@ def solve(
     separated = "separation" in quantities
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature, separated)
     check_heated(scene, quantities)
-    compute = functools.partial(_compute, compiler_options, quadrature)
+    compute = functools.partial(
+        _compute, compiler_options, quadrature, span_of_speeds(scene, conditions[0], conditions[2])
+    )
     if not iterates(scene) or "converged" in quantities:
         tables = known_tables(given, quantities, conditions[0].dtype)
         return compute(quantities, scene, *conditions, tables)
@@ -213,17 +215,18 @@ def solve(
     return solution._replace(converged=None)
 
 
-def _compute(options, quadrature, quantities, *arguments):
+def _compute(options, quadrature, span, quantities, *arguments):
+    static = {"quadrature": quadrature, "quantities": quantities, "span": span}
     if options is None:
-        return _solve(*arguments, quadrature=quadrature, quantities=quantities)
-    lowered = _solve.lower(*arguments, quadrature=quadrature, quantities=quantities)
+        return _solve(*arguments, **static)
+    lowered = _solve.lower(*arguments, **static)
     return lowered.compile(dict(options))(*arguments)
 
 
 # Jitted, so that a plain call compiles once per structure instead of once per operation. Inside a user's
 # jit it is traced through.
-@functools.partial(jax.jit, static_argnames=("quadrature", "quantities"))
-def _solve(scene, velocity, pressure, temperature, tables, quadrature, quantities):
-    prepared = prepare(scene, quantities, quadrature, tables=tables)
+@functools.partial(jax.jit, static_argnames=("quadrature", "quantities", "span"))
+def _solve(scene, velocity, pressure, temperature, tables, quadrature, quantities, span):
+    prepared = prepare(scene, quantities, quadrature, tables=tables, span=span)
     block = functools.partial(evaluate, prepared, quantities)
     return Solution(**over_points(block, (velocity, pressure, temperature), BLOCK))

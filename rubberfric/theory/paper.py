@@ -21,13 +21,12 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import broadcast_shape
 from rubberfric.base.quadrature import gauss, legendre_transform
-from rubberfric.materials.material import Material, apply_vertical_shift, complex_modulus, poisson_of
-from rubberfric.materials.prony import PronyShear
 from rubberfric.materials.slab import Slab
 from rubberfric.roughness.spectra import power_spectrum
 from rubberfric.scene.interface import shear_friction
-from rubberfric.scene.scene import Body, Scene, optional_parts
-from rubberfric.theory.structure import Solution
+from rubberfric.scene.scene import Scene, optional_parts
+from rubberfric.theory.stiffness.complex_stiffness import K_j
+from rubberfric.theory.structure import Solution, SurfaceTemperatures, rough_surfaces_of
 
 
 class Nodes(NamedTuple):
@@ -125,8 +124,7 @@ def solve(
 
 
 def _at_point(scene, nodes, v, sigma_0, T=None):
-    bodies = ((scene.lower, scene.upper), (scene.upper, scene.lower))
-    rough = [(one, other) for one, other in bodies if one.spectrum is not None]
+    rough = rough_surfaces_of(scene)
     area, mu, u_bar = jnp.ones(()), jnp.zeros(()), jnp.zeros(())
     if rough:
         area, mu, u_bar = _integrals(scene.gamma, scene.area_correction, rough, nodes, v, sigma_0, T)
@@ -136,7 +134,7 @@ def _at_point(scene, nodes, v, sigma_0, T=None):
 
 
 def _integrals(gamma, S_in_G, rough, nodes, v, sigma_0, T):
-    kinks = jnp.sort(jnp.concatenate([one.spectrum.power_law().q for one, _ in rough]))
+    kinks = jnp.sort(jnp.concatenate([surface.law.q for surface in rough]))
     piece = jnp.diff(jnp.log(kinks))[:, None]  # axes: pieces of ln q, nodes in a piece, phi
     q, dq_q = kinks[:-1, None] * jnp.exp(piece * nodes.y), piece * nodes.dy
 
@@ -147,9 +145,11 @@ def _integrals(gamma, S_in_G, rough, nodes, v, sigma_0, T):
         pieces = jnp.cumsum(jnp.sum(f * dq_q, -1))
         return jnp.concatenate([jnp.zeros(1), pieces[:-1]])[:, None] + piece * (f @ nodes.until.T)
 
-    C = [power_spectrum(one.spectrum, q) for one, _ in rough]
+    C = [power_spectrum(surface.spectrum, q) for surface in rough]
     Q, omega = q[..., None], q[..., None] * v * nodes.cos_phi
-    K = [1 / (M_j(other, Q, omega, T) + M_j(one, Q, None, T)) for one, other in rough]  # (A6)
+    at_T = SurfaceTemperatures(T, T)
+    K = [K_j(surface, Q, jnp.abs(omega), at_T) for surface in rough]  # (A6)
+    K = [jnp.where(omega < 0, jnp.conj(k), k) for k in K]
     stress2 = q**2 * mean(C, lambda K: jnp.abs(K) ** 2) / (2 * sigma_0**2)  # (A8)
     G, G_end = until(stress2), jnp.sum(stress2 * dq_q)  # (A11)
     x = plain = 0.5 / jnp.sqrt(G)
@@ -162,36 +162,6 @@ def _integrals(gamma, S_in_G, rough, nodes, v, sigma_0, T):
     stored = q**2 * mean(C, jnp.real)
     u_bar = jnp.sum(stored * pressure_integral(plain, gamma, nodes) * dq_q) / sigma_0  # (A18)
     return erf(0.5 / jnp.sqrt(G_end)), mu, u_bar
-
-
-def M_j(body: Body, q: jax.Array, omega: jax.Array | None, T: jax.Array | None) -> jax.Array | float:
-    """Return the compliance M_j(q, omega) of one solid [m/Pa]. `omega` None stands for omega = 0."""
-    return 2 / (q * E_r(body.material, omega, T) * S_bar(body, q)) if body.material.deforms else 0.0  # (A10)
-
-
-def E_r(material: Material, omega: jax.Array | None, T: jax.Array | None) -> jax.Array:
-    """Return E / (1 - nu^2) [Pa]. `omega` may have any sign [rad/s]. `omega` None stands for omega = 0."""
-    if omega is None:
-        E = apply_vertical_shift(material.static_modulus(), material.shift, T)
-    else:
-        E = complex_modulus(material, jnp.abs(omega), T)
-        E = jnp.where(omega < 0, jnp.conj(E), E)
-    nu = 0.5 - E / (6 * material.bulk) if isinstance(material, PronyShear) else poisson_of(material)
-    return E / (1 - nu**2)
-
-
-def S_bar(body: Body, q: jax.Array) -> jax.Array | float:
-    """Return the stiffness of a slab divided by the stiffness of a half-space [-].
-
-    The formula stands below eq. (A10). The result is 1 for a half-space.
-    """
-    if not isinstance(slab := body.layer, Slab):
-        return 1.0
-    x, nu = jnp.minimum(q * slab.thickness, 60.0), poisson_of(body.material)  # 1 + 1e-50 from 60 on
-    if slab.base == "frictionless":
-        return 1 / jnp.tanh(x) + x / jnp.sinh(x) ** 2
-    top = (3 - 4 * nu) * jnp.cosh(2 * x) + 2 * x**2 - 4 * nu * (3 - 2 * nu) + 5
-    return top / ((3 - 4 * nu) * jnp.sinh(2 * x) - 2 * x)  # (A10)
 
 
 def S(P: jax.Array, gamma: jax.Array) -> jax.Array:

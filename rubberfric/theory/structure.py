@@ -135,6 +135,16 @@ class MeansInterpolation(enum.Enum):
     LOGARITHMIC = "as LINEAR, but in ln <|F|^2>, because <|F|^2> may rise by 1e9 within an e-fold of q"
 
 
+class MeansMethod(enum.Enum):
+    """Method of the means of F over the direction of sliding."""
+
+    CONSTANT = "F does not depend on the velocity or the temperature"
+    CLOSED_FORM = "F is a Prony series facing a rigid solid, and the roughness is isotropic"
+    TABLE = "F depends on q v a_T only"
+    BY_NODE = "F depends on q and on q v a_T"
+    AT_POINTS = "temperature changes F by more than a_T and a common factor"
+
+
 class RoughSurface(NamedTuple):
     """A rough surface and the solid that it strains."""
 
@@ -146,32 +156,25 @@ class RoughSurface(NamedTuple):
     softened: Softened | None  # softening of the strained solid
     softened_rough: Softened | None  # softening of the rough solid
     relaxes: bool  # the strained solid is viscoelastic; otherwise nothing depends on the velocity
-    both_deform: bool  # the rough solid deforms too, in series with the strained one
-    by_wavevector: bool  # F depends on q itself: a coating, or two deformable solids with a layer
-    varies: bool  # temperature changes F by more than a_T and a common factor
     harmonics: int  # highest m of cos(2 m phi) in the roughness that strains a viscoelastic solid
-    detail: float | None  # finest detail of the angular means over ln q [-]; None for a Prony series
-    interpolation: MeansInterpolation | None  # None if the stiffness is a constant at every wavevector
+    detail: float | None  # finest detail of the angular means over ln q [-]; None for relaxation spectra
+    method: MeansMethod
+    interpolation: MeansInterpolation | None  # None if the method is CONSTANT
 
     @property
     def static(self) -> bool:
         """Return True if the stiffness is a constant at every wavevector."""
-        return self.interpolation is None
+        return self.method is MeansMethod.CONSTANT
 
     @property
     def separate_storage_loss(self) -> bool:
-        """Return True if softening changes <E'^2> and <E''^2> separately."""
-        return self.softened is not None and not self.both_deform
+        """Return True if softening factors multiply <E'^2> and <E''^2> separately."""
+        return self.method is MeansMethod.TABLE and self.softened is not None
 
     @property
     def softenings(self) -> list[Softened]:
         """Return the softening of each solid that softens."""
         return [one for one in (self.softened, self.softened_rough) if one is not None]
-
-    @property
-    def softens_in_series(self) -> bool:
-        """Return True if both solids deform and one of them softens."""
-        return self.both_deform and bool(self.softenings)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -226,20 +229,52 @@ def rough_surfaces_of(scene: Scene) -> tuple[RoughSurface, ...]:
     return tuple(_surface(*one, softened(one[1]), softened(one[0])) for one in found)
 
 
-def _surface(rough: Body, strained: Body, side, spectrum: Spectrum, law, softened, softened_rough):
+def means_methods(scene: Scene) -> list[MeansMethod]:
+    """Return the `MeansMethod` of every rough surface, in the order of `rough_surfaces_of`."""
+    pairs = (scene.lower, scene.upper), (scene.upper, scene.lower)
+    softens = {id(body): softening_of(scene, body) is not None for body in (scene.lower, scene.upper)}
+    return [
+        _method(rough, strained, softens[id(rough)], softens[id(strained)])
+        for rough, strained in pairs
+        if rough.spectrum is not None
+    ]
+
+
+def _method(rough: Body, strained: Body, rough_softens: bool, strained_softens: bool) -> MeansMethod:
     material, layer = strained.material, strained.layer
-    relaxing, both = relaxes(strained), rough.material.deforms
-    coated = layer is not None and not layer.multiplies
-    by_wavevector = coated or (both and any(body.layer is not None for body in (rough, strained)))
+    both = rough.material.deforms
     # A vertical shift changes one of two deformable solids; the base of a coating may have another shift.
     vertical = any(shift.vertical is not None for body in (rough, strained) for shift in body_shifts(body))
-    varies = (layer is not None and layer.varies(material)) or (both and vertical)
-    softens_in_series = both and (softened is not None or softened_rough is not None)
+    if (layer is not None and layer.varies(material)) or (both and vertical):
+        return MeansMethod.AT_POINTS
+    if not relaxes(strained):
+        return MeansMethod.CONSTANT
+    if _is_layered(rough, strained) or (both and (rough_softens or strained_softens)):
+        return MeansMethod.BY_NODE
+    grooved = rough.spectrum is not None and rough.spectrum.harmonic_count()
+    if both or grooved or strained_softens or not material.has_series:
+        return MeansMethod.TABLE
+    return MeansMethod.CLOSED_FORM
+
+
+def _is_layered(rough, strained):
+    """Return True if a layer changes F by more than a factor."""
+    coated = strained.layer is not None and not strained.layer.multiplies
+    return coated or (rough.material.deforms and any(body.layer is not None for body in (rough, strained)))
+
+
+def _surface(rough: Body, strained: Body, side, spectrum: Spectrum, law, softened, softened_rough):
+    relaxing = relaxes(strained)
+    method = _method(rough, strained, softened_rough is not None, softened is not None)
     interpolation = None
-    if relaxing or varies:
-        kinked = softens_in_series or (relaxing and spectrum.harmonics_vary)
-        smooth = MeansInterpolation.LOGARITHMIC if by_wavevector else MeansInterpolation.LINEAR
+    if method is not MeansMethod.CONSTANT:
+        softens = softened is not None or softened_rough is not None
+        kinked = (rough.material.deforms and softens) or (relaxing and spectrum.harmonics_vary)
+        layered = _is_layered(rough, strained)
+        smooth = MeansInterpolation.LOGARITHMIC if layered else MeansInterpolation.LINEAR
         interpolation = MeansInterpolation.NONE if kinked else smooth
+    details = [one.detail for one in (strained.material, strained.below) if one is not None and one.relaxes]
+    details = [detail for detail in details if detail is not None]
     return RoughSurface(
         rough,
         strained,
@@ -249,10 +284,8 @@ def _surface(rough: Body, strained: Body, side, spectrum: Spectrum, law, softene
         softened,
         softened_rough,
         relaxes=relaxing,
-        both_deform=both,
-        by_wavevector=by_wavevector,
-        varies=varies,
         harmonics=spectrum.harmonic_count() if relaxing else 0,
-        detail=material.detail if relaxing and material.needs_quadrature else None,
+        detail=min(details) if relaxing and details else None,
+        method=method,
         interpolation=interpolation,
     )

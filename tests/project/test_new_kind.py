@@ -13,7 +13,7 @@ import rubberfric as rf
 from fitting.parameters.scenes import find, scene_paths
 from rubberfric.base import POSITIVE, Number, between, child, forget, leaf, physical
 from rubberfric.base.checks import PLAUSIBLE_STRESS, PLAUSIBLE_TEMPERATURE
-from rubberfric.materials.material import Coatable, Material, Series, plane_strain_factor
+from rubberfric.materials.material import Material, plane_strain_factor
 from rubberfric.materials.shifts import Shift, saturated
 
 
@@ -32,8 +32,8 @@ def vogel_fulcher():
 
 
 def fractional_zener():
-    class FractionalZener(Coatable):
-        """E = E_inf + E_relaxing s / (1 + s), s = (i omega tau)^alpha, as a Prony series of its spectrum."""
+    class FractionalZener(Material):
+        """E = E_inf + E_relaxing s / (1 + s), s = (i omega tau)^alpha."""
 
         E_inf: Number = leaf(POSITIVE, unit="Pa", plausible=PLAUSIBLE_STRESS)
         E_relaxing: Number = leaf(POSITIVE, unit="Pa")
@@ -42,15 +42,12 @@ def fractional_zener():
         poisson: Number = leaf(between(0.0, 0.5), unit="-", default=0.5)
         shift: Shift | None = child(default=None)
 
-        def reduced_series(self, scale):
-            step = 1.0
-            x = step * np.arange(-40.0, 40.5)  # ln of time over tau
-            # [Cole & Cole, J. Chem. Phys. 9 (1941) 341]
-            below = jnp.cosh(self.alpha * x) + jnp.cos(self.alpha * np.pi)
-            density = jnp.sin(self.alpha * np.pi) / (2 * np.pi * below)
-            unit = plane_strain_factor(self) / scale
-            weight = self.E_relaxing * unit * density * step
-            return Series(self.E_inf * unit, weight, self.tau * jnp.exp(x))
+        def frequency_range(self):
+            return 1e-12 / self.tau, 1e12 / self.tau
+
+        def modulus(self, omega):
+            s = jnp.exp(self.alpha * (jnp.log(omega * self.tau) + 0.5j * np.pi))
+            return self.E_inf + self.E_relaxing * s / (1 + s)
 
     return FractionalZener
 
@@ -70,12 +67,9 @@ def havriliak_negami():
         def frequency_range(self):
             return 1e-10 / self.tau, 1e10 / self.tau
 
-        def storage_and_loss(self, log_omega):
-            low, high = (jnp.log(jnp.asarray(end)) for end in self.frequency_range())
-            inside = jnp.clip(log_omega, low, high)
-            s = jnp.exp(self.a * (inside + jnp.log(self.tau) + 0.5j * np.pi))
-            E = self.E_glassy - (self.E_glassy - self.E_inf) * jnp.exp(-self.b * jnp.log1p(s))
-            return E.real, E.imag * jnp.exp(-jnp.abs(log_omega - inside))
+        def modulus(self, omega):
+            s = jnp.exp(self.a * (jnp.log(omega * self.tau) + 0.5j * np.pi))
+            return self.E_glassy - (self.E_glassy - self.E_inf) * jnp.exp(-self.b * jnp.log1p(s))
 
     return HavriliakNegami
 

@@ -71,6 +71,10 @@ def _area(scene, speed):
     return rf.contact_area(scene, speed, 3e5, 303.0)
 
 
+def _layered(layer, q):
+    return layer.E_r_S_bar(0.4, q, jnp.ones_like(q), 0.3 * jnp.ones_like(q))
+
+
 # Return results of an object of each class at four arguments.
 ANSWERS = {
     **dict.fromkeys(("Elastic", "Prony", "PronyShear", "TabulatedModulus"), (_modulus, OMEGA)),
@@ -78,7 +82,7 @@ ANSWERS = {
     **dict.fromkeys(("Entropic", "TabulatedVertical"), (lambda law, T: law.log_factor(T, 293.0), T)),
     **dict.fromkeys(("SelfAffine", "TabulatedSpectrum"), (_roughness, Q)),
     **dict.fromkeys(("Anisotropic", "TabulatedAnisotropic"), (_directions, Q)),
-    **dict.fromkeys(("Slab", "Coating"), (lambda layer, q: layer.static_reduced(TREAD, 1e6, q), Q)),
+    **dict.fromkeys(("Slab", "Coating"), (_layered, Q)),
     "ContactShear": (lambda shear, v: shear_friction(shear, 0.1, v, 1e5, 303.0), 1e-2 * OMEGA),
     "Softening": (_softening, Q),
     "Heating": (_heating, OMEGA),

@@ -57,14 +57,13 @@ from jax.scipy.special import erf
 
 from rubberfric.base.fixed_points import implicit
 from rubberfric.base.quadrature import Quadrature, gauss, typed
-from rubberfric.materials.material import apply_vertical_shift, poisson_of, relaxation, series_of
+from rubberfric.materials.material import E_r, apply_vertical_shift, poisson_of, relaxation, series_of
 from rubberfric.roughness.anisotropy import slope_anisotropy
 from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.radial_mesh import Mesh, build_mesh
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio
 from rubberfric.scene.scene import Body
 from rubberfric.theory.area.circle_matrices import CircleMatrices, Directions, circle_matrices
-from rubberfric.theory.paper import E_r
 from rubberfric.theory.structure import RoughSurface
 
 

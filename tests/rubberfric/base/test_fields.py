@@ -22,7 +22,7 @@ from rubberfric.base import (
 from rubberfric.base.checks import NONNEGATIVE
 from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import check_kind, fields_of, forget, kinds, leaves_of, unit_of
-from rubberfric.materials.material import Coatable, Material
+from rubberfric.materials.material import Material
 from rubberfric.roughness.spectra import Spectrum
 
 
@@ -107,7 +107,6 @@ def test_two_classes_of_one_name(made):
 
 def test_kinds_are_in_the_order_of_their_definition():
     assert list(kinds(Material)) == ["Rigid", "Elastic", "Prony", "PronyShear", "TabulatedModulus"]
-    assert list(kinds(Coatable)) == ["Elastic", "Prony"]
     assert list(kinds(rf.SelfAffine)) == ["SelfAffine"]
     assert Material not in kinds(Material).values()
 
@@ -117,9 +116,9 @@ def test_kinds_in_errors():
         check_kind("x", rf.Slab(1.0), Material, [rf.Prony])
     with pytest.raises(ValueError, match=r"^Body\.spectrum = 1: must be SelfAffine, .* or None$"):
         rf.Body(rf.Rigid(), 1)
-    message = r"^Coating\.base = Rigid\(\): must be Elastic, Prony \(on a rigid base use Slab\)$"
+    message = r"^Coating\.base = 1: must be Rigid, .* TabulatedModulus \(on a rigid base use Slab\)$"
     with pytest.raises(ValueError, match=message):
-        rf.Coating(1e-3, rf.Rigid())
+        rf.Coating(1e-3, 1)
     check_kind("x", rf.SelfAffine(1, 2, 3, 0.8, 1.0), Spectrum)
 
 

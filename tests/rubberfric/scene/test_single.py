@@ -20,7 +20,6 @@ FINE = rf.TabulatedSpectrum([1e2, 1e9], [1e-10, 1e-39])
 
 REFUSED = {
     "lower.layer.thickness": (rf.Scene(rf.Body(RUBBER, None, rf.Slab(1e-10)), RIGID), None),
-    "lower.material.tau": (rf.Scene(rf.Body(WIDE), rf.Body(rf.Elastic(1e9, 0.3), ROAD)), None),
     "E_inf": (rf.Scene(rf.Body(LIQUID), rf.Body(LIQUID, ROAD)), None),
     "upper.spectrum.C": (rf.Scene(rf.Body(RUBBER), rf.Body(rf.Rigid(), FINE)), None),
     "lower.material.shift": (rf.Scene(rf.Body(COLD), RIGID), 200.0),
@@ -44,13 +43,22 @@ def test_under_jit_nothing_is_refused():
     assert np.isfinite(jax.jit(rf.friction)(single, v, jnp.float32(1e5), T)).all()
 
 
-@pytest.mark.slow
-def test_ordinary_scenes_pass():
-    layered = rf.Scene(rf.Body(RUBBER, None, rf.Slab(1e-4)), rf.Body(rf.Elastic(1e12, 0.3), ROAD))
-    single = as_arrays(layered, jnp.float32)
+ACCEPTED = {
+    "stiff facing solid": rf.Scene(
+        rf.Body(RUBBER, None, rf.Slab(1e-4)), rf.Body(rf.Elastic(1e12, 0.3), ROAD)
+    ),
+    "times 32 decades apart": rf.Scene(rf.Body(WIDE), rf.Body(rf.Elastic(1e9, 0.3), ROAD)),
+}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param("stiff facing solid", marks=pytest.mark.slow), *list(ACCEPTED)[1:]]
+)
+def test_ordinary_scenes_pass(name):
+    single = as_arrays(ACCEPTED[name], jnp.float32)
     found = rf.friction(single, jnp.float32([0.1]), jnp.float32(1e5))
     assert found.dtype == jnp.float32
-    np.testing.assert_allclose(found, rf.friction(layered, [0.1], 1e5), rtol=1e-5)
+    np.testing.assert_allclose(found, rf.friction(ACCEPTED[name], [0.1], 1e5), rtol=1e-5, atol=1e-12)
 
 
 def test_full_contact_is_no_more_than_one():

@@ -42,7 +42,7 @@ def by_series():
 
 def by_modulus():
     class AnsweredByModulus(Material):
-        """Known by `storage_and_loss` and `frequency_range` alone."""
+        """Known by `modulus` and `frequency_range` alone."""
 
         E_inf: Number = leaf(NONNEGATIVE, unit="Pa")
         E: Vector = leaf(NONNEGATIVE, unit="Pa")
@@ -51,12 +51,14 @@ def by_modulus():
         shift: Shift | None = child(default=None)
 
         def frequency_range(self):
-            return 1e-6 / jnp.max(self.tau), 1e6 / jnp.min(self.tau)
+            return 1 / jnp.max(self.tau), 1 / jnp.min(self.tau)
 
-        def storage_and_loss(self, log_omega):
-            a = jnp.exp(log_omega)[..., None] * self.tau
-            storage = self.E_inf + jnp.sum(self.E * a * (a / (1 + a * a)), -1)
-            return storage, jnp.sum(self.E * a / (1 + a * a), -1)
+        def modulus(self, omega):
+            a = 1j * omega[..., None] * self.tau
+            return self.E_inf + jnp.sum(self.E * a / (1 + a), -1)
+
+        def static_modulus(self):
+            return self.E_inf
 
     return AnsweredByModulus
 
@@ -71,6 +73,7 @@ SCENES = {
     "both rough": lambda solid: scene((STEEL, ROAD), (solid, WORN), area_correction=True),
     "on elastic": lambda solid: scene((GLASS, ROAD), (solid,)),
     "slab": lambda solid: scene((STEEL, ROAD), (solid, None, SLAB)),
+    "coating": lambda solid: scene((STEEL, ROAD), (solid, None, rf.Coating(1e-3, GLASS))),
     "slab on elastic": lambda solid: scene((GLASS, ROAD), (solid, None, SLAB)),
     "two rubbers": lambda solid: scene((TREAD, ROAD), (solid, WORN)),
     "grooved": lambda solid: scene((STEEL, GROOVES), (solid,)),

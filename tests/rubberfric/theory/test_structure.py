@@ -92,10 +92,13 @@ def test_what_a_scene_lacks_adds_nothing_to_a_point():
     # Rough rubber on a rigid solid is not excited: only a static term of G.
     rough = added(scene((TREAD, WORN), (RIGID, ROAD)), "friction")
     assert rough["sqrt"] - plain["sqrt"] == rough["erf"] - plain["erf"] == contact_nodes(2) - contact_nodes(1)
-    # An elastic block in series is a Prony solid of as many terms.
-    assert added(scene((TREAD,), (rf.Elastic(1e9, 0.3), ROAD)), "friction") == plain
+    # With an elastic block in series, a point looks up a table, which contains the terms of the rubber.
+    few = rf.Prony(TREAD.E_inf, TREAD.E[:2], TREAD.tau[:2])
+    in_series = [added(scene((rubber,), (rf.Elastic(1e9, 0.3), ROAD)), "friction") for rubber in (TREAD, few)]
+    assert in_series[0] == in_series[1]
+    assert in_series[0]["sqrt"] == contact_nodes(1)
     two = added(scene((TREAD, WORN), (TREAD, ROAD)), "friction")
-    assert two["sqrt"] == 2 * ANGULAR * TERMS + contact_nodes(2)
+    assert two["sqrt"] == contact_nodes(2)
     # Contact shear needs the area and one bell; temperature one shift factor.
     sheared = added(scene((TREAD,), (RIGID, ROAD), shear=rf.ContactShear(6e6, 0.1, 1e-2)), "friction")
     assert costly(sheared) - costly(plain) <= 8

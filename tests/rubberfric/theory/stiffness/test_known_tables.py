@@ -8,8 +8,8 @@ from support.counting.operations import primitives
 from support.scenes.common import RIGID, ROAD, TREAD, scene
 
 import rubberfric as rf
-from rubberfric.theory.stiffness import stiffness_means
-from rubberfric.theory.stiffness.stiffness_means import known_tables
+from rubberfric.theory.stiffness import means
+from rubberfric.theory.stiffness.means import known_tables
 
 OMEGA = np.geomspace(1e-2, 1e9, 40)
 STORAGE, LOSS = 1e6 * OMEGA**0.2, 2e5 * OMEGA**0.22
@@ -42,13 +42,13 @@ def test_values_are_those_of_the_program():
 def test_a_table_is_built_once_for_its_numbers():
     """It does not depend on the roughness."""
     friction(ON_ROAD)
-    before = set(stiffness_means._kept)
+    before = set(means._kept)
     friction(scene((RIGID, ROAD), (rubber(),)))
     friction(ON_ROAD.replace("lower.spectrum.hurst", 0.7))
     warm = ON_ROAD.replace("upper.material.storage", 1.01 * STORAGE)
     friction(warm)
     friction(warm)
-    assert len(set(stiffness_means._kept) - before) == 1
+    assert len(set(means._kept) - before) == 1
     # A program that has its table has no grid of the modulus.
     assert "iota" in primitives(friction, ON_ROAD)
     assert "iota" not in primitives(lambda v: friction(ON_ROAD, v), jnp.asarray(VELOCITY))
@@ -64,7 +64,7 @@ def test_changed_arrays_and_few_tables():
     assert (second[1:] != first[1:]).all()
     for factor in np.linspace(1.0, 2.0, 9):
         friction(ON_ROAD.replace("upper.material.storage", factor * STORAGE))
-    assert len(stiffness_means._kept) <= 4
+    assert len(means._kept) <= 4
 
 
 @pytest.mark.parametrize("other", [scene((RIGID, ROAD), (TREAD,)), scene((RIGID,), (rubber(),))])

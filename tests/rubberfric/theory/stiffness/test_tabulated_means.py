@@ -12,9 +12,11 @@ from support.oracles.tables import by_quadrature, law, random_table
 
 import rubberfric as rf
 from rubberfric.theory import paper
-from rubberfric.theory.stiffness.means_table import means_table
-from rubberfric.theory.stiffness.tabulated_means import Tabulated
-from rubberfric.theory.structure import RequiredMeans
+from rubberfric.theory.stiffness.by_node import at_points
+from rubberfric.theory.stiffness.complex_stiffness import F_j, quick
+from rubberfric.theory.stiffness.kinds import kinds_of
+from rubberfric.theory.stiffness.table import means_table
+from rubberfric.theory.structure import RequiredMeans, rough_surfaces_of
 
 WANTED = RequiredMeans(mean_abs2=True, mean_cos_loss=True, mean_storage=True)
 
@@ -27,23 +29,33 @@ def velocities(table):
 
 
 def stiffness(table, outside, spring):
-    """E' and E'' as in by_quadrature."""
+    """A scene whose solid has E' and E'' as in by_quadrature, in series with a spring or on a rigid road."""
     exp = np.exp if isinstance(table[0], np.ndarray) else jnp.exp
     material = rf.TabulatedModulus(*map(exp, table), poisson=0.0, outside=outside)
-    return Tabulated(material, jnp.asarray(1.0), spring)
+    road = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
+    rough = rf.Rigid() if spring is None else rf.Elastic(spring, 0.0)
+    return rf.Scene(rf.Body(rough, road), rf.Body(material))
+
+
+def table_of(F):
+    return means_table(rough_surfaces_of(F)[0], jnp.ones(()), WANTED)
 
 
 @jax.jit
 def means(F, x):
-    found = means_table(F, WANTED, False, None).means(jnp.exp(x), jnp.ones(1), None, WANTED)
+    found = table_of(F).means(jnp.exp(x), jnp.ones(1), None, WANTED)
     return jnp.stack([found[kind][0] for kind in WANTED.kinds])
 
 
 @jax.jit
 def means_by_node(F, x):
-    one = F._replace(scale=jnp.ones(x.shape), spring=jnp.full(x.shape, F.spring))
-    found = one.means(jnp.exp(x)[None], WANTED)
-    return jnp.stack([found[kind][0][0] for kind in WANTED.kinds])
+    surface = rough_surfaces_of(F)[0]
+    solids, material = quick(surface), surface.strained.material
+    kinds = kinds_of(WANTED, False, material.loss_beyond)
+    found = at_points(
+        lambda q, omega: F_j(solids, q, omega), jnp.ones((1, 1)), x, (), kinds, None, material.detail
+    )
+    return jnp.stack([found[kind][0][0, :, 0] for kind in WANTED.kinds])
 
 
 def close(found, exact, outside, tolerance):
@@ -62,8 +74,8 @@ def test_means_of_random_tables(seed):
     table, outside = random_table(seed), OUTSIDE[seed // 4 % 3]
     x = velocities(table)
     material = rf.TabulatedModulus(*map(np.exp, table), outside=outside)
-    found = jax.jit(lambda material, x: material.storage_and_loss(x))(material, x)
-    np.testing.assert_allclose(found, law(table, outside, x), rtol=1e-12, atol=1e-200)
+    found = np.asarray(jax.jit(lambda material, x: material.modulus(jnp.exp(x)))(material, x))
+    np.testing.assert_allclose([found.real, found.imag], law(table, outside, x), rtol=1e-12, atol=1e-200)
     assert close(
         means(stiffness(table, outside, None), x), by_quadrature(table, outside, x)[:3], outside, 1e-9
     )
@@ -73,7 +85,7 @@ def test_means_of_random_tables(seed):
 def test_means_in_series_with_a_spring(seed):
     """One value for all nodes, or one for every node."""
     table, outside = random_table(seed), OUTSIDE[seed % 3]
-    x, F = velocities(table), stiffness(table, outside, jnp.asarray(2.0))
+    x, F = velocities(table), stiffness(table, outside, 2.0)
     exact = by_quadrature(table, outside, x, 2.0)[:3]
     assert close(means(F, x), exact, outside, 1e-9)
     assert close(means_by_node(F, x), exact, outside, 1e-9)
@@ -112,7 +124,7 @@ def test_forward_and_reverse_mode_are_alike():
     x = velocities(table)
 
     def values(table, x):
-        return means(stiffness(table, "fall", jnp.asarray(2.0)), x)
+        return means(stiffness(table, "fall", 2.0), x)
 
     forward, reverse = (jax.jit(d(values, (0, 1)))(table, x) for d in (jax.jacfwd, jax.jacrev))
     for one, other in zip(forward, reverse, strict=True):
@@ -125,14 +137,11 @@ def test_at_rest_a_loss_is_nothing_however_large():
     table = np.log(
         [[1e-20, 2e-20, 2.00002e-15, 4e-15], [3.2, 13.0, 1.0e5, 6.0e5], [9.2e13, 5.5e13, 1.8e14, 3.6e14]]
     )
-    F = stiffness(table, "fall", None)
-    for one in (means_table(F, WANTED, False, None), F._replace(scale=jnp.ones(3))):
-        q = jnp.array([1.0, 3.0, 9.0])
-        at_rest = (q, jnp.zeros(1), None) if one is not F and hasattr(one, "cells") else (0 * q[None],)
-        found = one.means(*at_rest, WANTED)
-        np.testing.assert_allclose(jnp.ravel(found["mean_abs2"][0]), 3.2**2, rtol=1e-7)
-        np.testing.assert_allclose(jnp.ravel(found["mean_storage"][0]), 3.2, rtol=1e-7)
-        assert not found["mean_cos_loss"][0].any()
+    q = jnp.array([1.0, 3.0, 9.0])
+    found = table_of(stiffness(table, "fall", None)).means(q, jnp.zeros(1), None, WANTED)
+    np.testing.assert_allclose(jnp.ravel(found["mean_abs2"][0]), 3.2**2, rtol=1e-7)
+    np.testing.assert_allclose(jnp.ravel(found["mean_storage"][0]), 3.2, rtol=1e-7)
+    assert not found["mean_cos_loss"][0].any()
 
 
 def test_the_dissipation_of_a_loss_that_ends_is_not_negative():
@@ -166,7 +175,7 @@ def test_a_shift_at_every_node_is_a_velocity():
 
     @jax.jit
     def both(F, v):
-        one = means_table(F, WANTED, False, None)
+        one = table_of(F)
         shifted, moved = (
             one.means(q, v, log_shift, WANTED),
             one.means(q, v * jnp.exp(log_shift), None, WANTED),
@@ -198,7 +207,7 @@ def test_where_a_table_begins_on_the_grid_does_not_matter(of):
     at, step = velocities((x, *logarithms)), 0.1 / 6
     moved = np.concatenate([np.arange(40), np.arange(40) + 0.5]) * step
     moved = np.concatenate([moved, np.nextafter(moved, 1e3), [0.123]])
-    rows = [of(stiffness((x + by, *logarithms), "fall", jnp.asarray(2.0)), at + by) for by in moved]
+    rows = [of(stiffness((x + by, *logarithms), "fall", 2.0), at + by) for by in moved]
     np.testing.assert_allclose(rows, np.broadcast_to(rows[-1], np.shape(rows)), rtol=1e-10)
 
 
@@ -206,7 +215,7 @@ def test_where_a_table_begins_on_the_grid_does_not_matter(of):
 def test_another_width(width):
     table = random_table(0)
     x, F = velocities(table), stiffness(table, "fall", None)
-    F = F._replace(material=dataclasses.replace(F.material, smoothing=width))
+    F = F.replace("upper.material", dataclasses.replace(F.upper.material, smoothing=width))
     assert close(means(F, x), by_quadrature(table, "fall", x, width=width)[:3], "fall", 1e-9)
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
 from rubberfric.base.quadrature import gauss, typed
-from rubberfric.theory.stiffness.splines import with_neighbours
+from rubberfric.base.splines import with_neighbours
 
 # Points of a local polynomial, half of them on either side; entries after x on which the mean depends.
 _POINTS = 20
@@ -56,11 +56,12 @@ def depth(step: float) -> int:
 
 
 @functools.lru_cache(maxsize=64)
-def circle_weights(step: float, harmonics: int) -> tuple[Weights, Weights, Weights]:
+def full_weights(step: float, harmonics: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the weights of <f>, of <cos(phi) f> and of the transverse means, each with harmonics.
 
     The harmonics of <f> and <cos(phi) f> have the additional factor cos(2 m phi). The transverse means are
-    <sin(phi) sin(2 m phi) f>. The first row of the transverse weights is zero.
+    <sin(phi) sin(2 m phi) f>. Each array has the shape (1 + harmonics, entries). The entries are the weights
+    of f(x - m step), m = -LEAD, 1 - LEAD, ... The first row of the transverse weights is zero.
     """
     count = depth(step)
     node, weight = gauss(24 + harmonics // 2)
@@ -71,18 +72,32 @@ def circle_weights(step: float, harmonics: int) -> tuple[Weights, Weights, Weigh
     share = -np.log(np.sin(psi)) / step - np.arange(count)[:, None]
     basis = _lagrange(share) * ((right - left)[:, None] * weight * (2 / np.pi))[..., None]
 
-    def rows(kernels, parity):
+    def rows(kernels):
         found = np.zeros((len(kernels), count + _POINTS))
         for row, kernel in zip(found, kernels, strict=True):
             for point, values in enumerate(np.einsum("co,cop->pc", kernel, basis)):
                 row[point : point + count] += values
-        block = lead_in(step, harmonics)
-        far = [_powers(row[LEAD + block + 1 : count], step, block + 1, parity, harmonics) for row in found]
-        return Weights(found[:, : 2 * block + LEAD], np.array(far), np.array(parity))
+        found.setflags(write=False)
+        return found
 
-    even = [np.ones_like(psi), *(harmonic(m, psi)[0] for m in range(1, harmonics + 1))]
-    across = [np.zeros_like(psi), *(harmonic(m, psi)[1] for m in range(1, harmonics + 1))]
-    return rows(even, 1), rows([kernel * np.sin(psi) for kernel in even], 2), rows(across, 2)
+    even, across = (
+        [start * np.ones_like(psi), *(harmonic(m, psi)[i] for m in range(1, harmonics + 1))]
+        for i, start in enumerate((1.0, 0.0))
+    )
+    return rows(even), rows([kernel * np.sin(psi) for kernel in even]), rows(across)
+
+
+@functools.lru_cache(maxsize=64)
+def circle_weights(step: float, harmonics: int) -> tuple[Weights, Weights, Weights]:
+    """Return the rows of `full_weights`, with sums of powers in place of the far entries."""
+    block, count = lead_in(step, harmonics), depth(step)
+
+    def near_and_far(rows, parity):
+        far = [_powers(row[LEAD + block + 1 : count], step, block + 1, parity, harmonics) for row in rows]
+        return Weights(rows[:, : 2 * block + LEAD], np.array(far), np.array(parity))
+
+    even, along, across = full_weights(step, harmonics)
+    return near_and_far(even, 1), near_and_far(along, 2), near_and_far(across, 2)
 
 
 def _powers(weights, step, first, parity, harmonics):
@@ -92,8 +107,9 @@ def _powers(weights, step, first, parity, harmonics):
     """
     s = step * (first + np.arange(len(weights)))
     y = np.exp(-2 * s)
-    # The fit of the weights over their first power treats all powers of y equally.
-    degree = 14 + harmonics // 3
+    # The fit of the weights over their first power treats all powers of y equally. Powers below e^-36 do not
+    # count.
+    degree = min(14 + harmonics // 3, math.ceil(18 / s[0]))
     fit = Chebyshev.fit(y, weights * np.exp(parity * s), degree, domain=[0, y[0]])
     found = fit.convert(kind=Polynomial, domain=[-1, 1], window=[-1, 1]).coef
     return np.pad(found, (0, degree + 1 - found.size))
@@ -162,8 +178,8 @@ def circle_means(
 
 
 def lead_in(step: float, harmonics: int) -> int:
-    """Return the number of entries of the grid before the first mean."""
-    return math.ceil((_FAR_OF_HARMONICS if harmonics else _FAR) / step)
+    """Return the number of entries of the grid before the first mean, which is the length of a block."""
+    return max(LEAD, math.ceil((_FAR_OF_HARMONICS if harmonics else _FAR) / step))
 
 
 def _moments_before(first, second, begin, power, step, block):
@@ -183,8 +199,8 @@ def _moments_before(first, second, begin, power, step, block):
 
 
 @functools.lru_cache(maxsize=64)
-def circle_rule(step: float, growth: float = 15.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return (s, psi, weight) of the trapezoidal rule over t for the mean over the circle.
+def circle_rule(step: float, growth: float = 15.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return (psi, weight) of the trapezoidal rule over t for the mean over the circle.
 
     The step grows with t as sqrt(1 + (t / growth)^2), because large t contribute less. The results are NumPy
     arrays.
@@ -196,8 +212,7 @@ def circle_rule(step: float, growth: float = 15.0) -> tuple[np.ndarray, np.ndarr
     # cos(phi) = 1 / cosh t, psi = pi/2 - phi.
     psi = 2 * np.arctan(np.exp(-t))
     psi[0] = 0.5 * np.pi
-    s = np.log(np.cosh(t))
-    found = s, psi, weight / weight.sum()
+    found = psi, weight / weight.sum()
     for one in found:
         one.setflags(write=False)
     return found

@@ -1,8 +1,7 @@
-r"""Angular means of a solid without a Prony series, on a uniform grid of ln(q v).
+r"""Means over the direction of sliding as a table over ln(q v).
 
-With a constant spring k the series stiffness F = f k / (f + k) depends only on q v. Its means are
-convolutions over ln(q v), computed once (`rubberfric.theory.stiffness.circle_means`). Splines evaluate them
-at every node and velocity.
+If the stiffness F depends on q v only, its means are convolutions over ln(q v), computed once
+(`rubberfric.theory.stiffness.circle`). Splines evaluate them at every node and velocity.
 
 The grid begins at a multiple of its step and has a fixed length. The position of the grid carries no
 derivative.
@@ -15,28 +14,37 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.logarithms import floored_log
 from rubberfric.base.quadrature import typed
+from rubberfric.base.splines import BEFORE, BESIDE, MARGIN, at, splines
 from rubberfric.materials.material import Material
 from rubberfric.materials.tabulated_modulus import LONGEST_TABLE, REACH
-from rubberfric.theory.stiffness.angular_means import Harmonics, Means
-from rubberfric.theory.stiffness.circle_means import LEAD, Weights, circle_means, circle_weights, lead_in
-from rubberfric.theory.stiffness.splines import BEFORE, BESIDE, MARGIN, at, splines
-from rubberfric.theory.stiffness.tabulated_means import (
-    PER_DETAIL,
-    Tabulated,
-    constant_shares,
-    far_below,
-    kinds_of,
-    log_range,
-    of_direction,
-    stiffness_parts,
+from rubberfric.theory.stiffness.circle import LEAD, Weights, circle_means, circle_weights, lead_in
+from rubberfric.theory.stiffness.closed_form import Harmonics, Means
+from rubberfric.theory.stiffness.complex_stiffness import (
+    MOST_EXCESS_OF_TABLE,
+    bare,
+    facing,
+    frequency_range,
 )
-from rubberfric.theory.structure import RequiredMeans
+from rubberfric.theory.stiffness.kinds import constant_shares, kinds_of, mixed, passing
+from rubberfric.theory.structure import RequiredMeans, RoughSurface
 
-# Extension of the grid beyond the table of the modulus at either end, in ln(q v). There the means are two
-# powers of q v; a third one contributes e^-32 and e^-27.
-_BELOW, _ABOVE = 8.0, 9.0  # plus the width of a rounded knot
+# Steps of the grid per finest detail of E over ln omega.
+PER_DETAIL = 6
+
+# Step for a relaxation spectrum, whose singularities are pi/2 from the real axis of ln omega: error 1e-13.
+# It is 3e-11 for a step of 0.15.
+STEP = 0.1
+
+# Length of the grid for a relaxation spectrum in ln omega: relaxation times over 38 decades.
+_LONGEST = 120.0
+
+# If relaxation times span more, the grid begins at this ln omega or at the slowest time, and slower terms are
+# relaxed: 1e-26 rad/s are never reached.
+_SLOWEST = -60.0
+
+# Parts of the grid beyond a table of moduli at both ends together, in ln omega.
+_BEYOND = 17.0
 
 # Logarithm of the largest factor by which q or v alone can lie beyond a table.
 _LARGEST = 60.0
@@ -48,13 +56,12 @@ _FAR = 40.0
 class MeansTable(NamedTuple):
     """Splines of the means over a uniform grid of ln(q v), with one or several rows for each kind."""
 
-    material: Material
+    material: Material  # of the strained solid
     first: jax.Array  # the first cell begins at step * first
     ends: jax.Array  # ln(q v) where the means become powers, below and above
+    rest: jax.Array  # ln(q v) below which E'' < 1e-9 E'
     cells: jax.Array  # `splines` of the rows, for positive rows of their square root
     limits: jax.Array  # the rows far beyond the ends, (rows, 2)
-
-    by_node = False
 
     def means(
         self,
@@ -71,27 +78,60 @@ class MeansTable(NamedTuple):
         ----------
         q, velocity : [1/m], [m/s], shapes that broadcast
         log_shift : ln a_T, broadcastable with q and velocity; None: 0
-        needs, split, harmonics : arguments with which the table was built; see `PronyStiffness.means`
+        needs : RequiredMeans
+        split : True if <F'^2> and <F''^2> are needed separately
+        harmonics : coefficients (c_m, s_m) of anisotropic roughness, or None. Each has the shape
+            (harmonics,), or (harmonics, ...) broadcastable with q v if it depends on q. The means then
+            include the harmonics. `needs`, `split` and constant coefficients are those of the table.
         """
-        passing, sign = _passing(self, jnp.log(q), velocity, log_shift)
-        return of_direction(_by_table(self, passing, needs, split, harmonics), sign, harmonics)
+        position, sign = _position(self, jnp.log(q), velocity, log_shift)
+        means = _by_table(self, position, needs, split, harmonics)
+        if harmonics is not None and harmonics[0].ndim > 1:
+            cosine, sine = harmonics
+            means = {
+                kind: (mixed(sine if kind == "mean_sin_loss" else cosine, values),)
+                for kind, values in means.items()
+            }
+        odd = {kind: means[kind] for kind in ("mean_cos_loss", "mean_sin_loss") if kind in means}
+        return means | {kind: tuple(x * sign for x in values) for kind, values in odd.items()}
 
 
-def means_table(F: Tabulated, needs: RequiredMeans, split: bool, harmonics: Harmonics | None) -> MeansTable:
-    """Return a table of the means of F, which must depend only on q v.
+def step_of(material: Material) -> float:
+    """Return the step of the grid of ln omega for a material."""
+    return STEP if material.detail is None else material.detail / PER_DETAIL
 
-    The other arguments are as in `Tabulated.means`.
+
+def means_table(
+    surface: RoughSurface,
+    scale: jax.Array,
+    needs: RequiredMeans,
+    split: bool = False,
+    harmonics: Harmonics | None = None,
+) -> MeansTable:
+    """Return a table of the means of F of two half-spaces in units of `scale` [Pa].
+
+    The other arguments are as in `MeansTable.means`.
     """
-    material, (count_of_harmonics, mix) = F.material, constant_shares(harmonics)
-    step, reach = material.detail / PER_DETAIL, REACH * material.detail
+    surface = bare(surface)
+    material, (count_of_harmonics, mix) = surface.strained.material, constant_shares(harmonics)
+    step = step_of(material)
     kinds, before = kinds_of(needs, split, material.loss_beyond), lead_in(step, count_of_harmonics)
-    low, high = log_range(material)
-    ends = jax.lax.stop_gradient(jnp.stack([low - _BELOW - reach, high + _ABOVE + reach]))
+    extent = frequency_range(surface)
+    ends, length = jnp.stack([extent.low, extent.high]), _LONGEST
+    if material.detail is not None:
+        # Under jit a table of moduli may be longer than the grid; its means are then NaN.
+        length = LONGEST_TABLE + _BEYOND + 2 * REACH * material.detail + MOST_EXCESS_OF_TABLE
+    else:
+        slow = jnp.maximum(ends[0], jnp.minimum(_SLOWEST, ends[1] - length))
+        ends = jnp.stack([slow, jnp.minimum(ends[1], slow + length)])
     # Includes entries beyond the ends that the splines and the circle need.
     first = jnp.floor(ends[0] / step) - BEFORE
-    count = math.ceil((LONGEST_TABLE + _BELOW + _ABOVE + 2 * reach) / step) + 12 + 2 * MARGIN
-    moduli = material.storage_and_loss_on_grid(first - before, step, before + count + LEAD)
-    parts = stiffness_parts(F, *moduli)
+    count = math.ceil(length / step) + 12 + 2 * MARGIN
+
+    def F_of(E_r):
+        return facing(surface, jnp.ones(()), E_r / scale, unit=scale)
+
+    F = F_of(material.reduced_on_grid(first - before, step, before + count + LEAD))
     weights = _mixed_weights(circle_weights(step, count_of_harmonics), mix)
     of_kinds = [weights[kind.weights] for kind in kinds]
     weights = Weights(
@@ -100,27 +140,20 @@ def means_table(F: Tabulated, needs: RequiredMeans, split: bool, harmonics: Harm
         np.stack([one.parity for one in of_kinds]),
     )
     begin = np.array([1.0 if material.loss_beyond == "fall" and kind.odd else 0.0 for kind in kinds])
-    rows = circle_means(jnp.stack([kind.of(parts) for kind in kinds]), weights, step, begin, before)
+    rows = circle_means(jnp.stack([kind.of(F) for kind in kinds]), weights, step, begin, before)
     # Only the first row of a kind has one sign.
     positive = np.zeros(rows.shape[:2], bool)
     positive[:, 0] = [kind.positive for kind in kinds]
     positive = positive[..., None]
     rows = jnp.where(positive, _root(jnp.where(positive, rows, 1.0)), rows)
-    # Under jit a table may be longer than the grid.
-    rows = jnp.where(high - low <= LONGEST_TABLE, rows, jnp.nan).reshape(-1, rows.shape[-1])
-    # E' and E'' at the ends; beyond them E'' is a power.
-    entry = jnp.floor(ends / step)
-    storage, loss = (x[(entry - first).astype(int) + before] for x in moduli)
-    if material.loss_beyond == "fall":
-        loss = loss * jnp.exp(jnp.array([1.0, -1.0], ends.dtype) * (ends - step * entry))
-    at_ends = storage, loss
-    return MeansTable(
-        material,
-        first + MARGIN + BESIDE,
-        ends,
-        splines(rows),
-        _limits(F, kinds, at_ends, count_of_harmonics, mix),
-    )
+    rows = jnp.where(ends[1] - ends[0] <= length, rows, jnp.nan).reshape(-1, rows.shape[-1])
+    # Beyond the ends E' is constant, and E'' is a power.
+    E_r = material.reduced_modulus(jnp.exp(ends))
+    storage = jnp.stack([material.static_reduced(), jnp.real(E_r)[1]])
+    far = math.exp(-_FAR) if material.loss_beyond == "fall" else 1.0
+    F_far = F_of(jax.lax.complex(storage, far * jnp.imag(E_r)))
+    limits = _limits(F_far, far, kinds, material.loss_beyond, count_of_harmonics, mix)
+    return MeansTable(material, first + MARGIN + BESIDE, ends, extent.rest, splines(rows), limits)
 
 
 def _mixed_weights(weights, mix):
@@ -142,23 +175,17 @@ def _stack(arrays):
     return np.stack(arrays) if isinstance(arrays[0], np.ndarray) else jnp.stack(arrays)
 
 
-def _limits(F, kinds, at_ends, harmonics, mix):
+def _limits(F, far, kinds, outside, harmonics, mix):
     """Return the limits of the rows below and above the table, of shape (rows, 2).
 
     A row may vanish like e^x below the table and like e^-x above the table. The limits of such a row are the
-    factors of e^x and e^-x.
+    factors of e^x and e^-x. F is the stiffness below and above, where E'' is smaller by the factor `far`.
     """
-    outside = F.material.loss_beyond
-    storage, loss = at_ends
-    far = stiffness_parts(F, storage, loss * (math.exp(-_FAR) if outside == "fall" else 1.0))
-    moments = [typed(m, storage) for m in _moments(harmonics, outside)]  # NumPy's would widen float32
+    moments = [typed(m, jnp.real(F)) for m in _moments(harmonics, outside)]  # NumPy's would widen float32
     if mix is not None:
         shares = mix[0], mix[0], mix[1]
         moments = [m[:, :1] + m[:, 1:] @ c[:, None] for m, c in zip(moments, shares, strict=True)]
-    rows = []
-    for kind in kinds:
-        back = math.exp(_FAR) if outside == "fall" and kind.odd else 1.0
-        rows.append((kind.of(far) * back)[:, None] * moments[kind.weights])
+    rows = [(kind.of(F) / (far if kind.odd else 1.0))[:, None] * moments[kind.weights] for kind in kinds]
     return jnp.concatenate(rows, 1).T
 
 
@@ -180,7 +207,7 @@ def _moments(harmonics, outside):
     return even, 2 / np.pi * np.hstack([one, [along] * 2]), 2 / np.pi * np.hstack([0 * one, [across] * 2])
 
 
-class _Passing(NamedTuple):
+class _Position(NamedTuple):
     """Position of a look-up in a table, and its distance beyond the ends."""
 
     inside: jax.Array  # ln(q v), or the nearest end of the table
@@ -188,29 +215,20 @@ class _Passing(NamedTuple):
     away: jax.Array  # e^-(distance from the table)
 
 
-def _passing(table, log_q, velocity, log_shift):
-    """Return `_Passing`, and the sign factor of means that are odd in v.
+def _position(table, log_q, velocity, log_shift):
+    """Return the `_Position`, and the sign factor of means that are odd in v.
 
     ln(q v) is a sum of logarithms of q and v. A logarithm and an exponential of every q v would take longer
     than the splines.
     """
     low, high = table.ends
-    # |v a_T| is bounded below such that all q lie far below the table. There E is E(0) and E'' is linear in
-    # omega, so the derivative at v = 0 is right. If E'' does not vanish at v = 0+, only the sign remains.
-    least = jax.lax.stop_gradient(low - far_below(table.material) - jnp.max(log_q))
-    log_speed = floored_log(jnp.abs(velocity))
-    shifted = log_speed if log_shift is None else log_speed + log_shift
-    sign = jnp.sign(velocity)
-    if not table.material.loss_at_rest:
-        log_factor = -least if log_shift is None else log_shift - least
-        log_factor = jnp.minimum(log_factor, 0.85 * math.log(float(jnp.finfo(velocity.dtype).max)))
-        sign = jnp.clip(velocity * jnp.exp(log_factor), -1.0, 1.0)
-    shifted = jnp.maximum(shifted, least)
+    least = jax.lax.stop_gradient(table.rest - jnp.max(log_q))
+    shifted, sign = passing(velocity, log_shift, least, table.material.loss_at_rest)
     log_qv = log_q + shifted
     lower, higher = log_qv < low, log_qv > high
     inside = jnp.where(lower, low, jnp.where(higher, high, log_qv))
     if log_shift is not None and log_shift.ndim == log_qv.ndim:
-        return _Passing(inside, lower, jnp.exp(-jnp.abs(log_qv - inside))), sign
+        return _Position(inside, lower, jnp.exp(-jnp.abs(log_qv - inside))), sign
     # Separately for q and v, so that each factor is finite.
     middle = jax.lax.stop_gradient(jnp.mean(log_q))
 
@@ -219,10 +237,10 @@ def _passing(table, log_q, velocity, log_shift):
         return jnp.exp(sign * (log_q - middle)) * of_speed
 
     above = jnp.where(higher, product(-1.0, high), 1.0)
-    return _Passing(inside, lower, jnp.where(lower, product(1.0, low), above)), sign
+    return _Position(inside, lower, jnp.where(lower, product(1.0, low), above)), sign
 
 
-def _by_table(table, passing, needs, split, harmonics):
+def _by_table(table, position, needs, split, harmonics):
     r"""Return means from the splines of a table, and from powers of e^x beyond the table.
 
     With x = ln(q v) and vanishing E'', the means below the table are even or odd in e^x,
@@ -232,8 +250,8 @@ def _by_table(table, passing, needs, split, harmonics):
     and above it, where the share e^-x of the circle lies within the table, P + P' e^-x and D e^-x + D' e^-2x.
     """
     outside, (count, mix) = table.material.loss_beyond, constant_shares(harmonics)
-    step = table.material.detail / PER_DETAIL
-    inside, lower, away = passing
+    step = step_of(table.material)
+    inside, lower, away = position
     rows = at(table.cells, inside * (1 / step) - table.first)
     up = jnp.where(lower, 1.0, away)
 
