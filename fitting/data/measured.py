@@ -23,7 +23,6 @@ from fitting.data.fields import (
 from rubberfric.base import (
     POSITIVE,
     StrPath,
-    check_count,
     check_values,
     check_writable,
     closest,
@@ -80,7 +79,6 @@ class Measured:
             for name in self.values:
                 check_values(f"{kind}.{name}", arrays[name], (advice, POSITIVE[1]))
         shape = self._checked_shape(arrays)
-        check_count(shape, f"{kind}: {', '.join(arrays)}")
         for name, values in arrays.items():
             own = np.broadcast_to(values, shape).flatten()
             own.flags.writeable = False

@@ -22,7 +22,7 @@ import jax.numpy as jnp
 from rubberfric.base.checks import POSITIVE
 from rubberfric.base.objects.fields import Number, child, leaf
 from rubberfric.base.objects.physical import physical
-from rubberfric.materials.in_series import in_series
+from rubberfric.materials.in_series import in_series, times
 from rubberfric.materials.material import Material, poisson_of
 from rubberfric.materials.shifts import Shift
 from rubberfric.materials.slab import Layer, sinh_minus_linear
@@ -76,11 +76,13 @@ class Coating(Layer):
         assert base is not None
         nu_0 = poisson_of(self.base)
         pairs = _pairs(q * self.thickness, 2 * (1 - 2 * poisson), 2 * (1 - 2 * nu_0))
-        base = pairs.of_base * ((1 - nu_0) / (1 - poisson)) * base
-        found = pairs.free * layer
-        for size, of_layer in zip(pairs.size, pairs.of_layer, strict=True):
-            found = found + size * in_series(of_layer * layer, base)
-        return found
+        base = times(pairs.of_base * ((1 - nu_0) / (1 - poisson)), base)
+        free = times(pairs.free, layer)
+        one, two = (
+            times(size, in_series(times(of_layer, layer), base))
+            for size, of_layer in zip(pairs.size, pairs.of_layer, strict=True)
+        )
+        return free + (one + two)
 
 
 def _check_solid(name, material):

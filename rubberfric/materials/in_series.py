@@ -1,4 +1,4 @@
-r"""Two stiffnesses in series, 1 / (1/a + 1/b), by sums of positive terms.
+r"""Complex stiffnesses: two in series, 1 / (1/a + 1/b), by sums of positive terms, and multiples.
 
 .. math:: \mathrm{Re}\frac{ab}{a+b} = \frac{a'|b|^2 + b'|a|^2}{|a+b|^2},\qquad
           \mathrm{Im}\frac{ab}{a+b} = \frac{a''|b|^2 + b''|a|^2}{|a+b|^2}
@@ -38,15 +38,26 @@ def _in_series_jvp(primals, tangents):
     # The derivatives of the two sums would lose the digits of the stiffer solid's small share.
     _, a, b, below = _scaled(*primals)
     by_a, by_b = _share(b, a, below) ** 2, _share(a, b, below) ** 2
-    return in_series(*primals), by_a * tangents[0] + by_b * tangents[1]
+    # Real and complex terms have different dtypes.
+    changes = [times(*x) for x in ((by_a, tangents[0]), (by_b, tangents[1]))]
+    dtype = jnp.result_type(*(x.dtype for x in changes))
+    return in_series(*primals), changes[0].astype(dtype) + changes[1].astype(dtype)
+
+
+def times(x: jax.Array, y: jax.Array) -> jax.Array:
+    """Return x y, where a factor may be real and the other complex, without a promotion of dtypes."""
+    if jnp.iscomplexobj(x) == jnp.iscomplexobj(y):
+        return x * y
+    factor, z = (y, x) if jnp.iscomplexobj(x) else (x, y)
+    return jax.lax.complex(*jnp.broadcast_arrays(factor * jnp.real(z), factor * jnp.imag(z)))
 
 
 def _scaled(a, b):
     """Return the larger of a and b, both divided by it, and |a + b|^2, which is 1 if both are 0."""
     larger = jax.lax.stop_gradient(jnp.maximum(*map(_size, (a, b))))
     larger = jnp.where(larger > 0, larger, 1.0)
-    a, b = a / larger, b / larger
-    below = _abs2(a + b)
+    a, b = times(1 / larger, a), times(1 / larger, b)
+    below = (jnp.real(a) + jnp.real(b)) ** 2 + (jnp.imag(a) + jnp.imag(b)) ** 2
     return larger, a, b, jnp.where(below > 0, below, 1.0)
 
 

@@ -17,6 +17,7 @@ from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE, as_numbers, betwe
 from rubberfric.base.compilation import exact_products
 from rubberfric.base.objects.fields import Number, leaf
 from rubberfric.base.objects.physical import Kind, check_kind, kinds, physical
+from rubberfric.materials.in_series import times
 from rubberfric.materials.shifts import Shift, log_vertical
 
 POISSON = between(0.0, 0.5)
@@ -110,7 +111,7 @@ class Material(Kind):
 
     def reduced_modulus(self, omega: jax.Array) -> jax.Array:
         """Return E_r = E / (1 - nu^2) [Pa], complex, at the reference temperature; see `modulus`."""
-        return plane_strain_factor(self) * self.modulus(omega)
+        return times(plane_strain_factor(self), self.modulus(omega))
 
     def reduced_on_grid(self, first: jax.Array, step: float, count: int) -> jax.Array:
         """Return E_r [Pa], complex, at ln omega = step (first + k) for k = 0 ... count - 1."""
@@ -266,7 +267,7 @@ def _modulus(material, omega, temperature):
 def apply_vertical_shift(modulus: jax.Array, shift: Shift | None, temperature: ArrayLike | None) -> jax.Array:
     """Return b_T times a modulus, or the modulus without a vertical shift or temperature."""
     log_factor = log_vertical(shift, temperature)
-    return modulus if log_factor is None else jnp.exp(log_factor) * modulus
+    return modulus if log_factor is None else times(jnp.exp(log_factor), modulus)
 
 
 def series_modulus(series: Series, omega: jax.Array) -> jax.Array:

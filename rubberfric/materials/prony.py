@@ -170,7 +170,7 @@ def _doubts_of_terms(name, rest, weight):
 
 def _young(shear, bulk):
     # Without the product of the two moduli, which may overflow float32.
-    return 3 * shear / (1 + shear / (3 * bulk))
+    return 3 * in_series(shear, 3 * bulk)
 
 
 def _reduced(shear, bulk):

@@ -9,6 +9,7 @@ import numpy as np
 from rubberfric.base.checks import POSITIVE
 from rubberfric.base.objects.fields import Number, leaf, static
 from rubberfric.base.objects.physical import Kind, physical
+from rubberfric.materials.in_series import times
 from rubberfric.materials.material import Material, poisson_of
 from rubberfric.materials.shifts import Shift
 
@@ -68,7 +69,7 @@ class Layer(Kind):
         base : E_r of the material `below`; None: the base is rigid
         """
         del base
-        return layer * self.stiffening(poisson, q)
+        return times(self.stiffening(poisson, q), layer)
 
     def base_shift(self, material: Material) -> Shift | None:
         """Return the shift of the base if the layer consists of `material`."""

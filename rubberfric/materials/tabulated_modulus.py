@@ -14,6 +14,7 @@ from rubberfric.base.objects.fields import Number, Vector, child, leaf, static
 from rubberfric.base.objects.physical import physical
 from rubberfric.base.quadrature import typed
 from rubberfric.base.splines import BEFORE, BESIDE, MARGIN, at, splines
+from rubberfric.materials.in_series import times
 from rubberfric.materials.material import POISSON, Material, plane_strain_factor
 from rubberfric.materials.shifts import Shift
 
@@ -141,7 +142,7 @@ class TabulatedModulus(Material):
             place,
             mode=jax.lax.GatherScatterMode.FILL_OR_DROP,
         )
-        return plane_strain_factor(self) * self._modulus(log_omega, curves)
+        return times(plane_strain_factor(self), self._modulus(log_omega, curves))
 
     def quick(self) -> "OnGrid":  # pyright: ignore[reportIncompatibleMethodOverride]
         """Return splines of ln E_r' and ln E_r''."""

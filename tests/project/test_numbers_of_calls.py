@@ -33,7 +33,6 @@ HUGE = {
     "dissipated_power": lambda c: rf.analysis.dissipated_power(SCENE, **c),
     "accuracy": lambda c: rf.analysis.accuracy(SCENE, **c),
     "sensitivity": lambda c: fitting.sensitivity(SCENE, **c, parameters="gamma"),
-    "FrictionData": lambda c: fitting.FrictionData(c["velocity"], np.full((100_000, 1), 0.5), pressure=1e5),
     "complex_modulus": lambda c: rf.complex_modulus(SHIFTED_TREAD, c["velocity"], c["pressure"] / 300),
     "jit": lambda c: jax.jit(lambda v: rf.friction(SCENE, v, c["pressure"]))(c["velocity"]),
     "eval_shape": lambda c: jax.eval_shape(lambda: rf.friction(SCENE, **c)),

@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 
-from rubberfric.materials.in_series import in_series
+from rubberfric.materials.in_series import in_series, times
 from rubberfric.materials.material import E_r, Material, poisson_of
 from rubberfric.materials.slab import Layer
 from rubberfric.materials.tabulated_modulus import REACH
@@ -120,7 +120,7 @@ def E_r_S_bar(
 
     `F_j` describes the other arguments. Softening multiplies E' and E'' of the body's material.
     """
-    E = E_r(body.material, omega, T) / unit
+    E = times(1 / jnp.asarray(unit), E_r(body.material, omega, T))
     if softened is not None:
         f, g = softening_factors(softened, q)
         E = f * E if omega is None else jax.lax.complex(f * jnp.real(E), g * jnp.imag(E))
@@ -129,7 +129,7 @@ def E_r_S_bar(
         return E
     base = None
     if body.below is not None:
-        base = E_r(body.below, omega, T, layer.base_shift(body.material)) / unit
+        base = times(1 / jnp.asarray(unit), E_r(body.below, omega, T, layer.base_shift(body.material)))
     return layer.E_r_S_bar(poisson_of(body.material), q, E, base)  # (A10)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from rubberfric.base.quadrature import typed
 from rubberfric.base.splines import BEFORE, BESIDE, MARGIN, at, splines
+from rubberfric.materials.in_series import times
 from rubberfric.materials.material import Material
 from rubberfric.materials.tabulated_modulus import LONGEST_TABLE, REACH
 from rubberfric.theory.stiffness.circle import LEAD, Weights, circle_means, circle_weights, lead_in
@@ -129,7 +130,7 @@ def means_table(
     count = math.ceil(length / step) + 12 + 2 * MARGIN
 
     def F_of(E_r):
-        return facing(surface, jnp.ones(()), E_r / scale, unit=scale)
+        return facing(surface, jnp.ones_like(scale), times(1 / scale, E_r), unit=scale)
 
     F = F_of(material.reduced_on_grid(first - before, step, before + count + LEAD))
     weights = _mixed_weights(circle_weights(step, count_of_harmonics), mix)
