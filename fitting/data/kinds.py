@@ -84,12 +84,12 @@ _SPECTRUM = Field(
     plausible=(POSITIVE, unit_rule("must be <= 1e3 m^4; is it in mm^4 or um^4?", lambda C: C <= 1e3)),
 )
 _RATIO_ERROR = Field("sigma", "-", POSITIVE)
-# ln C of a single mode has the standard deviation pi/sqrt(6) = 1.28.
+# ln C of a single mode has the standard deviation 1.28, and 2.22 for the real mode at the highest wavevector.
 _SPECTRUM_ERROR = Field(
     "relative_sigma",
     "-",
     POSITIVE,
-    (unit_rule("must be <= 1.5; is it in percent? 3 % is 0.03", lambda error: error <= 1.5),),
+    (unit_rule("must be <= 2.5; is it in percent? 3 % is 0.03", lambda error: error <= 2.5),),
 )
 
 
@@ -202,7 +202,7 @@ class SpectrumData(Measured):
     q : wavenumber, > 0, any order [1/m]
     C : power spectrum in the normalisation above, > 0 [m^4]
     sigma : standard deviation of `C`, > 0 [m^4], or None
-    relative : standard deviation of ln C, > 0 [-], or None; up to 1.5, as `MeasuredSpectrum.relative`
+    relative : standard deviation of ln C, > 0 [-], or None; up to 2.5, as `MeasuredSpectrum.relative`
     body : "lower", "upper" or None
         Body of the scene that has this surface.
     name, check_units : as in `FrictionData`

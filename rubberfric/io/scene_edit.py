@@ -120,7 +120,7 @@ def edited_scene(like: StrPath, scene: Scene, place: StrPath, prefix: str) -> di
 
     Raises
     ------
-    ValueError : `like` is no valid scene file, or its conditions are not valid for the new scene.
+    ValueError : `like` is no valid scene file, or its conditions do not suit the new scene.
 
     Notes
     -----

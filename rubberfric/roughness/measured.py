@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from rubberfric.roughness.moments import cutoff, rms_slope
-from rubberfric.roughness.normalisation import spectrum_from
+from rubberfric.roughness.normalisation import check_normalisation, spectrum_from
 from rubberfric.roughness.tabulated import TabulatedSpectrum
 
 # Slopes d ln C / d ln q are fitted over one to four octaves, and at least five bins.
@@ -142,6 +142,7 @@ class MeasuredSpectrum(NamedTuple):
             (`spectrum_from`). The rms height of the table is then larger than the rms height of the profile,
             by a factor of 1.36 at H = 0.8.
         """
+        check_normalisation("C_1D" if self.dimensions == 1 else "C", hurst)
         q, C = self.knots()
         return TabulatedSpectrum(q, spectrum_from("C_1D" if self.dimensions == 1 else "C", q, C, hurst))
 

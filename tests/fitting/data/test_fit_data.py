@@ -153,7 +153,7 @@ def test_signs(cls, name, value):
         (SpectrumData, "q", 1e-7, "must be 1e-6 ... 1e12 1/m"),
         (SpectrumData, "C", 1e6, "must be <= 1e3 m^4; is it in mm^4 or um^4?"),
         *((cls, "relative", 5.0, "must be <= 1; is it in percent? 3 % is 0.03") for cls in KINDS[:3]),
-        (SpectrumData, "relative", 5.0, "must be <= 1.5; is it in percent? 3 % is 0.03"),
+        (SpectrumData, "relative", 5.0, "must be <= 2.5; is it in percent? 3 % is 0.03"),
     ],
 )
 def test_values_that_look_like_a_wrong_unit(cls, name, value, text):

@@ -224,3 +224,16 @@ def test_what_is_refused(call, message):
     with pytest.raises(ValueError, match=re.escape(message)) as error:
         call()
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("shape", [(24, 24), (24, 10), (64,)])
+@pytest.mark.parametrize("window", ["none", "hann"])
+def test_relative_is_the_scatter_of_the_logarithm(shape, window):
+    """1500 surfaces of white noise: in every bin, also in the first ones of two to four modes."""
+    options = {"window": window, "detrend": None, "per_decade": 10}
+    noise = rng(8).standard_normal((1500, *shape))
+    spectrum = rf.roughness.spectrum_of_topography if len(shape) == 2 else rf.roughness.spectrum_of_profile
+    found = [spectrum(z, 1e-6, **options) if len(shape) == 2 else spectrum(1e-6, z, **options) for z in noise]
+    scatter = np.std(np.log([each.C for each in found]), 0)
+    np.testing.assert_allclose(scatter, found[0].relative, rtol=0.2)
+    assert found[0].relative.max() <= 2.5  # which fitting.SpectrumData accepts
