@@ -1,5 +1,6 @@
 """Text of cards and tables of other programs: units, numbers in fields, and blocks below keywords."""
 
+import math
 import re
 
 from rubberfric.base.units import ZERO_CELSIUS
@@ -17,10 +18,15 @@ def need(holds: object, message: str) -> None:
 
 def parse_number(field: str) -> float:
     """Return the number in a field, which may have an exponent with D as in Fortran; a blank field is 0."""
+    field = field.strip()
     try:
-        return float(re.sub(r"[dD](?=[+-]?\d+$)", "e", field.strip() or "0"))
+        number = float(re.sub(r"[dD](?=[+-]?\d+$)", "e", field or "0"))
     except ValueError:
-        raise ValueError(f"{field.strip()!r}: must be a number") from None
+        number = math.nan
+    if not math.isfinite(number) or "_" in field:  # Python reads 1_0 as 10
+        parameter = "; parameters are not evaluated" if re.match("[<&%]", field) else ""
+        raise ValueError(f"{field!r}: must be a number{parameter}")
+    return number
 
 
 def format_number(value: float, width: int = 20) -> str:
