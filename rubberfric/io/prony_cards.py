@@ -224,7 +224,10 @@ def _selected(materials: list[CardMaterial], name: str | int | None, program: st
     wanted = str(name).strip().casefold()
     found = [one for one in materials if wanted in map(str.casefold, one.names)]
     need(found, f"name = {shown(name)}: must be one of {listed}")
-    need(len(found) == 1, f"name = {shown(name)}: {len(found)} materials with a Prony series have this name")
+    need(
+        len(found) == 1,
+        f"name = {shown(name)}: {len(found)} materials with a Prony series have this name: must be unique",
+    )
     return found[0]
 
 

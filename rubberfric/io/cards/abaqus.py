@@ -44,7 +44,7 @@ class _Block(NamedTuple):
 
     line: str  # keyword line
     keyword: str  # in capitals, without blanks
-    options: list[tuple[str, str]]  # (name in capitals without blanks, value)
+    options: list[tuple[str, str]]  # (name, value)
     data: list[str]
 
     def taken(self, allowed: Mapping[str, tuple[str, ...]], hint: str = "") -> dict[str, str]:
@@ -53,12 +53,13 @@ class _Block(NamedTuple):
         Names and values may be abbreviated. A name whose tuple of values is empty allows all values.
         """
         found: dict[str, str] = {}
-        for name, value in self.options:
+        for given, value in self.options:
+            name = _squeezed(given)
             names = [one for one in allowed if _squeezed(one).startswith(name)]
             names = [one for one in names if _squeezed(one) == name] or names
             values = allowed[names[0]] if len(names) == 1 else ()
             fits = [one for one in values if value and _squeezed(one).startswith(_squeezed(value))]
-            text = f"{name}={value}" if value else name
+            text = f"{given}={value}" if value else given
             listed = ", ".join(f"{a}={b}" if b else a for a, bs in allowed.items() for b in bs or ("",))
             message = f"{self.keyword}, {text} is not supported: must be {listed}{hint}"
             need(len(names) == 1 and (fits or not values or (not value and "" in values)), message)
@@ -73,7 +74,7 @@ def read(text: str, options: CardOptions) -> list[CardMaterial]:
     inside = True
     for block in _blocks(text):
         if block.keyword == "*MATERIAL":
-            names = [value for name, value in block.options if name == "NAME"]
+            names = [value for name, value in block.options if _squeezed(name) == "NAME"]
             materials.append((names[0].strip('" ') if names else "", []))
             inside = True
         elif _OUTSIDE.match(block.keyword):
@@ -110,9 +111,7 @@ def _blocks(text):
     for line, data in lines:
         keyword, *fields = re.findall(r'(?:[^,"]|"[^"]*"?)+', line)
         pairs = [field.partition("=") for field in fields if field.strip()]
-        blocks.append(
-            _Block(line, _squeezed(keyword), [(_squeezed(a), b.strip()) for a, _, b in pairs], data)
-        )
+        blocks.append(_Block(line, _squeezed(keyword), [(a.strip(), b.strip()) for a, _, b in pairs], data))
     return blocks
 
 

@@ -63,9 +63,7 @@ def _materials(text):
             material = materials.setdefault(_number(fields[1]), _Material())
             values, label = [parse_number(field) for field in fields[2:]], fields[0]
             known = material.constants.setdefault(label, values)
-            message = (
-                f"MP,{label} is given twice for the material {_number(fields[1])}, with different values"
-            )
+            message = f"MP,{label} is given twice for the material {_number(fields[1])}: must have one value"
             need(known == values, message)
         elif name == "MPTE":
             if not any(fields):

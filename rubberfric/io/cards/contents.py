@@ -158,7 +158,7 @@ def _at_reference(rows, reference, where):
     need(
         reference is not None,
         f"{where} has rows at the temperatures {_listed(T)}, but no WLF shift states the temperature of the"
-        " Prony series; keep the row of one temperature, or add the shift",
+        " Prony series: must have one row, or the shift",
     )
     # The programs interpolate the moduli linearly, and keep them constant outside the rows.
     nodes = np.union1d(T, [reference])

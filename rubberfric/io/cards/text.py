@@ -67,7 +67,10 @@ def comma_line(*values: float) -> str:
 
 def wide_numbers(line: str, count: int, width: int = 20) -> list[float]:
     """Return the numbers in the first `count` fields of a line, whose fields have `width` characters."""
-    return [parse_number(line[i : i + width]) for i in range(0, width * count, width)]
+    try:
+        return [parse_number(line[i : i + width]) for i in range(0, width * count, width)]
+    except ValueError as error:
+        raise ValueError(f"{error} in a field of {width} characters") from None
 
 
 def wide_line(*values: float, width: int = 20) -> str:
