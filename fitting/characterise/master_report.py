@@ -1,17 +1,14 @@
 """Text of the report on a master curve."""
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from fitting.characterise.sweep_shifts import ENTROPIC
 
-if TYPE_CHECKING:
-    from fitting.characterise.master_curve import MasterCurve
 
-
-def report_of(curve: "MasterCurve", command: bool) -> str:
-    """Return a report of several lines: shifts, laws, scatter, and sweeps that do not superpose.
+def report_of(curve: Any, command: bool) -> str:
+    """Return a report on a `MasterCurve`: shifts, laws, scatter, and sweeps that do not superpose.
 
     If `command` is True, the report names options of `rubberfric-fit mastercurve` instead of arguments.
     """
@@ -80,7 +77,7 @@ def _advised(curve):
     """Return the vertical shift that the data show and the curve lacks: "entropic", "free", or None."""
     seen, entropic = curve.shifts.hidden, np.asarray(ENTROPIC.log_factor(curve.T, curve.T_ref), float)
     if curve.vertical == "entropic":
-        # A shift that compares with the entropic one is no error of a few percent.
+        # The entropic b_T changes by 10 % in 30 K, more than errors of the moduli.
         return "free" if np.linalg.norm(seen) > np.linalg.norm(entropic) else None
     if not curve.shifts.scaled:
         return None

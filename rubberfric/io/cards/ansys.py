@@ -183,13 +183,15 @@ def _moduli(number, material):
         return [elastic_from_young(c[1], c[2], T, "TB,ELASTIC") for T, c in rows], "TB,ELASTIC"
     EX = _over_temperature(material, "EX")
     PRXY = _over_temperature(material, "PRXY", "NUXY")
-    temperatures = sorted({*EX, *PRXY} - {None}, key=float) or [None]
+    stated = sorted(T for T in {*EX, *PRXY} if T is not None)
+    temperatures: list[float | None] = [*stated] or [None]
     rows = []
     for T in temperatures:
-        values = [column.get(T, column.get(None)) for column in (EX, PRXY)]
+        columns = [column for column in (EX, PRXY) if T in column or None in column]
         message = f"material {number}: MPDATA,EX and MPDATA,PRXY must have the same temperatures"
-        need(None not in values, message)
-        rows.append(elastic_from_young(values[0], values[1], T, "MP,EX"))
+        need(len(columns) == 2, message)
+        young, poisson = (column[T if T in column else None] for column in columns)
+        rows.append(elastic_from_young(young, poisson, T, "MP,EX"))
     return rows, "MP,EX"
 
 
