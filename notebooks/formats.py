@@ -166,6 +166,18 @@ def _results():
         + _table(("quantity", "unit"), rows)
         + "\n\n## Files of other programs\n\n"
         + f"`rf.io.read_prony` and `rf.io.write_prony` support these formats of Prony cards: {cards}.\n\n"
+        + "- A file may contain several materials. If several have a Prony series, `name` chooses one by its"
+        " name or number. In scene files, the keys are `file`, `unit_stress`, `unit_temperature`, `name`,"
+        " `poisson` and `shift`.\n"
+        "- Moduli at several temperatures become the vertical shift of the WLF shift. The material is then"
+        " defined between the temperatures of the cards. Without a WLF shift, these cards are refused.\n"
+        "- Hyperelastic cards are read with their moduli at small strain.\n"
+        "- Cards that would change the modulus and are not read are refused: anisotropic moduli, field"
+        " variables, parameters, included files, damping. Units in /BEGIN and in the comments of"
+        " `write_prony` must agree with `unit_stress`. Times are in s.\n"
+        "- With `bulk`, `write_prony` keeps E of the material at every frequency. The shear modulus of the"
+        " cards is G = 3 B E / (9 B - E). It is a Prony series with the same number of terms. Reading the"
+        " cards returns a `PronyShear` with this E.\n\n"
         + "`rf.io.read_friction` and `rf.io.write_friction` support these formats of friction tables: "
         + f"{tables}."
     )

@@ -1,15 +1,17 @@
 """Fit a master curve to isothermal sweeps of E' and E'': shift factors, and laws fitted to them."""
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 
 import numpy as np
 from scipy.interpolate import BSpline, PchipInterpolator
 
 import rubberfric as rf
+from fitting.characterise.master_report import report_of
 from fitting.characterise.pictures import plot_master_curve
 from fitting.characterise.shift_laws import ShiftLaw, arrhenius_through, wlf_through
-from fitting.characterise.sweep_shifts import Shifts, shifts_of
+from fitting.characterise.sweep_shifts import ENTROPIC, Shifts, shifts_of
 from fitting.characterise.sweeps import sweeps_of
 from fitting.data.kinds import ModulusData
 from fitting.parameters.constraints import is_number
@@ -99,22 +101,54 @@ class MasterCurve:
         laws = [one for one in (self.wlf, self.arrhenius) if one is not None]
         return min(laws, key=lambda one: one.aic) if laws else None
 
-    @property
+    @functools.cached_property
     def table(self) -> rf.TabulatedShift:
-        """The shifts as a `TabulatedShift`, with monotone cubic interpolation between the sweeps."""
-        return rf.TabulatedShift(self.T, np.exp(self.log_aT), self.T_ref)
+        """The shifts as a `TabulatedShift`, with monotone cubic interpolation between the sweeps.
 
-    @property
+        The field `vertical` of `table` and of `shift` is a `TabulatedVertical` if the argument `vertical` is
+        True, `Entropic` if it is "entropic", and otherwise None. A `TabulatedVertical` covers the
+        temperatures of the sweeps only.
+        """
+        return rf.TabulatedShift(
+            self.T, np.exp(self.log_aT), self.T_ref, vertical=self._vertical(self.log_aT)
+        )
+
+    @functools.cached_property
     def shift(self) -> rf.WLF | rf.Arrhenius | rf.TabulatedShift:
-        """Shift of `law` if `law` fits ln a_T within the errors, otherwise `table`."""
+        """Shift of `law` if `law` fits ln a_T within the errors, otherwise `table`.
+
+        With a law, b_T of each sweep is fitted again with the a_T of the law, so that the shifted curve keeps
+        the mean moduli of the sweep.
+        """
         law = self.law
-        return law.shift if law is not None and law.holds else self.table
+        if law is None or not law.holds:
+            return self.table
+        vertical = self._vertical(np.asarray(law.shift.log_factor(self.T), float))
+        return law.shift if vertical is None else law.shift.replace(vertical=vertical)
+
+    def _vertical(self, log_aT):
+        """Return the law for b_T if ln a_T of the sweeps is log_aT, shape (n,)."""
+        if self.vertical == "entropic":
+            return ENTROPIC
+        if not self.vertical:
+            return None
+        t, log_b = np.log(self.data.omega), self.log_bT.copy()
+        change = self._smooth(t) - self._smooth(t + (log_aT - self.log_aT)[self.of_sweep])
+        for i in np.delete(np.unique(self.of_sweep), self.reference):
+            log_b[i] += change[:, self.of_sweep == i].mean()
+        return rf.TabulatedVertical(self.T, np.exp(log_b))
+
+    def _smooth(self, t):
+        """Return ln E' and ln E'' of the smooth curve at the reduced ln omega t, shape (2, points)."""
+        knots = self.shifts.knots
+        inside = np.clip(t, knots[3], knots[-4] - 1e-9)
+        return np.array([BSpline(knots, c, 3)(inside) for c in self.shifts.splines])
 
     def as_prior(self, body: str = "lower", widen: float = 1.0) -> dict[str, Prior]:
         """Return the fitted `shift` and its covariance as the `prior` of another fit.
 
         The scene of the other fit must have this `shift`. The prior contains the parameters of a law, or a_T
-        of a table at all temperatures except T_ref.
+        of a table at all temperatures except T_ref. The prior does not contain b_T.
 
         Parameters
         ----------
@@ -185,65 +219,14 @@ class MasterCurve:
         name = type(self.shift).__name__
         return f"<MasterCurve: {self.T.size} sweeps, T_ref = {self.T_ref:.6g} K, {name}>"
 
-    def report(self) -> str:
-        """Return a report of several lines: shifts, laws, scatter, and sweeps that do not superpose."""
-        low, high = self.data.omega[[0, -1]]
-        lines = [
-            f"Master curve of {self.T.size} sweeps at {self.T_ref:.6g} K, {low:.3g} ... {high:.3g} rad/s",
-            f"    scatter: E' {self.scatter[0]:.2%}, E'' {self.scatter[1]:.2%}; temperatures to"
-            f" {self.temperature_error:g} K",
-        ]
-        if self.shifts.phase > 1e-3:
-            lines[-1] += f"; phase error {self.shifts.phase:.2g} rad"
-        if self.data.error is not None:
-            lines.append(f"    errors given; reduced chi-square {self.redchi:.4g}")
-        lines.append(f"    {'T [K]':>8} {'log10 a_T':>10}")
-        for i, T in enumerate(self.T):
-            bar = "(reference)" if i == self.reference else f"+/- {self.stderr[i] / np.log(10):.2g}"
-            line = f"    {T:8.6g} {self.log_aT[i] / np.log(10):10.4f}  {bar}"
-            if self.vertical and i != self.reference:
-                line += f"   b_T {np.exp(self.log_bT[i]):.4f}"
-                line += f" +/- {self.stderr_bT[i]:.2g}" if self.vertical is True else ""
-            lines.append(line)
-        lines += self._misfits()
-        for name, law in (("WLF", self.wlf), ("Arrhenius", self.arrhenius)):
-            if law is None:
-                lines.append(f"    {name}: the law does not fit these shifts")
-                continue
-            units = {"C1": "", "C2": " K", "energy": " eV"}
-            each = zip(law.names, law.values, law.stderr, strict=True)
-            said = ", ".join(f"{key} = {value:.4g} +/- {error:.2g}{units[key]}" for key, value, error in each)
-            fit = f"chi-square {law.chisqr:.3g} of {law.freedom} degrees of freedom"
-            better = "; the better" if law is self.law and None not in (self.wlf, self.arrhenius) else ""
-            lines.append(f"    {name}: {said}; {fit}{'' if law.holds else ', does not hold'}{better}")
-        if self.law is not None and not self.law.holds:
-            lines.append("    no law holds within the errors: shift is the table")
-        return "\n".join(lines)
+    def report(self, *, command: bool = False) -> str:
+        """Return a report of several lines: shifts, laws, scatter, and sweeps that do not superpose.
 
-    def _misfits(self):
-        lines = []
-        if self.shifts.scaled:
-            low, high = np.exp(self.shifts.hidden[[0, -1]])
-            lines.append(
-                f"    moduli change with temperature by factors of {low:.3f} to {high:.3f}. The shifts allow"
-                ' for this change, but `data` contain it; vertical="entropic" removes it from `data`'
-            )
-        expected = np.hypot(self.offset_errors, np.array(self.shifts.offset)[:, None])
-        off = np.flatnonzero((np.abs(self.offsets) > 2.5 * expected).any(axis=0))
-        for i in off:
-            storage, loss = np.expm1(self.offsets[:, i])
-            tan = np.expm1(self.offsets[1, i] - self.offsets[0, i])
-            lines.append(
-                f"    the sweep at {self.T[i]:.6g} K does not superpose: E' {storage:+.1%}, E'' {loss:+.1%}"
-                f" off the curve; tan(delta), and with it roughly mu, {tan:+.1%}"
-            )
-        if self.bad_points:
-            shown_points = [
-                f"{name} at {T:.6g} K, {omega:.3g} rad/s" for name, T, omega in self.bad_points[:5]
-            ]
-            more = f" and {len(self.bad_points) - 5} more" if len(self.bad_points) > 5 else ""
-            lines.append(f"    points with little or no weight: {'; '.join(shown_points)}{more}")
-        return lines
+        Parameters
+        ----------
+        command : True names options of `rubberfric-fit mastercurve`, False arguments of this package
+        """
+        return report_of(self, command)
 
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
         """Draw shifted E' and E'' coloured by temperature, and ln a_T with 95 % error bars and laws.
@@ -287,6 +270,7 @@ def fit_master_curve(
         None: the sweep nearest to 20 °C.
     vertical : True: b_T of every sweep is fitted; False: b_T = 1
         "entropic": b_T = T rho / (T_ref rho_ref), `rubberfric.Entropic` with an expansion of 6e-4 1/K.
+        The `vertical` of the fitted `shift` is the law for b_T.
         The right setting gives the smallest contradiction, `kramers_kronig(curve.data).rms`.
     same : largest difference between neighbouring temperatures within a sweep [K]
         A drift within a sweep is corrected with the shifts of the other sweeps.
@@ -311,7 +295,8 @@ def fit_master_curve(
     If errors of the data are not given, they follow from the scatter. The standard errors also include an
     offset of each sweep (1 % or more), correlated scatter, a phase error of the instrument, and an unknown
     vertical shift (T/T_ref)^m, m = 0 +/- 0.25. If `vertical` is False, but the moduli fit much better with
-    a factor of about T/T_ref, ln a_T allows for this factor, and the report says so.
+    a power of T/T_ref, ln a_T allows for this factor, and the report says so. The report recommends
+    "entropic" only if the moduli rise about as the entropic b_T, otherwise True.
     """
     _check(reference, vertical, same, temperature_error)
     sweeps = sweeps_of(isotherms, float(same))

@@ -35,8 +35,8 @@ _UNEVEN = 0.3  # standard deviation of the change of d ln a_T / dT from sweep to
 _PHASE = (1e-4, 0.1)  # range of the phase error [rad]
 _EXACT = 1e-5  # least scatter of ln E
 _OUTLIER = 4.0  # standard deviations beyond which a point loses weight
+ENTROPIC = Entropic(6e-4)  # vertical shift "entropic", with the thermal expansion of a typical rubber
 # Standard deviation of m in (T/T_ref)^m that multiplies b_T = 1, and the entropic b_T.
-_ENTROPIC = Entropic(6e-4)
 _UNSEEN, _SEEN = 0.25, 0.3
 _GAIN = 8.0  # of -2 ln(likelihood), beyond which data need the latter; chance gives as much in 0.5 %
 _FREE = 0.3  # standard deviation of free ln b_T
@@ -55,7 +55,7 @@ class Shifts(NamedTuple):
     phase: float  # phase error [rad]
     offset: tuple[float, float]  # standard deviation of the offsets of ln E' and ln E''
     hidden: np.ndarray  # ln b_T that the curve allows for in addition to log_b, shape (sweeps,)
-    scaled: bool  # True if moduli are not shifted, but rise with temperature as in rubber elasticity
+    scaled: bool  # True if moduli are not shifted, but change with a power of about T
     redchi: float  # sum of squares / degrees of freedom; 1 if errors are estimated
     t: np.ndarray  # reduced ln omega of all points, sweep by sweep
     smooth: np.ndarray  # the splines at t, shape (2, points)
@@ -290,7 +290,7 @@ def shifts_of(
     """
     T, n = np.array([one.T for one in sweeps]), len(sweeps)
     power = ((T - T[reference]) / T[reference])[:, None]
-    entropic = np.asarray(_ENTROPIC.log_factor(T, T[reference]), float)
+    entropic = np.asarray(ENTROPIC.log_factor(T, T[reference]), float)
     none = np.zeros(n)
     free = np.delete(np.eye(n), reference, axis=1)
 

@@ -67,7 +67,7 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
         vertical: Any = {"none": False, "free": True}.get(arguments.vertical, arguments.vertical)
         curve = fit_master_curve(data, arguments.reference, vertical=vertical)
         moduli, options["shift"] = curve.data, curve.shift
-        texts.append(curve.report())
+        texts.append(curve.report(command=True))
     elif len(data) > 1:
         raise ValueError("several files have no temperatures; give one file, or --temperature for each file")
     elif temperatures:

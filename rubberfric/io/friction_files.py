@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.atomic import StrPath, as_path, read_text, write_text
 from rubberfric.base.checks import POSITIVE, check_choice, check_values, shown
-from rubberfric.io.card_text import (
+from rubberfric.io.cards.text import (
     STRESS,
     TEMPERATURE,
     comma_line,

@@ -9,10 +9,25 @@ import numpy as np
 from rubberfric.base.atomic import read_text, write_text
 from rubberfric.base.checks import POSITIVE, as_leaf, check_choice, check_values, shown
 from rubberfric.base.units import shear_from_young, young_from_shear
-from rubberfric.io.card_text import STRESS, TEMPERATURE, format_number, need
-from rubberfric.io.prony_formats import FORMATS, CardOptions, Cards, CardSeries, glassy_bulk
+from rubberfric.io.cards import abaqus, ansys, branch_tables, lsdyna, openradioss
+from rubberfric.io.cards.contents import CardFormat, CardMaterial, CardOptions, Cards, CardSeries, glassy_bulk
+from rubberfric.io.cards.shear_series import shear_series
+from rubberfric.io.cards.text import STRESS, TEMPERATURE, format_number, need
 from rubberfric.materials.prony import Prony, PronyShear
-from rubberfric.materials.shifts import WLF
+from rubberfric.materials.shifts import WLF, TabulatedVertical
+
+FORMATS = {
+    "abaqus": CardFormat(abaqus.SIGN, "**", True, abaqus.read, abaqus.write),
+    "ansys": CardFormat(ansys.SIGN, "!", True, ansys.read, ansys.write),
+    "comsol": CardFormat(
+        branch_tables.COMSOL, "%", True, branch_tables.read_comsol, branch_tables.write_comsol
+    ),
+    "lsdyna": CardFormat(lsdyna.SIGN, "$", True, lsdyna.read, lsdyna.write),
+    "openradioss": CardFormat(openradioss.SIGN, "#", False, openradioss.read, openradioss.write),
+    "pyvisco": CardFormat(
+        branch_tables.PYVISCO, "", False, branch_tables.read_pyvisco, branch_tables.write_pyvisco
+    ),
+}
 
 # Density in the unit that belongs to a unit of stress, with m or mm and s [kg/m^3].
 _DENSITY = {"Pa": 1.0, "MPa": 1e12}
@@ -45,8 +60,9 @@ def read_prony(
     unit_temperature: str = "K",
     poisson: float | None = None,
     shift: bool = True,
+    name: str | int | None = None,
 ) -> Prony | PronyShear:
-    """Read the first Prony series in a file of material cards.
+    """Read a Prony series from a file of material cards.
 
     Parameters
     ----------
@@ -59,6 +75,9 @@ def read_prony(
         If `poisson` is given, it replaces the bulk modulus of the cards. pyvisco files hold no Poisson's
         ratio. The default is then 0.5 for Young's modulus, and `poisson` must be given for a shear modulus.
     shift : False ignores the shift
+        Moduli over temperature are then read at the reference temperature of the shift.
+    name : name, number or title of the material in the file; None if the file has one material with a Prony
+        series
 
     Returns
     -------
@@ -68,13 +87,30 @@ def read_prony(
     Raises
     ------
     ValueError : cards or units are missing, bulk terms are unlike the shear terms, weights add up to more
-        than 1, or the shift is not WLF. The message names the file and the fault.
+        than 1, or the shift is not WLF. The file has several materials with a Prony series, and no `name` is
+        given. A card that may change the modulus is not read: anisotropic moduli, rows for field variables,
+        parameters, included files, damping. The message names the file and the fault.
+
+    Notes
+    -----
+    Hyperelastic cards are read with their shear and bulk modulus at small strain: `*HYPERELASTIC` of Abaqus
+    (Neo Hooke, Mooney-Rivlin, polynomials, Yeoh, Ogden, Arruda-Boyce, Van der Waals), TB,HYPER of ANSYS (NEO,
+    MOONEY, POLY, YEOH, OGDEN, BOYCE, GENT), `*MAT_077_H` and `*MAT_077_O` of LS-DYNA, and /MAT/LAW42 of
+    OpenRadioss. Moduli at several temperatures become the vertical shift b_T of the WLF shift, a
+    `TabulatedVertical` over the temperatures of the cards, if Poisson's ratio is constant and the material is
+    a Prony. Times are in s.
+
+    Examples
+    --------
+    >>> rubber = rf.io.read_prony("tyre.inp", unit_stress="MPa", name="TREAD")  # doctest: +SKIP
     """
     text = read_text(path)
     try:
         if program is None:
             found = [name for name, form in FORMATS.items() if re.search(form.sign, text, re.I | re.M)]
             need(found, f"is not recognised: must have a Prony series of {', '.join(FORMATS)}")
+            message = f"has keywords of {' and '.join(found)}: program must be given"
+            need(len(found) == 1 or found[1:] == ["pyvisco"], message)
             program = found[0]
         check_choice("program", program, FORMATS)
         if unit_stress is not None:
@@ -82,8 +118,9 @@ def read_prony(
         check_choice("unit_temperature", unit_temperature, TEMPERATURE)
         message = "unit_stress is missing: must be the stress unit of the cards, for example 'MPa'"
         need(unit_stress is not None or program == "pyvisco", message)
+        _check_stated_units(text, unit_stress, unit_temperature)
         options = CardOptions(unit_stress, TEMPERATURE[unit_temperature], poisson, shift)
-        return _material(FORMATS[program].read(text, options), options)
+        return _material(_selected(FORMATS[program].read(text, options), name, program).read(), options)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -118,12 +155,14 @@ def write_prony(
         pyvisco: CSV table of the terms of Young's modulus, without a shift.
     unit_stress : "Pa", "kPa", "MPa" or "GPa"; times are in s
     unit_temperature : "K" or "C", unit of the reference temperature of a shift
-    bulk : elastic bulk modulus [Pa] for a Prony, or None
-        If `bulk` is given, only the shear modulus relaxes.
+    bulk : elastic bulk modulus B [Pa] for a Prony, or None
+        If `bulk` is given, the cards keep E of the material at every frequency, and only the shear modulus
+        relaxes, G = 3 B E / (9 B - E). It is a Prony series with the same number of terms and slightly
+        shorter times. To keep a shear modulus instead, write a PronyShear.
     density : density [kg/m^3], required by lsdyna and openradioss
         The density is written in kg/m^3 with Pa, and in t/mm^3 with MPa.
     shift : False leaves out the shift, for cards at its reference temperature
-    name : name of the material, for abaqus and openradioss
+    name : name of the material, for abaqus and openradioss, on one line and without commas or quotes
 
     Returns
     -------
@@ -136,6 +175,8 @@ def write_prony(
     check_choice("program", program, FORMATS)
     check_choice("unit_stress", unit_stress, STRESS)
     check_choice("unit_temperature", unit_temperature, TEMPERATURE)
+    fits = isinstance(name, str) and re.fullmatch(r"[^\s,\"'*/$#!=][^\n\r,\"=]{0,79}", name)
+    need(fits, f"name = {shown(name)}: must have 1 ... 80 characters on one line, without commas and quotes")
     mass, form = None, FORMATS[program]
     if density is not None:
         message = f"unit_stress = {unit_stress!r}: must be Pa or MPa if a density is given"
@@ -156,8 +197,46 @@ def write_prony(
     return text
 
 
+def _check_stated_units(text: str, stress: str | None, temperature: str) -> None:
+    """Raise ValueError if the comment in which `write_prony` states the units contradicts the units given."""
+    stated = re.search(r"Prony series of \d+ terms\. Units: (\w+), s(?:, ([KC]))?\s*$", text, re.M)
+    if stated is None:
+        return
+    message = f"unit_stress = {stress!r}: must be {stated[1]!r}, the unit in the comment of the file"
+    need(stress in (None, stated[1]), message)
+    message = (
+        f"unit_temperature = {temperature!r}: must be {stated[2]!r}, the unit in the comment of the file"
+    )
+    need(stated[2] in (None, temperature), message)
+
+
+def _selected(materials: list[CardMaterial], name: str | int | None, program: str) -> CardMaterial:
+    """Return the material with a name or number, or the only one."""
+    need(materials, f"has no material with a Prony series of {program}: must have one")
+    listed = ", ".join(" ".join(map(repr, one.names)) or "without a name" for one in materials[:20])
+    listed += f" and {len(materials) - 20} more" if len(materials) > 20 else ""
+    if name is None:
+        need(
+            len(materials) == 1,
+            f"has {len(materials)} materials with a Prony series: name must be one of {listed}",
+        )
+        return materials[0]
+    wanted = str(name).strip().casefold()
+    found = [one for one in materials if wanted in map(str.casefold, one.names)]
+    need(found, f"name = {shown(name)}: must be one of {listed}")
+    need(
+        len(found) == 1,
+        f"name = {shown(name)}: {len(found)} materials with a Prony series have this name: must be unique",
+    )
+    return found[0]
+
+
 def _material(cards: Cards, options: CardOptions) -> Prony | PronyShear:
     pascal, poisson = STRESS[options.stress or "Pa"], options.poisson
+    for what, values, rule in (("weight", cards.moduli, ">= 0"), ("time", cards.tau, "> 0")):
+        good = values > 0 if rule == "> 0" else values >= 0
+        for i in np.flatnonzero(~good)[:1]:
+            raise ValueError(f"term {i + 1}: {what} {values[i]:g}: must be {rule}")
     if poisson is None and cards.poisson == 0.5:
         poisson = 0.5
     elif poisson is None and cards.k.any():
@@ -172,6 +251,15 @@ def _material(cards: Cards, options: CardOptions) -> Prony | PronyShear:
     if cards.wlf:
         T_ref, C1, C2 = cards.wlf
         law = WLF(C1, C2, T_ref + options.zero)
+    if cards.vertical is not None:
+        assert law is not None
+        need(
+            poisson is not None,
+            "the moduli change with temperature, and the bulk modulus does not relax: poisson must be given,"
+            " for example 0.5, or the cards must have one temperature",
+        )
+        T, factors = cards.vertical
+        law = law.replace(vertical=TabulatedVertical(T + options.zero, factors))
     rest, weights = cards.rest * pascal, cards.moduli * pascal
     if poisson is None:
         return PronyShear(rest, weights, cards.tau, cards.bulk * pascal, law)
@@ -182,14 +270,20 @@ def _series(material: object, bulk: float | None, program: str, options: CardOpt
     if isinstance(material, PronyShear):
         need(bulk is None, f"bulk = {shown(bulk)}: must not be given; the PronyShear has a bulk modulus")
         rest, weights, bulk = float(material.G_inf), np.asarray(material.G, float), float(material.bulk)
-        poisson = math.nan  # from `bulk` below
+        tau, poisson = np.asarray(material.tau, float), math.nan  # Poisson's ratio follows from `bulk`
     elif isinstance(material, Prony):
-        poisson = float(material.poisson)
-        rest = shear_from_young(float(material.E_inf), poisson)
-        weights = shear_from_young(np.asarray(material.E, float), poisson)
-        if bulk is not None:
-            bulk = float(as_leaf("bulk", bulk, 0))
+        rest, weights, poisson = float(material.E_inf), np.asarray(material.E, float), float(material.poisson)
+        tau = np.asarray(material.tau, float)
+        if bulk is None:
+            rest, weights = shear_from_young(rest, poisson), shear_from_young(weights, poisson)
+        else:
+            bulk, young = float(as_leaf("bulk", bulk, 0)), rest + float(np.sum(weights))
             check_values("bulk", bulk, POSITIVE)
+            need(
+                3 * bulk > young,
+                f"bulk = {bulk:g} Pa: must be > 1/3 of the glassy Young's modulus, {young:g} Pa",
+            )
+            rest, weights, tau = shear_series(rest, weights, tau, bulk)
     else:
         raise ValueError(
             f"material must be Prony or PronyShear, got {type(material).__name__}; see fit_prony"
@@ -205,7 +299,7 @@ def _series(material: object, bulk: float | None, program: str, options: CardOpt
     pascal, young = STRESS[options.stress or "Pa"], young_from_shear(glassy, poisson)
     wlf = _wlf(material.shift, program, options) if options.shift and material.shift is not None else ()
     moduli = (young / pascal, poisson, glassy_bulk(young, poisson) / pascal)
-    terms = (g, k, np.asarray(material.tau, float), rest / glassy)
+    terms = (g, k, tau, rest / glassy)
     return CardSeries(*moduli, *terms, glassy / pascal, wlf, options, None, "")
 
 

@@ -25,8 +25,8 @@ Keys are the fields of the classes, and `kind` is the `file_kind` of a class. no
 keys and kinds. Fields with a `column` are read from the CSV file that the key `file` names. The key `columns`
 names the columns of this file, `poisson` converts shear moduli, and `normalisation` and `hurst` describe a
 spectrum. A "prony" or "prony_shear" may be read from a `file` of material cards, with the keys `unit_stress`,
-`unit_temperature` and `poisson` (see `read_prony`). A condition is a number, a list or a range. A range
-includes both ends, and is spaced evenly in temperature or in the logarithm of velocity and pressure.
+`unit_temperature`, `name` and `poisson` (see `read_prony`). A condition is a number, a list or a range. A
+range includes both ends, and is spaced evenly in temperature or in the logarithm of velocity and pressure.
 """
 
 import dataclasses
@@ -216,8 +216,8 @@ def _read_cards(path, key, cls, content):
 
     The key `shift` replaces the shift of the file, and shift = false leaves it out.
     """
-    check_keys(path, key, content, ("file", "unit_stress", "unit_temperature", "poisson", "shift"))
-    given = {name: content[name] for name in ("unit_stress", "unit_temperature") if name in content}
+    check_keys(path, key, content, ("file", "unit_stress", "unit_temperature", "name", "poisson", "shift"))
+    given = {name: content[name] for name in ("unit_stress", "unit_temperature", "name") if name in content}
     if "poisson" in content:
         given["poisson"] = number(path, f"{key}.poisson", content["poisson"])
     name, shift = content["file"], None

@@ -1,5 +1,6 @@
 """Text of cards and tables of other programs: units, numbers in fields, and blocks below keywords."""
 
+import math
 import re
 
 from rubberfric.base.units import ZERO_CELSIUS
@@ -17,10 +18,15 @@ def need(holds: object, message: str) -> None:
 
 def parse_number(field: str) -> float:
     """Return the number in a field, which may have an exponent with D as in Fortran; a blank field is 0."""
+    field = field.strip()
     try:
-        return float(re.sub(r"[dD](?=[+-]?\d+$)", "e", field.strip() or "0"))
+        number = float(re.sub(r"[dD](?=[+-]?\d+$)", "e", field or "0"))
     except ValueError:
-        raise ValueError(f"{field.strip()!r}: must be a number") from None
+        number = math.nan
+    if not math.isfinite(number) or "_" in field:  # Python reads 1_0 as 10
+        parameter = "; parameters are not evaluated" if re.match("[<&%]", field) else ""
+        raise ValueError(f"{field!r}: must be a number{parameter}")
+    return number
 
 
 def format_number(value: float, width: int = 20) -> str:
@@ -61,7 +67,10 @@ def comma_line(*values: float) -> str:
 
 def wide_numbers(line: str, count: int, width: int = 20) -> list[float]:
     """Return the numbers in the first `count` fields of a line, whose fields have `width` characters."""
-    return [parse_number(line[i : i + width]) for i in range(0, width * count, width)]
+    try:
+        return [parse_number(line[i : i + width]) for i in range(0, width * count, width)]
+    except ValueError as error:
+        raise ValueError(f"{error} in a field of {width} characters") from None
 
 
 def wide_line(*values: float, width: int = 20) -> str:
