@@ -120,13 +120,16 @@ class Material(Kind):
     def modulus(self, omega: jax.Array) -> jax.Array:
         """Return the complex modulus E(omega) [Pa] at the reference temperature.
 
-        omega [rad/s] must be >= 0 and may have any shape.
+        omega [rad/s] may have any shape and sign. E(-omega) is the complex conjugate of E(omega).
         """
         if self.has_series:
             return series_modulus(series_of(self, plane_strain_factor(self)), omega)
-        # ln 0 has no finite derivative; below the smallest number E' is constant and E'' is 0.
-        storage, loss = self.storage_and_loss(jnp.log(jnp.maximum(omega, jnp.finfo(omega.dtype).tiny)))
-        return storage + 1j * jnp.where(omega > 0, loss, 0.0)
+        # ln 0 has no finite derivative. Below the least frequency E' is constant and E'' is linear, with the
+        # right derivative at rest; if E'' does not vanish there, only its sign remains.
+        least = float(jnp.finfo(omega.dtype).tiny) ** (1 / 3)
+        storage, loss = self.storage_and_loss(jnp.log(jnp.maximum(jnp.abs(omega), least)))
+        odd = jnp.sign(omega) if self.loss_at_rest else jnp.clip(omega / least, -1.0, 1.0)
+        return storage + 1j * (odd * loss)
 
     def static_modulus(self) -> jax.Array:
         """Return E(omega = 0) [Pa], real."""
@@ -224,7 +227,7 @@ def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike
     Parameters
     ----------
     material : Elastic, Prony, PronyShear or TabulatedModulus
-    omega : angular frequency, >= 0 (Prony, PronyShear, Elastic: any real; TabulatedModulus: > 0) [rad/s]
+    omega : angular frequency, any real number [rad/s]
     temperature : broadcastable to omega [K], or None for the reference temperature
 
     Raises
