@@ -19,7 +19,8 @@ def in_series(a: jax.Array, b: jax.Array) -> jax.Array:
 
     Parameters
     ----------
-    a, b : real or complex, real and imaginary parts >= 0 in the same unit, shapes that broadcast
+    a, b : real or complex, in the same unit, shapes that broadcast
+        The real parts are >= 0. The imaginary parts have the same sign.
 
     Returns
     -------
@@ -74,4 +75,4 @@ def _abs2(x):
 
 
 def _size(x):
-    return jnp.real(x) + jnp.imag(x) if jnp.iscomplexobj(x) else x
+    return jnp.real(x) + jnp.abs(jnp.imag(x)) if jnp.iscomplexobj(x) else x

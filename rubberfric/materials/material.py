@@ -213,15 +213,32 @@ def E_r(
     Parameters
     ----------
     material : Material that deforms
-    omega : [rad/s], >= 0, any shape; None: omega = 0
+    omega : [rad/s], any sign and shape; None: omega = 0
     T : [K], broadcastable to omega; None: the reference temperature
     shift : None: the shift of the material
     """
     shift = material.shift if shift is None else shift
     if omega is not None and T is not None and shift is not None:
         omega = omega * jnp.exp(shift.log_factor(T))
-    reduced = material.static_reduced() if omega is None else material.reduced_modulus(omega)
+    reduced = (
+        material.static_reduced() if omega is None else _signed(material, material.reduced_modulus, omega)
+    )
     return apply_vertical_shift(reduced, shift, T)
+
+
+def _signed(material, modulus, omega):
+    """Return a modulus at omega of any sign; E(-omega) is the complex conjugate of E(omega).
+
+    `modulus` is a method of the material for omega >= 0.
+    """
+    if material.has_series:
+        return modulus(omega)
+    # ln 0 has no finite derivative. Below the least frequency E' is constant and E'' is linear, with the
+    # right derivative at rest; if E'' does not vanish there, only its sign remains.
+    least = float(jnp.finfo(omega.dtype).tiny) ** (1 / 3)
+    E = modulus(jnp.maximum(jnp.abs(omega), least))
+    odd = jnp.sign(omega) if material.loss_at_rest else jnp.clip(omega / least, -1.0, 1.0)
+    return jax.lax.complex(jnp.real(E), odd * jnp.imag(E))
 
 
 def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike | None = None) -> jax.Array:
@@ -233,7 +250,7 @@ def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike
     Parameters
     ----------
     material : Elastic, Prony, PronyShear or TabulatedModulus
-    omega : angular frequency, >= 0 (Prony, PronyShear, Elastic: any real; TabulatedModulus: > 0) [rad/s]
+    omega : angular frequency, any real number [rad/s]
     temperature : broadcastable to omega [K], or None for the reference temperature
 
     Raises
@@ -261,7 +278,8 @@ def _modulus(material, omega, temperature):
     omega = jnp.asarray(omega, jnp.result_type(omega, float))
     if temperature is not None and material.shift is not None:
         omega = omega * jnp.exp(material.shift.log_factor(temperature))
-    return apply_vertical_shift(material.modulus(omega), material.shift, temperature)
+    E = _signed(material, material.modulus, omega)
+    return apply_vertical_shift(E, material.shift, temperature)
 
 
 def apply_vertical_shift(modulus: jax.Array, shift: Shift | None, temperature: ArrayLike | None) -> jax.Array:

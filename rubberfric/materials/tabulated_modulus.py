@@ -109,16 +109,14 @@ class TabulatedModulus(Material):
         return jnp.max(self.storage) * plane_strain_factor(self)
 
     def modulus(self, omega: jax.Array) -> jax.Array:
-        """Return E(omega) [Pa], complex. omega [rad/s] must be >= 0."""
-        # Below the smallest number E' is constant and E'' is 0.
+        """Return E(omega) [Pa], complex. omega [rad/s] must be > 0."""
         log_omega = floored_log(omega)
         knots, lines = self._lines()
         # Every knot at every point, for few points; `quick` and `modulus_on_grid` serve many.
         u = (log_omega[..., None] - knots) / self.smoothing
         curves = _straight(lines, log_omega, jnp.sum(u > 0, -1))
         curves = curves + self.smoothing * (_rounding(u) @ _bends(lines))
-        E = self._modulus(log_omega, curves)
-        return jax.lax.complex(jnp.real(E), jnp.where(omega > 0, jnp.imag(E), 0.0))
+        return self._modulus(log_omega, curves)
 
     def reduced_on_grid(self, first: jax.Array, step: float, count: int) -> jax.Array:
         """Return E_r [Pa], complex, at ln omega = step (first + k) for k = 0 ... count - 1."""
@@ -188,10 +186,13 @@ class OnGrid(NamedTuple):
     ends: jax.Array  # ln omega where the moduli become powers, below and above
     cells: jax.Array
 
+    deforms = True
+    has_series = False
+
     @property
-    def deforms(self) -> bool:
-        """Return True, as for all solids with a modulus."""
-        return True
+    def loss_at_rest(self) -> bool:
+        """Return True if E'' stays above 0 for omega -> 0."""
+        return self.table.loss_at_rest
 
     @property
     def poisson(self) -> jax.Array:

@@ -105,8 +105,12 @@ def build_mesh(
     """
     panels = place_borders(laws, quadrature, graded, borders, moving)
     t, edges, start = panels.t, panels.edges, panels.start
-    left, right = t[:-1], t[1:]
-    origin = _origin(jax.lax.stop_gradient(panels.kinks), panels.pieces)
+    origin = _origin(panels.kinks, panels.pieces)
+    # A kink at the origin, as for q_r = q0, stays there. Otherwise nodes would move where contact is lost
+    # within a tiny distance, and derivatives would have quadrature errors of up to 5e-3. The integral of a
+    # continuous integrand does not depend on the position of the border.
+    left, right = (jnp.where(edge == origin, origin, edge) for edge in (t[:-1], t[1:]))
+    origin = jax.lax.stop_gradient(origin)
 
     def at(coordinate):
         """Return t, dt / d(coordinate) and q^4 C_j at the coordinates 0 ... 1 in every panel."""

@@ -148,8 +148,7 @@ def _integrals(gamma, S_in_G, rough, nodes, v, sigma_0, T):
     C = [power_spectrum(surface.spectrum, q) for surface in rough]
     Q, omega = q[..., None], q[..., None] * v * nodes.cos_phi
     at_T = SurfaceTemperatures(T, T)
-    K = [K_j(surface, Q, jnp.abs(omega), at_T) for surface in rough]  # (A6)
-    K = [jnp.where(omega < 0, jnp.conj(k), k) for k in K]
+    K = [K_j(surface, Q, omega, at_T) for surface in rough]  # (A6)
     stress2 = q**2 * mean(C, lambda K: jnp.abs(K) ** 2) / (2 * sigma_0**2)  # (A8)
     G, G_end = until(stress2), jnp.sum(stress2 * dq_q)  # (A11)
     x = plain = 0.5 / jnp.sqrt(G)

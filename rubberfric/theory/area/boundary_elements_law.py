@@ -57,7 +57,7 @@ from jax.scipy.special import erf
 
 from rubberfric.base.fixed_points import implicit
 from rubberfric.base.quadrature import Quadrature, gauss, typed
-from rubberfric.materials.material import E_r, apply_vertical_shift, poisson_of, relaxation, series_of
+from rubberfric.materials.material import E_r, poisson_of
 from rubberfric.roughness.anisotropy import slope_anisotropy
 from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.radial_mesh import Mesh, build_mesh
@@ -104,6 +104,9 @@ CONSTANTS = LawConstants()
 END, BEYOND = 6.0, 10
 
 _STEPS = 30
+
+# Frequencies at which the range of |E| is determined.
+_TRIED = 64
 
 
 class Shape(NamedTuple):
@@ -192,7 +195,7 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
             log_alpha=jnp.log(m0 / total) + jnp.log(m4 / total),
             beyond=beyond,
             step=math.log(END) * dln,
-            circle=circle_matrices(log_q, panels, surface.detail, densities),
+            circle=circle_matrices(log_q, panels, surface.detail, _log_range(surface), densities),
             e2=e2,
             log_slab=log_slab,
         ),
@@ -200,6 +203,19 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
         surface.rough,
         constants,
     )
+
+
+def _log_range(surface):
+    """Return ln of the largest over the smallest |E| at the reference temperature, without derivatives."""
+    ends = surface.strained.material.frequency_range() if surface.relaxes else None
+    if ends is None:
+        return 0.0
+    low, high = (jnp.asarray(end) for end in ends)
+    between = jnp.geomspace(low, high, _TRIED)
+    far = jnp.stack([0.0 * low, jnp.full_like(high, float(jnp.finfo(high.dtype).max) ** 0.5)])
+    E = _modulus(surface.strained, surface.rough, jnp.concatenate([far, between]), None)
+    log_E = _log_abs(E / _scale(E))
+    return jax.lax.stop_gradient(jnp.max(log_E) - jnp.min(log_E))
 
 
 def _densities(c_g, cosines, sines, phi):
@@ -249,33 +265,47 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     """
     shape = law.shape
     T = None if temperature is None else temperature[:, None]
-    E = _modulus(law, jnp.abs(velocity)[:, None] * shape.circle.grid, T)  # (points, grid) [Pa]
-    scale = jax.lax.stop_gradient(jnp.max(jnp.abs(E), 1))
+    # For v < 0 the frequencies are negative, so derivatives at v = 0 are right.
+    E = _modulus(law.strained, law.rough, velocity[:, None] * shape.circle.grid, T)  # (points, grid) [Pa]
+    scale = _scale(E)
     moduli = _moduli(E / scale[:, None], shape)
     log_load = jnp.log(math.sqrt(2) * pressure / scale) - jnp.log(shape.slope)
 
-    def balance(y):
+    def balance(log_load, moduli, law, y):
         # y is the logarithm of the argument of erf.
         A, B = _area(y)
         return log_load - _log_E_eff(A, B, moduli, law) - _log_slope(A, law)
 
-    y, converged = _fixed_point(balance, log_load)
-    y = implicit(lambda y: balance(y[:, 0])[:, None], y[:, None])[:, 0]
+    # Derivatives are stopped before the loop, because a loop has no derivatives in reverse mode.
+    still = jax.lax.stop_gradient((log_load, moduli, law))
+    y, converged = _fixed_point(functools.partial(balance, *still), still[0])
+    y = implicit(lambda y: balance(log_load, moduli, law, y[:, 0])[:, None], y[:, None])[:, 0]
     A, B = _area(y)
     log_E_eff = log_load - y - _log_slope(A, law)
     share, here = _below_q1(A, B, log_E_eff, moduli, law)
     there = _beyond_q1(A, B, log_E_eff, moduli, law)
-    factor = jnp.sign(velocity) * shape.height2 * shape.total * scale / (2 * pressure)
+    factor = shape.height2 * shape.total * scale / (2 * pressure)
     mu_of_q, *across = (factor[:, None] * jnp.concatenate(both, -1) for both in zip(here, there, strict=True))
     return State(A, jnp.sum(mu_of_q, -1), mu_of_q, [jnp.sum(one, -1) for one in across], share, converged)
 
 
+def _scale(E):
+    """Return the largest |E| along the last axis, > 0 and without derivatives; a liquid at rest has E = 0."""
+    least = float(jnp.finfo(E.dtype).tiny) ** (1 / 3)
+    return jax.lax.stop_gradient(jnp.maximum(jnp.max(jnp.abs(E), -1), least))
+
+
 def _moduli(E, shape):
-    log_E = 0.5 * jnp.log(jnp.real(E) ** 2 + jnp.imag(E) ** 2)
+    log_E = _log_abs(E)
     softest = jax.lax.stop_gradient(jnp.min(log_E, 1, keepdims=True))
     powers = jnp.stack([log_E, jnp.exp(2 * log_E), jnp.exp(2 * (softest - log_E))])
     moduli = Moduli(jnp.imag(E), log_E, softest, [powers @ mean.T for mean in shape.circle.mean], None)
     return moduli if shape.e2 is not None else moduli._replace(means=_means(None, moduli, shape))
+
+
+def _log_abs(E):
+    """Return ln|E|, which is finite for E = 0."""
+    return 0.5 * jnp.log(jnp.real(E) ** 2 + jnp.imag(E) ** 2 + float(jnp.finfo(E.dtype).tiny) ** 0.8)
 
 
 def _means(B, moduli, shape):
@@ -392,29 +422,17 @@ def _weight(shape):
     return shape.weight.reshape(-1) / shape.total
 
 
-def _modulus(law, omega, T):
+def _modulus(strained, rough, omega, T):
     """Return E / (1 - nu^2) of both solids in series [Pa]."""
-    E = _strained_modulus(law.strained.material, omega, T) if law.strained.material.deforms else None
-    if not law.rough.material.deforms:
+    E = E_r(strained.material, omega, T) if strained.material.deforms else None
+    if not rough.material.deforms:
         assert E is not None
         return E + jnp.zeros_like(omega)
-    own = E_r(law.rough.material, None, T) + jnp.zeros_like(omega)
-    return own if E is None else E * (own / (E + own))
-
-
-def _strained_modulus(material, omega, T):
-    """Return E_r of the strained solid [Pa].
-
-    A Prony series is summed in real arithmetic, which takes a fifth of the time of complex arithmetic.
-    """
-    if not material.has_series:
-        return E_r(material, omega, T)
-    series = series_of(material, 1.0)
-    if T is not None and material.shift is not None:
-        omega = omega * jnp.exp(material.shift.log_factor(T))
-    storage, loss = relaxation(omega[..., None] * series.tau)
-    E = series.rest + jnp.sum(series.weight * storage, -1) + 1j * jnp.sum(series.weight * loss, -1)
-    return apply_vertical_shift(E, material.shift, T)
+    own = E_r(rough.material, None, T) + jnp.zeros_like(omega)
+    if E is None:
+        return own
+    both = E + own
+    return E * (own / jnp.where(both == 0, 1.0, both))
 
 
 def _area(y):
@@ -426,7 +444,7 @@ def _area(y):
 def _fixed_point(balance, start):
     """Solve y = balance(y) by secants, and return (y, converged).
 
-    y and `converged` have the shape (points,). Derivatives are stopped.
+    y and `converged` have the shape (points,). `balance` and `start` must not carry derivatives.
     """
     tolerance = 1e-13 if start.dtype == jnp.float64 else 1e-5
 
@@ -442,10 +460,9 @@ def _fixed_point(balance, start):
         k, y, *_, change = progress
         return (k < _STEPS) & jnp.any(change > tolerance * (1 + jnp.abs(y)))
 
-    start = jax.lax.stop_gradient(start)
     begin = 0, start, start, start, jnp.full_like(start, jnp.inf)
     _, y, *_, change = jax.lax.while_loop(going, step, begin)
-    return jax.lax.stop_gradient(y), change <= 10 * tolerance * (1 + jnp.abs(y))
+    return y, change <= 10 * tolerance * (1 + jnp.abs(y))
 
 
 @jax.custom_jvp

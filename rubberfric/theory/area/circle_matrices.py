@@ -5,21 +5,38 @@ wavevector q is a weighted sum of its values. The weights do not depend on the v
 """
 
 import functools
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.base.quadrature import typed
 
-# Step and end of the trapezoidal rule in t, cos(phi) = 1 / cosh(t): errors exp(-pi^2 / step) and exp(-end).
-_STEP, _LAST = 0.45, 15.0
+# Step of the trapezoidal rule in t, cos(phi) = 1 / cosh(t), with the error exp(-pi^2 / step) = 6e-13.
+_STEP = 0.35
 
-# Smallest step of the grid of ln(q cos(phi)), and points of the polynomials that interpolate on it. The grid
-# has _ENTRIES entries for the angles and _PER_PANEL for each panel of the mesh.
-_GRID, _POINTS, _ENTRIES, _PER_PANEL = 0.22, 16, 110, 7
+# The rule ends at -ln cos(phi) = _LEAST + 2 ln(largest |E| / smallest |E|). The mean of 1 / |E|^2 may come
+# from the share (smallest / largest)^2 of the circle, where cos(phi) is small. Friction has an error of 1e-9.
+_LEAST = 13.0
+
+# The largest end of the rule: ratios of moduli up to 6e6 are resolved.
+_LONGEST = 45.0
+
+# Smallest step of the grid of ln(q cos(phi)).
+_GRID = 0.22
+
+# Number of points of the polynomials that interpolate on the grid.
+_POINTS = 16
+
+# The grid has _ENTRIES entries for the angles.
+_ENTRIES = 110
+
+# The grid has _PER_PANEL further entries for each panel of the mesh.
+_PER_PANEL = 7
 
 
 class Directions(NamedTuple):
@@ -42,6 +59,7 @@ def circle_matrices(
     log_q: jax.Array,
     panels: int | None,
     detail: float | None,
+    log_range: ArrayLike = 0.0,
     densities: Callable[[jax.Array], Directions] | None = None,
 ) -> CircleMatrices:
     """Return a grid of q cos(phi), and weights of integrals over the circle from values on this grid.
@@ -51,6 +69,8 @@ def circle_matrices(
     log_q : logarithms of the wavevectors of the integrals; the last one is the largest, shape (nodes,)
     panels : panels of the mesh over q; None if the modulus does not depend on the frequency
     detail : width in ln(omega) over which the modulus has kinks; None for smooth moduli
+    log_range : ln of the largest over the smallest |E|, without derivatives; it may be traced
+        The grid always has the same number of entries, so its step grows with `log_range`.
     densities : function that returns the `Directions` at angles phi between 0 and pi/2; None: the density 1
     """
     if panels is None:  # nothing depends on the frequency
@@ -62,17 +82,17 @@ def circle_matrices(
     count = round(finer * (_ENTRIES + _PER_PANEL * panels))
     # The density of a stretched surface has poles at sin(Im t) = r or 1/r, so its rule needs smaller steps.
     angular_step = _STEP / (finer if densities is None else 3 * finer)
-    t = angular_step * np.arange(int(_LAST / angular_step))
+    t = angular_step * np.arange(int((_LONGEST + math.log(2)) / angular_step))
     dphi = 4 * angular_step / np.cosh(t)
     dphi[0] /= 2
-    dphi[-1] += 2 * np.pi - dphi.sum()  # the rest of the circle is at rest
-    s = np.log(np.cosh(t))
     # The grid moves with q1, so that the error of the interpolation has no derivative.
     top = log_q[-1]
-    step = jnp.maximum(_GRID / finer, (top - log_q[0] + float(s[-1])) / (count - 2 * _POINTS))
-    step = jax.lax.stop_gradient(step)
+    end = jnp.minimum(_LEAST + 2 * jnp.asarray(log_range, top.dtype), _LONGEST)
+    step = jnp.maximum(_GRID / finer, (top - log_q[0] + end) / (count - 2 * _POINTS))
+    step, end = jax.lax.stop_gradient((step, end))
+    s = jnp.minimum(typed(np.log(np.cosh(t)), top), end)
     to_nodes = _interpolation((top - log_q) / step + _POINTS, count)
-    to_angles = _interpolation(typed(s, top) / step + _POINTS, count + _POINTS)
+    to_angles = _interpolation(s / step + _POINTS, count + _POINTS)
     dphi, cosine, sine = (typed(x, top) for x in (dphi, 1 / np.cosh(t), np.tanh(t)))
     even, odd = _directions(densities, jnp.arctan2(sine, cosine))
     at_zero = jnp.concatenate([dphi / (2 * np.pi) * even, dphi * cosine * even, dphi * sine * odd])

@@ -84,7 +84,7 @@ def F_j(
     ----------
     surface : RoughSurface
     q : [1/m], any shape
-    omega : [rad/s], >= 0, broadcastable to q; None: omega = 0, where F_j is real
+    omega : [rad/s], any sign, broadcastable to q; None: omega = 0, where F_j is real
     T : of the two solids [K], broadcastable to q; None: the reference temperatures
     unit : [Pa]
     """

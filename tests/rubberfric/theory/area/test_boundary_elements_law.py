@@ -411,8 +411,7 @@ def test_derivatives_without_a_plateau():
         slopes_of(jnp.log(jnp.array([ROAD.q0, qr, ROAD.q1, ROAD.hurst, ROAD.h_rms])))
         for qr in (ROAD.q0, 1.000001 * ROAD.q0)
     )
-    # A smaller error of the quadrature remains in the derivative by qr.
-    np.testing.assert_allclose(at, near, atol=1e-3)
+    np.testing.assert_allclose(at, near, atol=1e-5)
 
 
 def test_signs_rest_and_single_precision():
