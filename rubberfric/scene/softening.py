@@ -108,4 +108,4 @@ def knots(softened: Softened) -> jax.Array:
 
 
 def _square_slope(laws, q):
-    return sum(cumulative_moment(law, 2, log_ratio(q, law.q[0])) for law in laws)
+    return functools.reduce(jnp.add, [cumulative_moment(law, 2, log_ratio(q, law.q[0])) for law in laws])
