@@ -8,6 +8,7 @@ Asperities up to q strain the rubber in proportion to their rms slope.
 """
 
 import functools
+import operator
 from typing import ClassVar, NamedTuple
 
 import jax
@@ -109,4 +110,4 @@ def knots(softened: Softened) -> jax.Array:
 
 
 def _square_slope(laws, q):
-    return sum(cumulative_moment(law, 2, log_ratio(q, law.q[0])) for law in laws)
+    return functools.reduce(operator.add, [cumulative_moment(law, 2, log_ratio(q, law.q[0])) for law in laws])

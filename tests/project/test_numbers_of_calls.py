@@ -138,7 +138,7 @@ def test_a_subclass_without_the_decorator_is_refused():
 
 def test_a_subclass_with_the_decorator_equals_its_base():
     class Granite(rf.Elastic):
-        """A subclass without fields of its own."""
+        """A subclass that adds no fields."""
 
     granite = physical(Granite)
     try:
