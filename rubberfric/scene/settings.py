@@ -189,7 +189,8 @@ def tuned(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Scene:
     if not all(is_concrete(x) for x in jax.tree.leaves((scene, pressure))):
         raise ValueError("scene and pressure: must be concrete numbers; call tuned outside jit and vmap")
     pressure = as_numbers("pressure", pressure, POSITIVE)
-    check_values("margin", as_leaf("margin", margin, 0), NONNEGATIVE)
+    as_leaf("margin", margin, 0)  # only checks that it is a number
+    check_values("margin", margin, NONNEGATIVE)
     return dataclasses.replace(scene, quadrature=_chosen(scene, pressure, margin, separation=True))
 
 
