@@ -33,7 +33,7 @@ class MasterCurve:
         `fit_prony`, `kramers_kronig`, or `rubberfric.TabulatedModulus` after smoothing
     T : temperatures of the sweeps, rising [K], shape (n,)
     reference : index of the sweep at T_ref
-    wlf, arrhenius : laws through the shifts with errors; None if no law fits
+    wlf, arrhenius : laws through the shifts with errors, whose `shift` includes b_T; None if no law fits
     residuals : ln E' and ln E'' minus the smooth curve, in the order of `data`, shape (2, points)
     of_sweep : index of the sweep that contains each point of `data`
     offsets : mean of ln E' and of ln E'' minus the smooth curve for every sweep, shape (2, n)
@@ -105,9 +105,9 @@ class MasterCurve:
     def table(self) -> rf.TabulatedShift:
         """The shifts as a `TabulatedShift`, with monotone cubic interpolation between the sweeps.
 
-        The field `vertical` of `table` and of `shift` is a `TabulatedVertical` if the argument `vertical` is
-        True, `Entropic` if it is "entropic", and otherwise None. A `TabulatedVertical` covers the
-        temperatures of the sweeps only.
+        The field `vertical` of `table`, of `shift` and of the laws is a `TabulatedVertical` if the argument
+        `vertical` is True, `Entropic` if it is "entropic", and otherwise None. A `TabulatedVertical` covers
+        the temperatures of the sweeps only.
         """
         return rf.TabulatedShift(
             self.T, np.exp(self.log_aT), self.T_ref, vertical=self._vertical(self.log_aT)
@@ -123,8 +123,14 @@ class MasterCurve:
         law = self.law
         if law is None or not law.holds:
             return self.table
+        return law.shift
+
+    def _with_vertical(self, law):
+        """Return a law, or None, whose shift includes the law for b_T."""
+        if law is None or not self.vertical:
+            return law
         vertical = self._vertical(np.asarray(law.shift.log_factor(self.T), float))
-        return law.shift if vertical is None else law.shift.replace(vertical=vertical)
+        return law._replace(shift=law.shift.replace(vertical=vertical))
 
     def _vertical(self, log_aT):
         """Return the law for b_T if ln a_T of the sweeps is log_aT, shape (n,)."""
@@ -319,7 +325,7 @@ def fit_master_curve(
     rest = np.where(shifts.bad, np.nan, residuals - shifts.hidden[which])
     count = [np.maximum(np.isfinite(rest[:, which == i]).sum(axis=1), 1) for i in range(T.size)]
     omega = np.exp(np.concatenate([one.t for one in sweeps]))
-    return MasterCurve(
+    curve = MasterCurve(
         data=_shifted(isotherms, sweeps, shifts.t, y, order),
         T=T,
         reference=nearest,
@@ -338,6 +344,8 @@ def fit_master_curve(
         vertical=vertical,
         temperature_error=float(temperature_error),
     )
+    laws = {name: curve._with_vertical(getattr(curve, name)) for name in ("wlf", "arrhenius")}
+    return dataclasses.replace(curve, **laws)
 
 
 def _check(reference, vertical, same, temperature_error):

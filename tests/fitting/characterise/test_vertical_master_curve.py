@@ -48,7 +48,7 @@ def test_the_law_and_the_table_have_the_vertical_shift(falling_curve):
     np.testing.assert_allclose(falling_curve.table.vertical.bT, np.exp(falling_curve.log_bT), rtol=1e-12)
     np.testing.assert_allclose(falling_curve.shift.vertical.bT, falling(T), rtol=0.05)
     assert isinstance(falling_curve.shift, rf.WLF)
-    for law in (falling_curve.shift, falling_curve.table):
+    for law in (falling_curve.shift, falling_curve.table, falling_curve.arrhenius.shift):
         assert isinstance(law.vertical, rf.TabulatedVertical) and float(law.T_ref) == pytest.approx(293.15)
     assert fit_master_curve(sweeps(np.ones_like), 293.15).shift.vertical is None
 
