@@ -14,7 +14,6 @@ from rubberfric.base.quadrature import Quadrature, gauss, typed
 from rubberfric.roughness.radial_mesh import interpolation, locate
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_shape
 from rubberfric.theory.area.boundary_elements_law import (
-    BEYOND,
     END,
     Law,
     State,
@@ -88,11 +87,11 @@ def _contributions(law: Law, state: State, spectrum, q, within):
     friction = (jnp.cumsum(whole, -1) - whole)[:, panel] + jnp.einsum("wk,pwk->pw", until, here[:, panel])
 
     # Beyond q1; the first node has no weight.
-    width = math.log(END)
-    values, until = _rules(jnp.clip(jnp.log(q / spectrum.q[-1]) / width, 0.0, 1.0), BEYOND)
+    width, count = math.log(END), shape.beyond.size - 1
+    values, until = _rules(jnp.clip(jnp.log(q / spectrum.q[-1]) / width, 0.0, 1.0), count)
     there = there[:, 1:]
     inside, beyond = (q >= spectrum.q[0]) & (q <= spectrum.q[-1]), q > spectrum.q[-1]
-    tail = there / (width * typed(gauss(BEYOND)[1], there)) @ values.T
+    tail = there / (width * typed(gauss(count)[1], there)) @ values.T
     tail = jnp.where(beyond & (q <= last_wavevector(spectrum)), tail, 0.0)
     density = jnp.where(inside, density, tail)
     return density, friction + there @ until.T, jnp.where(beyond, 0.0, share)

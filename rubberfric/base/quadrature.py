@@ -27,9 +27,9 @@ class Quadrature:
 
     The setting is static, so functions are compiled again for each new setting. The defaults have errors
     below 1e-9 for area, friction and separation over ten decades of roughness, also with plateaus of nine
-    decades. Calls without a setting choose one for the scene (`rf.analysis.default_quadrature`). For
-    roughness of two or three decades the chosen setting has half as many nodes. `rf.analysis.quadrature_for`
-    finds a setting for another error.
+    decades, and below 1e-7 for area and friction with contact_model="boundary_elements". Calls without a
+    setting choose one for the scene (`rf.analysis.default_quadrature`). For roughness of two or three decades
+    the chosen setting has half as many nodes. `rf.analysis.quadrature_for` finds a setting for another error.
 
     Parameters
     ----------

@@ -128,6 +128,7 @@ def default_quadrature(
     rules were measured for half-spaces of `Rigid`, `Elastic` and `Prony` with `SelfAffine` roughness, and for
     `TabulatedModulus` on a rough rigid solid. Both groups were also measured with heating and roughness of up
     to three decades, and tabulated moduli also with the area correction. Other scenes use some more nodes.
+    With contact_model="boundary_elements" errors are below 1e-7 (tabulated moduli: 1e-6).
 
     Raises
     ------

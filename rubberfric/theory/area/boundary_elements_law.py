@@ -43,6 +43,13 @@ proportional to A, so that mu does not depend on the load. The constants were fi
 `tests/rubberfric/theory/area/test_law_and_boundary_elements.py`, to cases with q1/q0 = 4 to 512 and
 A/A0 = 0.2 to 100 %. Other cases test them (notebooks/law_table.md). N describes how fast F grows: the power
 of the displacements decreases towards q1 if F grows slowly, as for H = 1.
+
+The numerical errors of area and friction are below 1e-7 for Prony series with moduli that rise by up to 1e4,
+compared with an independent quadrature of 60 random scenes (`test_law_quadrature.py`). For tabulated moduli
+they are below 1e-6 with the default quadrature, and 1e-8 with `Quadrature()`. For a liquid (E_inf = 0) E_h is
+0 in sliding, because <1/|E|^2> diverges. The law then contains E_h of a circle that ends at cos(phi) = e^-45,
+so its friction has no accurate value. At rest the area of a liquid and the derivative of the friction are
+right.
 """
 
 import dataclasses
@@ -100,13 +107,16 @@ class LawConstants(NamedTuple):
 
 CONSTANTS = LawConstants()
 
-# End of the displacements beyond q1, over q1, and the Gauss nodes in ln q there.
-END, BEYOND = 6.0, 10
+# End of the displacements beyond q1, over q1.
+END = 6.0
+
+# Gauss nodes in ln q beyond q1.
+_BEYOND = 10
+
+# The same for tabulated moduli. With 10 nodes, noisy tables have errors of 1e-6.
+_BEYOND_OF_TABLE = 24
 
 _STEPS = 30
-
-# Frequencies at which the range of |E| is determined.
-_TRIED = 64
 
 
 class Shape(NamedTuple):
@@ -167,7 +177,8 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
     relative = mesh.q / q1
     m0, m4 = jnp.sum(weight / relative**2), jnp.sum(weight * relative**2)
     # The first node is q1, with zero weight.
-    node, dln = (typed(np.append(0.0, table), weight) for table in gauss(BEYOND))
+    count = _BEYOND if surface.detail is None else _BEYOND_OF_TABLE
+    node, dln = (typed(np.append(0.0, table), weight) for table in gauss(count))
     beyond = math.log(END) * node
     log_q = jnp.concatenate([jnp.log(mesh.q).reshape(-1), jnp.log(q1) + beyond])
     log_D = jnp.log(roughness_density(law, jnp.append(mesh.q, q1)) / total)
@@ -206,16 +217,17 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
 
 
 def _log_range(surface):
-    """Return ln of the largest over the smallest |E| at the reference temperature, without derivatives."""
-    ends = surface.strained.material.frequency_range() if surface.relaxes else None
-    if ends is None:
+    """Return ln of the glassy over the static modulus of the strained solid, without derivatives.
+
+    The ratio is at most 1e15 (float32: 1e10), also for a liquid. A rough elastic solid in series reduces it.
+    """
+    if not surface.relaxes:
         return 0.0
-    low, high = (jnp.asarray(end) for end in ends)
-    between = jnp.geomspace(low, high, _TRIED)
-    far = jnp.stack([0.0 * low, jnp.full_like(high, float(jnp.finfo(high.dtype).max) ** 0.5)])
-    E = _modulus(surface.strained, surface.rough, jnp.concatenate([far, between]), None)
-    log_E = _log_abs(E / _scale(E))
-    return jax.lax.stop_gradient(jnp.max(log_E) - jnp.min(log_E))
+    material = surface.strained.material
+    glassy = jnp.asarray(material.glassy_reduced())
+    softest = material.static_reduced() / glassy
+    least = 1e-15 if softest.dtype == jnp.float64 else 1e-10
+    return -jax.lax.stop_gradient(jnp.log(jnp.maximum(softest, least)))
 
 
 def _densities(c_g, cosines, sines, phi):
@@ -266,7 +278,7 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     shape = law.shape
     T = None if temperature is None else temperature[:, None]
     # For v < 0 the frequencies are negative, so derivatives at v = 0 are right.
-    E = _modulus(law.strained, law.rough, velocity[:, None] * shape.circle.grid, T)  # (points, grid) [Pa]
+    E = _modulus(law, velocity[:, None] * shape.circle.grid, T)  # (points, grid) [Pa]
     scale = _scale(E)
     moduli = _moduli(E / scale[:, None], shape)
     log_load = jnp.log(math.sqrt(2) * pressure / scale) - jnp.log(shape.slope)
@@ -422,17 +434,17 @@ def _weight(shape):
     return shape.weight.reshape(-1) / shape.total
 
 
-def _modulus(strained, rough, omega, T):
+def _modulus(law, omega, T):
     """Return E / (1 - nu^2) of both solids in series [Pa]."""
-    E = E_r(strained.material, omega, T) if strained.material.deforms else None
-    if not rough.material.deforms:
+    E = E_r(law.strained.material, omega, T) if law.strained.material.deforms else None
+    if not law.rough.material.deforms:
         assert E is not None
         return E + jnp.zeros_like(omega)
-    own = E_r(rough.material, None, T) + jnp.zeros_like(omega)
+    own = E_r(law.rough.material, None, T) + jnp.zeros_like(omega)
     if E is None:
         return own
     both = E + own
-    return E * (own / jnp.where(both == 0, 1.0, both))
+    return E * (own / jnp.where(both == 0, 1.0, both))  # two liquids at rest have both = 0
 
 
 def _area(y):
