@@ -64,6 +64,7 @@ from jax.scipy.special import erf
 
 from rubberfric.base.fixed_points import implicit
 from rubberfric.base.quadrature import Quadrature, gauss, typed
+from rubberfric.materials.in_series import in_series
 from rubberfric.materials.material import E_r, poisson_of
 from rubberfric.roughness.anisotropy import slope_anisotropy
 from rubberfric.roughness.moments import cumulative_moment
@@ -439,12 +440,9 @@ def _modulus(law, omega, T):
     E = E_r(law.strained.material, omega, T) if law.strained.material.deforms else None
     if not law.rough.material.deforms:
         assert E is not None
-        return E + jnp.zeros_like(omega)
+        return E
     own = E_r(law.rough.material, None, T) + jnp.zeros_like(omega)
-    if E is None:
-        return own
-    both = E + own
-    return E * (own / jnp.where(both == 0, 1.0, both))  # two liquids at rest have both = 0
+    return own if E is None else in_series(E, own)
 
 
 def _area(y):
