@@ -113,6 +113,9 @@ READING: dict[str, dict[str, Any]] = {
         "choices": ("error", "drop"),
         "help": "rows with empty or invalid values: an error (default), or left out",
     },
+    "area": {"type": float, "metavar": "m2", "help": "contact area, for loads instead of pressures [m^2]"},
+    "frequency": {"type": float, "metavar": "Hz", "help": "used if the data lack it [Hz]"},
+    "block": {"type": int, "metavar": "N", "help": "block of columns to read, from 1, if titles are equal"},
 }
 
 

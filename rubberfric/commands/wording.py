@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Mapping
 
+# The first alternative is an object such as Quadrature(order=10), which has no place on a command line.
 _KEYWORD = re.compile(
-    r"""(?<![\w.`-])([a-z][a-z0-9_]*)=(\[(?:"[^"]*"|[^\]"])*\]|"[^"]*"|'[^']*'|\.\.\.|[-+]?\w+(?:\.\w+)?|(?=[\s,;)]|$))"""
+    r"""\b[A-Z]\w*\([^()]*\)|(?<![\w.`-])([a-z][a-z0-9_]*)=(\[(?:"[^"]*"|[^\]"])*\]|"[^"]*"|'[^']*'|\.\.\.|[-+]?\w+(?:\.\w+)?|(?=[\s,;)]|$))"""
 )
 # A keyword argument at the beginning of a message or behind the name of a file.
 _VALUE = re.compile(r"(^|: )([a-z][a-z0-9_]*)( = | is missing)")
@@ -66,6 +67,8 @@ def reworded(text: str) -> str:
 
 def _option_or_line(match, options):
     name, content = match.groups()
+    if name is None:
+        return match[0]
     if name not in options:
         return f"{name} = {_TOML.get(content, content)}".rstrip().replace("'", '"')
     option = options[name]

@@ -89,7 +89,7 @@ def _check_solid(name, material):
     if not material.deforms or material.poisson is None:
         raise ValueError(
             f"{name} is a {type(material).__name__}: must be a deformable material with a constant Poisson's "
-            "ratio, such as Elastic, Prony or TabulatedModulus"
+            "ratio, such as Elastic, Prony or TabulatedModulus; on a rigid base use Slab"
         )
 
 

@@ -106,10 +106,13 @@ def build_mesh(
     panels = place_borders(laws, quadrature, graded, borders, moving)
     t, edges, start = panels.t, panels.edges, panels.start
     origin = _origin(panels.kinks, panels.pieces)
-    # A kink at the origin, as for q_r = q0, stays there. Otherwise nodes would move where contact is lost
-    # within a tiny distance, and derivatives would have quadrature errors of up to 5e-3. The integral of a
-    # continuous integrand does not depend on the position of the border.
-    left, right = (jnp.where(edge == origin, origin, edge) for edge in (t[:-1], t[1:]))
+    left, right = t[:-1], t[1:]
+    if len(laws) == 1:
+        # A kink at the origin, as for q_r = q0, stays there. Otherwise nodes would move where contact is lost
+        # within a tiny distance, and derivatives would have quadrature errors of up to 5e-3. The integral of
+        # a continuous integrand does not depend on the position of the border. Where a second spectrum
+        # begins, the integrand has a step, so its border must move.
+        left, right = (jnp.where(edge == origin, origin, edge) for edge in (left, right))
     origin = jax.lax.stop_gradient(origin)
 
     def at(coordinate):

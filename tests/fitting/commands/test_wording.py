@@ -93,6 +93,7 @@ def test_calls_that_are_replaced_are_in_the_sources():
         ("fit", "(check_units=False accepts it)", "(check_units = false accepts it)"),
         ("fit", "continue it with resume=True, or", "continue it with --resume, or"),
         ("fit", "starts=8 looks for a lower", "starts = 8 looks for a lower"),
+        ("fit", "Quadrature(order=10, ratio=6.0), float32", "Quadrature(order=10, ratio=6.0), float32"),
         ("mastercurve", 'vertical="entropic" removes it', "--vertical entropic removes it"),
         ("mastercurve", "a.csv: temperature = 2.0: must not", "a.csv: --temperature 2.0: must not"),
         ("spectrum", "a.csv: normalisation is missing: must", "a.csv: --normalisation is missing: must"),

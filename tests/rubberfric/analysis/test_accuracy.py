@@ -432,7 +432,7 @@ def test_velocities_are_thinned_to_a_number_of_points():
     ("arguments", "message"),
     [
         (("no.toml",), "no.toml: cannot be read: No such file"),
-        (("scene.toml", "--error", "-1"), "error = -1.0: must be a number, >= 1e-15 and < 1"),
+        (("scene.toml", "--error", "-1"), "--error -1.0: must be a number, >= 1e-15 and < 1"),
         (("scene.toml", "--error", "small"), "argument --error: invalid float value: 'small'"),
         (("scene.toml", "--out", "t.h5"), "t.h5: suffix '.h5': must be .csv"),
         (("scene.toml", "--out", "no/t.csv"), "folder 'no' does not exist; create it first"),
