@@ -65,7 +65,9 @@ def _quantities(scene):
     return values
 
 
-@pytest.mark.parametrize("name", list(SCENES))
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if "long" in name else ()) for name in SCENES]
+)
 def test_rest(name):
     """The friction is odd in v, so that its derivative at v = 0 is friction / v at small v."""
     values = _quantities(SCENES[name])

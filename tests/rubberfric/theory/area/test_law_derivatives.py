@@ -29,7 +29,7 @@ SCENES = {
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow if name == "table" else ()) for name in SCENES]
+    "name", [pytest.param(name, marks=() if name == "plain" else pytest.mark.slow) for name in SCENES]
 )
 def test_second_derivatives(name):
     """Three orders of forward and reverse mode agree with differences of the gradient.
