@@ -178,7 +178,7 @@ def _spectrum_parser() -> Parser:
     text = "largest wavevector to fit [1/m] (default: the end of the resolved range)"
     add("--q1", type=float, metavar="Q", help=text)
     text = "continue or cut the roughness to this rms slope, often 1.3"
-    add("--slope", type=float, metavar="S", help=text)
+    add("--slope", dest="rms_slope", type=float, metavar="S", help=text)
     add("--table", action="store_true", help="put the measured spectrum itself into the scene")
     _add_scene_and_columns(parser, "lower")
     return parser

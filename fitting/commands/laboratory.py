@@ -129,8 +129,8 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
         )
     found = fit_spectrum(data, q0=q0, q1=resolved if arguments.q1 is None else arguments.q1)
     spectrum: Any = rf.TabulatedSpectrum(data.q, data.C) if arguments.table else found.spectrum
-    if arguments.slope is not None:
-        spectrum = rf.with_cutoff(spectrum, arguments.slope)
+    if arguments.rms_slope is not None:
+        spectrum = rf.with_cutoff(spectrum, arguments.rms_slope)
     q1 = float(spectrum.q[-1] if spectrum.q1 is None else spectrum.q1)
     slope, height = float(rf.rms_slope(spectrum)), float(rf.roughness.rms_height(spectrum))
     texts = [text, found.report()]

@@ -119,7 +119,7 @@ def test_absurd_cutoffs_and_outputs_are_refused(run):
     Path("link.toml").symlink_to("scene.toml")
     before = Path("scene.toml").read_bytes()
     for more, text in (
-        (("--slope", "1e9", "--out", "no.toml"), "by waves shorter than the distance of atoms"),
+        (("--slope", "1e9", "--out", "no.toml"), "--slope 1000000000.0: is reached"),
         (("--q1", "1e30", "--out", "no.toml"), "the distance of atoms"),
         (("--scene", "scene.toml", "--out", "scene.toml"), "is a file that this command reads"),
         (("--scene", "scene.toml", "--out", "link.toml"), "is a file that this command reads"),
