@@ -133,7 +133,7 @@ def check_heated(scene: Scene, quantities: Iterable[str]) -> None:
 _SPAN_STEP = 6.0
 
 
-def span_of_speeds(scene: Scene, velocity: jax.Array, temperature: jax.Array | None) -> float | None:
+def span_of_speeds(scene: Scene, velocity: ArrayLike, temperature: ArrayLike | None) -> float | None:
     """Return a bound of the largest minus the smallest ln(v a_T) of the points.
 
     The result is None if the span is unknown, infinite or not needed. It is needed if F depends on the
@@ -141,9 +141,9 @@ def span_of_speeds(scene: Scene, velocity: jax.Array, temperature: jax.Array | N
     """
     if MeansMethod.BY_NODE not in means_methods(scene) or not is_concrete(velocity):
         return None
-    if temperature is not None and temperature.size > 1:
+    if temperature is not None and np.size(temperature) > 1:
         return None
-    speeds = np.abs(np.asarray(velocity))
+    speeds = np.abs(np.asarray(velocity, float))
     if speeds.size == 0 or not speeds.all():
         return None
     return _SPAN_STEP * math.ceil(float(np.ptp(np.log(speeds))) / _SPAN_STEP)

@@ -204,9 +204,9 @@ def solve(
     separated = "separation" in quantities
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature, separated)
     check_heated(scene, quantities)
-    compute = functools.partial(
-        _compute, compiler_options, quadrature, span_of_speeds(scene, conditions[0], conditions[2])
-    )
+    # Of the arguments, because the arrays of `conditions` are traced within jit.
+    span = span_of_speeds(scene, velocity, temperature)
+    compute = functools.partial(_compute, compiler_options, quadrature, span)
     if not iterates(scene) or "converged" in quantities:
         tables = known_tables(given, quantities, conditions[0].dtype)
         return compute(quantities, scene, *conditions, tables)

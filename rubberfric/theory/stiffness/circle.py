@@ -27,6 +27,9 @@ from rubberfric.base.splines import with_neighbours
 _POINTS = 20
 LEAD = _POINTS // 2 - 1
 
+# Smallest length of a block; shorter ones take more time than the products that they save.
+_BLOCK = 64
+
 # Largest s; the share e^-36 of the circle beyond it is neglected.
 _DEPTH = 36.0
 
@@ -179,7 +182,7 @@ def circle_means(
 
 def lead_in(step: float, harmonics: int) -> int:
     """Return the number of entries of the grid before the first mean, which is the length of a block."""
-    return max(LEAD, math.ceil((_FAR_OF_HARMONICS if harmonics else _FAR) / step))
+    return max(_BLOCK, math.ceil((_FAR_OF_HARMONICS if harmonics else _FAR) / step))
 
 
 def _moments_before(first, second, begin, power, step, block):
