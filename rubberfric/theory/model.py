@@ -204,7 +204,7 @@ def solve(
     separated = "separation" in quantities
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature, separated)
     check_heated(scene, quantities)
-    # Of the arguments, because the arrays of `conditions` are traced within jit.
+    # The arrays of `conditions` are traced within jit, also for concrete arguments.
     span = span_of_speeds(scene, velocity, temperature)
     compute = functools.partial(_compute, compiler_options, quadrature, span)
     if not iterates(scene) or "converged" in quantities:
