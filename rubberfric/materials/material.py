@@ -295,12 +295,6 @@ def series_modulus(series: Series, omega: jax.Array) -> jax.Array:
     return jax.lax.complex(series.rest + jnp.sum(a * loss, -1), jnp.sum(loss, -1))
 
 
-def relaxation(a: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return the real and imaginary parts of i a / (1 + i a), where a = omega tau may have any sign."""
-    a = clip_for_square(a)
-    return a * a / (1 + a * a), a / (1 + a * a)
-
-
 def clip_for_square(a: jax.Array) -> jax.Array:
     """Limit a = omega tau such that a^2 is finite; at the limit a Prony term has its glassy value."""
     bound = 1e150 if a.dtype == jnp.float64 else 1e18
