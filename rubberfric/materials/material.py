@@ -290,9 +290,38 @@ def apply_vertical_shift(modulus: jax.Array, shift: Shift | None, temperature: A
 
 def series_modulus(series: Series, omega: jax.Array) -> jax.Array:
     """Return the complex value of a Prony series at omega, which may have any shape and sign."""
-    a = clip_for_square(omega[..., None] * series.tau)
-    loss = series.weight * (a / (1 + a * a))
-    return jax.lax.complex(series.rest + jnp.sum(a * loss, -1), jnp.sum(loss, -1))
+    return _series_value(*series, omega)
+
+
+@jax.custom_jvp
+def _series_value(rest, weight, tau, omega):
+    # Term by term: XLA makes one pass of it, which takes half as long as a sum over an axis.
+    storage, loss = rest, jnp.zeros_like(omega)
+    for k in range(tau.shape[0]):
+        a = clip_for_square(omega * tau[k])
+        term = weight[k] * (a / (1 + a * a))
+        storage, loss = storage + a * term, loss + term
+    return jax.lax.complex(*jnp.broadcast_arrays(storage, loss))
+
+
+@_series_value.defjvp
+@exact_products
+def _series_value_jvp(primals, tangents):
+    # Products of few matrices: derivatives of the single terms take ten times as long in reverse mode.
+    (_, weight, tau, omega), (rest_dot, weight_dot, tau_dot, omega_dot) = primals, tangents
+    # The derivatives are by ln omega, so omega = 0 is moved by a number whose square is finite.
+    omega = jnp.where(omega == 0, omega + float(jnp.finfo(omega.dtype).tiny) ** (1 / 3), omega)
+    a = clip_for_square(tau[:, None] * omega.reshape(-1))
+    loss = a / (1 + a * a)
+    storage = a * loss
+    slopes = 2 * storage * (1 - storage), loss * (1 - 2 * storage)  # by ln a
+    log_omega_dot = (omega_dot / omega).reshape(-1)
+    changes = [
+        weight_dot @ part + (weight * (tau_dot / tau)) @ slope + (weight @ slope) * log_omega_dot
+        for part, slope in zip((storage, loss), slopes, strict=True)
+    ]
+    storage_dot, loss_dot = (change.reshape(omega.shape) for change in changes)
+    return _series_value(*primals), jax.lax.complex(rest_dot + storage_dot, loss_dot)
 
 
 def clip_for_square(a: jax.Array) -> jax.Array:

@@ -83,6 +83,7 @@ def of_terms(rest, weight, tau, qv, cosine, sine):
     return np.array([storage2 + loss2, *others])
 
 
+@pytest.mark.slow
 def test_means_with_harmonics_have_the_derivatives_of_the_quadrature():
     """By every term, share and q v; forward = reverse = the integrals' own, taken by complex steps."""
     shares = np.array([[0.5, -0.2, 0.1], [0.3, 0.2, -0.4]])

@@ -36,9 +36,6 @@ _BEFORE = _POINTS // 2 - 1
 # Span of y if it is unknown at trace time: 45 decades of relaxation times with ten decades of wavevectors.
 _WIDEST = 190.0
 
-# Values of F that are computed at once; more are computed panel by panel, which takes several times as long.
-_AT_ONCE = 2**18
-
 # Step of the trapezoidal rule for a relaxation spectrum and isotropic roughness: error 1e-11.
 _ANGULAR_STEP = 0.3
 
@@ -149,17 +146,11 @@ def on_grid(
 
     def panel(values):
         (q,), shares = values
-        at = F(q[..., None], jnp.exp(jnp.log(q)[..., None] + grid))
-        rows = {kind: jnp.einsum("...g,hpg->h...p", kind.of(at), weights[kind.weights]) for kind in kinds}
-        rows = {kind: jnp.swapaxes(values, -1, -2) for kind, values in rows.items()}
+        at = F(q[:, None], jnp.exp(jnp.log(q)[:, None] + grid))
+        rows = {kind: jnp.einsum("cg,hpg->hpc", kind.of(at), weights[kind.weights]) for kind in kinds}
         return _with_harmonics(rows, shares)
 
-    if q.size * size > _AT_ONCE:
-        return _over_panels(panel, (q,), harmonics)
-    shares = None
-    if harmonics is not None and harmonics[0].ndim > 1:
-        shares = tuple(x[:, :, None] for x in harmonics)
-    return panel(((q,), shares))
+    return _over_panels(panel, (q,), harmonics)
 
 
 def at_points(
@@ -227,5 +218,5 @@ def _over_panels(panel, arrays, harmonics):
     shares = None
     if harmonics is not None and harmonics[0].ndim > 1:
         shares = tuple(jnp.moveaxis(x, 1, 0) for x in harmonics)
-    # Panel by panel, recomputed for the gradient, because all nodes at once take gigabytes.
+    # Panel by panel, recomputed for the gradient: the values of a panel stay in the cache of the processor.
     return jax.lax.map(jax.checkpoint(panel), (arrays, shares))

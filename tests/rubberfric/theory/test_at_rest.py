@@ -65,8 +65,12 @@ def _quantities(scene):
     return values
 
 
+# One scene for each way to the means and for each loop; the others compile for minutes.
+ORDINARY = ("law", "law, liquid", "paper", "liquid", "table", "slab")
+
+
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow if "long" in name else ()) for name in SCENES]
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in ORDINARY)) for name in SCENES]
 )
 def test_rest(name):
     """The friction is odd in v, so that its derivative at v = 0 is friction / v at small v."""

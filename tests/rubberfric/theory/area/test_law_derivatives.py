@@ -28,9 +28,8 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=() if name == "plain" else pytest.mark.slow) for name in SCENES]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
 def test_second_derivatives(name):
     """Three orders of forward and reverse mode agree with differences of the gradient.
 
@@ -63,7 +62,7 @@ def test_second_derivatives(name):
         np.testing.assert_allclose(found, np.transpose(found), rtol=1e-9, atol=1e-12, err_msg=way)
 
 
-@pytest.mark.parametrize("pressure", [1e5, 4e5])
+@pytest.mark.parametrize("pressure", [1e5, pytest.param(4e5, marks=pytest.mark.slow)])
 def test_no_plateau(pressure):
     """For q_r = q0 the derivatives by q_r are one-sided, and next to 0."""
     rubber = rf.Prony(1e6, [9e6, 3e6], [1e-3, 1e-1], poisson=0.5)
