@@ -103,6 +103,18 @@ def legendre_transform(order: int) -> np.ndarray:
 
 
 @functools.cache
+def slopes_at_nodes(order: int) -> np.ndarray:
+    """Return the derivatives of the Lagrange polynomials of the Gauss nodes on [0, 1].
+
+    Row k holds the derivatives of all polynomials at node k.
+    """
+    x = legendre.leggauss(order)[0]
+    # Column k holds the coefficients of the derivative of the Legendre polynomial k.
+    slopes = np.stack([np.append(legendre.legder(one), 0.0) for one in np.eye(order)], -1)
+    return _frozen(2 * legendre.legvander(x, order - 1) @ slopes @ legendre_transform(order))
+
+
+@functools.cache
 def nodes_between(order: int) -> np.ndarray:
     """Return `_IN_A_GAP` nodes on [0, 1] in each gap before a Gauss node, for integrals up to the node."""
     borders = np.concatenate([[0.0], gauss(order)[0]])

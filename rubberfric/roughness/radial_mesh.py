@@ -22,7 +22,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.quadrature import Quadrature, gauss, legendre_transform, nodes_between, typed
+from rubberfric.base.compilation import exact_products
+from rubberfric.base.quadrature import (
+    Quadrature,
+    gauss,
+    nodes_between,
+    slopes_at_nodes,
+    typed,
+)
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio
 
 # sqrt(G) has a branch point a quarter of an e-fold below the end of a plateau. Equal panels cannot resolve
@@ -115,37 +122,44 @@ def build_mesh(
         left, right = (jnp.where(edge == origin, origin, edge) for edge in (left, right))
     origin = jax.lax.stop_gradient(origin)
 
-    def at(coordinate):
-        """Return t, dt / d(coordinate) and q^4 C_j at the coordinates 0 ... 1 in every panel."""
-        relative, stretch = _node_map(left, right, origin, coordinate)
-        nodes = left[:, None] + (right - left)[:, None] * relative
-        spectra = zip(laws, panels.kinks, panels.pieces, strict=True)
-        roughness = tuple(_roughness(*one, nodes, start) for one in spectra)
-        if join is not None:
-            # Before the weights: where kinks coincide, the weight of a panel of zero width is 0, and its
-            # derivative must be multiplied by the joined spectrum.
-            roughness = (join(*roughness),)
-        return nodes, (right - left)[:, None] * stretch, roughness
-
     node, weight = (typed(table, t) for table in gauss(quadrature.order))
-    nodes, measure, roughness = at(node)
-    serving = edges[panels.panel], edges[panels.panel + 1], quadrature.angular_order
+    # One pass over all nodes compiles in half the time of two.
+    order, coordinates = quadrature.order, node
+    if graded:
+        coordinates = jnp.concatenate([node, typed(nodes_between(order), t)])
+    relative, stretch = _node_map(left, right, origin, coordinates)
+    nodes = left[:, None] + (right - left)[:, None] * relative
+    measure = (right - left)[:, None] * stretch
+    spectra = zip(laws, panels.kinks, panels.pieces, strict=True)
+    roughness = tuple(_roughness(*one, nodes, start) for one in spectra)
+    if join is not None:
+        # Before the weights: where kinks coincide, the weight of a panel of zero width is 0, and its
+        # derivative must be multiplied by the joined spectrum.
+        roughness = (join(*roughness),)
+    q = jnp.exp(start + nodes)
+    roughness = tuple(values * measure for values in roughness)
+    inner = graded and logarithmic
+    basis = interpolation(
+        nodes if inner else nodes[:, :order],
+        _entries(edges, panels.panel),
+        _entries(edges, panels.panel + 1),
+        quadrature.angular_order,
+    )
     between = None
     if graded:
-        inner, inner_measure, inner_roughness = at(typed(nodes_between(quadrature.order), t))
         between = Between(
-            q=jnp.exp(start + inner),
-            roughness=tuple(values * inner_measure for values in inner_roughness),
-            interpolate=interpolation(inner, *serving) if logarithmic else None,
+            q=q[:, order:],
+            roughness=tuple(values[:, order:] for values in roughness),
+            interpolate=basis[:, order:] if logarithmic else None,
         )
     angular_node = typed(gauss(quadrature.angular_order)[0], t)
     return Mesh(
         angular_q=jnp.exp(start + (edges[:-1, None] + jnp.diff(edges)[:, None] * angular_node)),
-        q=jnp.exp(start + nodes),
-        roughness=tuple(values * (measure * weight) for values in roughness),
+        q=q[:, :order],
+        roughness=tuple(values[:, :order] * weight for values in roughness),
         between=between,
         panel=panels.panel,
-        interpolate=interpolation(nodes, *serving),
+        interpolate=basis[:, :order],
         first=panels.first,
         last=jnp.exp(start + edges[-1]),
         borders=t,
@@ -208,12 +222,18 @@ def _roughness(law, kink, piece, nodes, start):
     count = law.exponent.shape[0]
     inside = (piece >= 0) & (piece < count)
     piece = jnp.clip(piece, 0, count - 1)
-    distance = nodes - kink[piece][:, None]
+    at_kink = [_entries(values, piece)[:, None] for values in (kink[:-1], law.log_value[:-1], law.exponent)]
+    distance = nodes - at_kink[0]
     # Outside, the distance is 0, because a power law may overflow far from its range.
     distance = jnp.where(inside[:, None], distance, 0.0)
-    log_value = law.log_value[piece][:, None] + law.exponent[piece][:, None] * distance
+    log_value = at_kink[1] + at_kink[2] * distance
     value = law.height2 * jnp.exp(log_value + 2 * (start + nodes))
     return jnp.where(inside[:, None], value, 0.0)
+
+
+def _entries(values, index):
+    """Return values[index]. A sum has a derivative that compiles faster than that of a look-up."""
+    return jnp.sum(jnp.where(index[:, None] == np.arange(values.shape[0]), values, 0.0), -1)
 
 
 def interpolation(nodes: jax.Array, left: jax.Array, right: jax.Array, order: int) -> jax.Array:
@@ -223,11 +243,26 @@ def interpolation(nodes: jax.Array, left: jax.Array, right: jax.Array, order: in
     shape (panels, nodes, order).
     """
     width = (right - left)[:, None]
-    x = 2 * (nodes - left[:, None]) / jnp.where(width > 0, width, 1.0) - 1
-    basis = [jnp.ones_like(x), x]
-    for n in range(1, order - 1):
-        basis.append(((2 * n + 1) * x * basis[n] - n * basis[n - 1]) / (n + 1))
-    return jnp.stack(basis, -1) @ typed(legendre_transform(order), x)
+    return _lagrange(order, (nodes - left[:, None]) / jnp.where(width > 0, width, 1.0))
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _lagrange(order, position):
+    """Return the Lagrange polynomials of the Gauss nodes at positions 0 ... 1, on a new last axis."""
+    node = gauss(order)[0]
+    own = np.eye(order, dtype=bool)
+    scale = 1 / np.prod(np.where(own, 1.0, node[:, None] - node), 1)
+    distance = position[..., None, None] - typed(node, position)
+    # One reduction compiles faster than a recurrence.
+    return jnp.prod(jnp.where(own, typed(scale[:, None] * own, position), distance), -1)
+
+
+@_lagrange.defjvp
+@exact_products
+def _lagrange_jvp(order, primals, tangents):
+    # The slope is a polynomial, which its values at the nodes determine.
+    values = _lagrange(order, *primals)
+    return values, (values @ typed(slopes_at_nodes(order), values)) * tangents[0][..., None]
 
 
 class Borders(NamedTuple):
