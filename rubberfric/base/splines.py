@@ -90,16 +90,13 @@ def at(cells: jax.Array, position: jax.Array) -> jax.Array:
     index = jnp.floor(jax.lax.stop_gradient(position))
     t, index = position - index - 0.5, index.astype(int)
 
-    def taken(column):
-        return column.at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
+    def horner(total, column):
+        taken = column.at[:, index].get(mode="promise_in_bounds", wrap_negative_indices=False)
+        return total * t + taken, None
 
-    # One coefficient after the other, because gathered rows would be stored.
-    def value(function):
-        columns = [taken(column) for column in cells[:, function]]
-        return functools.reduce(lambda total, column: total * t + column, columns[::-1])
-
-    # Fused with later operations the look-ups are not vectorised and take twice the time.
-    return jax.lax.optimization_barrier(jnp.stack([value(function) for function in range(cells.shape[1])]))
+    # A loop over the coefficients, because the look-ups of all coefficients compile several times as long.
+    start = jnp.zeros((cells.shape[1], *position.shape), cells.dtype)
+    return jax.lax.scan(horner, start, cells[::-1])[0]
 
 
 def with_neighbours(values: jax.Array, before: int, after: int) -> jax.Array:
