@@ -173,7 +173,7 @@ def _contact_stiffness(scene, velocity, pressure, temperature, *, quadrature):
         P = contact_fraction(x)
         slope = TWO_OVER_ROOT_PI * jnp.exp(-x * x) * (scene.gamma + 3 * (1 - scene.gamma) * P * P)
         compliance = jnp.sum(x * slope * storage, (0, 2))
-        compliance = jnp.pi / 2 * contact.modulus_over_pressure * compliance
+        compliance = 0.5 * contact.modulus_over_pressure * compliance
         soft = compliance > 0
         found = jnp.where(soft, pressure / jnp.where(soft, compliance, 1.0), jnp.inf)
         return found, _converged(temperatures)

@@ -25,11 +25,10 @@ from rubberfric.theory.area.partial_contact import (
     contact_argument,
     contact_fraction,
     energy_factor,
-    friction_weight,
 )
 from rubberfric.theory.arguments import validate, warn_of_last_iterates
 from rubberfric.theory.contact import Contact
-from rubberfric.theory.contributions import total
+from rubberfric.theory.contributions import density_of_K, total
 from rubberfric.theory.heat_balance import temperature_at
 from rubberfric.theory.integrals import Prepared, evaluate, prepare, solved
 from rubberfric.theory.stiffness.means import factors_at, stiffness_means
@@ -232,9 +231,10 @@ def _over_wavevectors(prepared, densities, q, points):
         return results | dict.fromkeys(("friction_density", "friction"), jnp.zeros_like(G))
     terms = total(jnp.sum(values, -1) for values in contact.friction_terms().values())
     density = sum(one(points[0], T) for one, T in zip(densities, inside, strict=True))
-    weight = (jnp.pi * contact.modulus_over_pressure)[:, None] * friction_weight(x, contact.gamma)
+    P = contact_fraction(x)
+    SP = energy_factor(P, contact.gamma) * P
     return results | {
-        "friction_density": weight * density,
+        "friction_density": contact.modulus_over_pressure[:, None] * SP * density,
         "friction": sum_below_borders(prepared, terms, q.shape[0]),
     }
 
@@ -244,8 +244,7 @@ def density_of(
 ) -> Callable[[jax.Array, SurfaceTemperatures], jax.Array | float]:
     """Return a function that evaluates the density of a mean at the wavevectors q.
 
-    The density is q^4 C <cos(phi) Im K'> for "mean_cos_loss", and q^4 C <|K'|^2> for "mean_abs2". K' is the
-    series stiffness in units of the scale, including all factors.
+    The density over ln q is that of `density_of_K` times the mean, in units of the scale.
 
     The function takes the velocity and the `SurfaceTemperatures`. A temperature is None, or has the shape
     (points,) or (points, wavevectors). The function returns an array of shape (points, wavevectors), or 0.0
@@ -258,7 +257,7 @@ def density_of(
     roughness = jnp.where(inside, law.height2 * jnp.exp(log_shape(law, at) + 4 * jnp.log(at)), 0.0)
     if not surface.relaxes and kind == "mean_cos_loss":
         return lambda *_: 0.0
-    weights = factors_at(surface, scale, q).of(kind, roughness)
+    weights = factors_at(surface, scale, q).of(kind, density_of_K(kind, roughness, q))
     if surface.static:
         return lambda *_: weights[0]
     excited = stiffness_means(surface, scale, q[None], RequiredMeans(**{kind: True}))
@@ -363,7 +362,7 @@ def _separations(scene, prepared, surfaces, densities, q, quadrature, points):
     both = SurfaceTemperatures(*temperature * 2)
     density = sum(one(velocity, both) for one in densities)
     # dP / d ln q from the exact density of G. G may be 0; x^2 = 1 / (4 G) is clipped at 27^2.
-    slope = -TWO_OVER_ROOT_PI * jnp.exp(-x * x) * 2 * x**3 * (jnp.pi / 4 * ratio**2 * density)
+    slope = -TWO_OVER_ROOT_PI * jnp.exp(-x * x) * 2 * x**3 * (ratio**2 * density / 2)
 
     def beyond(log_step, load_step, q, mean_pressure):
         cut = [surface._replace(law=_beyond(surface.law, q * jnp.exp(log_step))) for surface in surfaces]

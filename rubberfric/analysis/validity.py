@@ -285,7 +285,7 @@ def _full_contact_energy(scene, velocity, temperature, *, quadrature):
         velocity, *temperature = points
         contact, _ = solved(prepared, velocity, jnp.ones_like(velocity), *temperature)
         storage = total(jnp.sum(terms.densities["mean_storage"], (0, 2)) for terms in contact.terms)
-        return jnp.broadcast_to(jnp.pi / 2 * prepared.roughness.scale * storage, velocity.shape)
+        return jnp.broadcast_to(0.5 * prepared.roughness.scale * storage, velocity.shape)
 
     return over_points(energy, (velocity, temperature), _BLOCK)
 

@@ -1,13 +1,12 @@
 r"""Contact of rough surfaces for given temperatures: G, P and S at every wavevector, and the contact area.
 
-With d^2q = q^2 d ln q dphi and K_j = (q/2) scale factor_j F_j (`rubberfric.theory.stiffness.series`)
+`rubberfric.theory.contributions` has the integrands of K_j in the unit `scale` of all moduli
 [Scaraggi & Persson]
 
-.. math:: G = \left(\frac{scale}{\sigma_0}\right)^2 g,\qquad
-          g = \frac{\pi}{4}\int d\ln q \sum_j q^4 C_j\, factor_j^2 \langle|F_j|^2\rangle
-.. math:: P = \mathrm{erf}\,x,\qquad x = \frac{1}{2\sqrt G},\qquad
-          \mu = \pi\frac{scale}{\sigma_0}\int d\ln q\; S P
-          \sum_j q^4 C_j\, factor_j \langle\cos\varphi\,\mathrm{Im}F_j\rangle
+.. math:: G(q) = \frac{1}{2\sigma_0^2}\int_{q_0}^q d^2q \sum_j C_j \langle|K_j|^2\rangle,\qquad
+          x = \frac{1}{2\sqrt G},\qquad P = \mathrm{erf}\,x,\qquad S = \gamma + (1 - \gamma) P^2
+.. math:: \mu = \frac{1}{\sigma_0}\int d^2q\; S P \sum_j C_j\, q \langle\cos\varphi\,\mathrm{Im}K_j\rangle
+.. math:: \bar u = \frac{1}{2\sigma_0}\int d^2q\; x\Psi(x) \sum_j C_j \langle\mathrm{Re}K_j\rangle
 """
 
 from collections.abc import Sequence
@@ -20,7 +19,12 @@ import numpy as np
 from rubberfric.roughness.radial_mesh import Mesh
 from rubberfric.scene.interface import Correlation
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
-from rubberfric.theory.area.partial_contact import contact_argument, contact_fraction, friction_weight
+from rubberfric.theory.area.partial_contact import (
+    contact_argument,
+    contact_fraction,
+    energy_factor,
+    separation_weight,
+)
 from rubberfric.theory.contributions import Contribution, Terms, total
 from rubberfric.theory.structure import SurfaceTemperatures
 
@@ -76,12 +80,20 @@ class Contact(NamedTuple):
         densities = {j: one.densities[kind] for j, one in enumerate(self.terms) if kind in one.densities}
         if not densities:
             return {}
-        SP = friction_weight(self.corrected(self.x), self.gamma)
         modulus_over_load = self.modulus_over_pressure  # friction is divided by sigma_0
         if self.load is not None:
             modulus_over_load = modulus_over_load * self.load
-        factor = jnp.pi * modulus_over_load[:, None]
-        return {j: factor * SP * density for j, density in densities.items()}  # (A17)
+        column = modulus_over_load[:, None]
+        P = contact_fraction(self.corrected(self.x))  # (10)
+        S = energy_factor(P, self.gamma)  # (14)
+        return {j: column * (S * P) * density for j, density in densities.items()}  # (A17)
+
+    def separation(self) -> jax.Array:
+        """Return the mean separation [m], of shape (points,)."""
+        density = total(terms.densities["mean_storage"] for terms in self.terms)
+        weight = separation_weight(self.x, self.gamma) / 2
+        u = self.modulus_over_pressure * jnp.sum(weight * density, (0, 2))  # (A18)
+        return u if self.lift is None else u + self.lift
 
     def corrected(self, x: jax.Array) -> jax.Array:
         """Return x with S in G if the scene has `area_correction`, otherwise return x unchanged."""
@@ -138,10 +150,10 @@ class Roughness(NamedTuple):
             # If only the whole integral is needed, each contribution has its own panels.
             panels = [jnp.sum(one, 0, keepdims=True) for one in panels]
         # At light loads the derivative by modulus**2 would underflow in single precision.
-        G_panels, G = modulus * (modulus * (jnp.pi / 4 * total(panels))), None
+        G_panels, G = modulus * (modulus * (total(panels) / 2)), None  # (A11)
         if within:
             column = modulus[:, None]
-            G = _sum_before(G_panels)[..., None] + column * (column * (jnp.pi / 4 * total(within)))  # (A11)
+            G = _sum_before(G_panels)[..., None] + column * (column * (total(within) / 2))  # (A11)
             known = True if self.approximate else G > _NO_CONTACT_LOST
             G = jnp.where(G < 0, jnp.where(known, 0.0, jnp.nan), G)
         return Contact(terms, modulus, G_panels, G, self.gamma, self.correction)

@@ -1,12 +1,13 @@
 r"""Contribution of each rough surface to the integrals over ln q: G, friction and separation.
 
 The density of G is the product of q^4 C_j, known at every contact node, and <|F_j|^2>, known at the angular
-nodes. Friction and separation are similar. The matrices that combine both sets of nodes depend only on the
-scene, so each velocity takes one small matrix product per panel.
+nodes (`density_of_K`). Friction and separation are similar. The matrices that combine both sets of nodes
+depend only on the scene, so each velocity takes one small matrix product per panel.
 """
 
 import dataclasses
 import functools
+import math
 import operator
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -30,7 +31,7 @@ class Terms(NamedTuple):
     Arrays have the axes (panels, points or 1, order), except where stated otherwise.
     """
 
-    panels: jax.Array  # integral of the density of g over every panel, (panels, points or 1)
+    panels: jax.Array  # integral of the density of <|K|^2> over every panel, (panels, points or 1)
     within: jax.Array | None  # integral from the left border of the panel to every contact node
     # By kind: densities of the friction, "mean_cos_loss" and "mean_sin_loss", without the factor S P, and of
     # the separation, "mean_storage", without the factor x Psi [m].
@@ -82,11 +83,11 @@ class Contribution(NamedTuple):
         return Terms(*self._linear(mesh, means["mean_abs2"]), densities)
 
     def _linear(self, mesh, means):
-        """Return the integrals of the density of g over every panel and up to every contact node.
+        """Return the integrals of the density of <|K|^2> over every panel and up to every contact node.
 
         The integral up to a node begins at the left border of the panel. The weights of the integrals up to
         the nodes are exact in the roughness and the factors (`cumulative`), which may change by 1e6 within a
-        panel. A rule for the full product would lose the small terms, which determine g where g matters most.
+        panel. A rule for the full product would lose the small terms, which determine G where G matters most.
         """
         if self.interpolation is MeansInterpolation.LINEAR and self.within is not None:
             # If no integrals up to the nodes are needed, use the weights of the angular panels.
@@ -138,9 +139,9 @@ def contribution(
         needs = dataclasses.replace(needs, mean_cos_loss=False, mean_sin_loss=False)
     weights, interpolation = mesh.roughness[j], surface.interpolation or MeansInterpolation.NONE
     factors = factors_at(surface, scale, mesh.q)
-    mean_abs2 = factors.of("mean_abs2", weights)
+    mean_abs2 = factors.of("mean_abs2", density_of_K("mean_abs2", weights, mesh.q))
     others = {
-        kind: factors.of(kind, weights / mesh.q if kind == "mean_storage" else weights)
+        kind: factors.of(kind, density_of_K(kind, weights, mesh.q))
         for kind in needs.kinds
         if kind != "mean_abs2" and (kind != "mean_sin_loss" or surface.harmonics)
     }
@@ -150,7 +151,8 @@ def contribution(
         means = stiffness_means(surface, scale, mesh.angular_q if angular else mesh.q, needs, table, span)
     within = None
     if mesh.between is not None:
-        between = factors_at(surface, scale, mesh.between.q).of("mean_abs2", mesh.between.roughness[j])
+        between = density_of_K("mean_abs2", mesh.between.roughness[j], mesh.between.q)
+        between = factors_at(surface, scale, mesh.between.q).of("mean_abs2", between)
         logarithmic = interpolation is MeansInterpolation.LOGARITHMIC
         rule = typed((weights_between if logarithmic else cumulative)(mesh.q.shape[1]), weights)
         rule = rule.sum(-1) if surface.static else rule
@@ -166,6 +168,26 @@ def contribution(
         mean_abs2 = (jnp.einsum("kc,kci->ki", one, mesh.interpolate) for one in mean_abs2)
         mean_abs2 = tuple(jnp.zeros_like(mesh.angular_q).at[mesh.panel].add(one) for one in mean_abs2)
     return Contribution(means, interpolation, mean_abs2, within, others)
+
+
+def density_of_K(kind: str, roughness: jax.Array, q: jax.Array) -> jax.Array:
+    r"""Return the factor of a mean of F_j in the integral over ln q of the same mean of K_j = (q/2) F_j.
+
+    With d^2q = 2 pi q^2 d ln q, the integrals are
+
+    .. math:: \int d^2q\, C_j \langle|K_j|^2\rangle,\qquad
+              \int d^2q\, C_j\, q \langle\cos\varphi\,\mathrm{Im}K_j\rangle,\qquad
+              \int d^2q\, C_j \langle\mathrm{Re}K_j\rangle
+
+    Parameters
+    ----------
+    kind : "mean_abs2"; "mean_cos_loss" or "mean_sin_loss"; "mean_storage"
+    roughness : q^4 C_j [-]
+    q : [1/m]
+    """
+    if kind == "mean_abs2":
+        return 2 * math.pi * 0.5**2 * roughness
+    return 2 * math.pi * 0.5 * (roughness / q if kind == "mean_storage" else roughness)
 
 
 def _sum_products(subscripts, means, weights):

@@ -1,13 +1,8 @@
 r"""Integrals over ln q that give the quantities of a scene, for many velocities and pressures.
 
 `prepare` computes what depends only on the scene. `evaluate` adds velocity, pressure and temperature.
-`rubberfric.theory.contact` has the formulas of G and the friction. In the same notation the separation is
-[Scaraggi & Persson]
-
-.. math:: \bar u = \frac{\pi}{2}\frac{scale}{\sigma_0}\int d\ln q\; x\Psi(x)
-          \sum_j q^3 C_j\, factor_j\langle\mathrm{Re}F_j\rangle
-
-The transverse friction is the friction with sin(phi) instead of cos(phi).
+`rubberfric.theory.contact` has the formulas. The transverse friction is the friction with sin(phi) instead of
+cos(phi).
 """
 
 import functools
@@ -27,7 +22,6 @@ from rubberfric.scene.softening import knots
 from rubberfric.theory.adhesive_contact import adhesive_contact
 from rubberfric.theory.area.area_correction import correction_table
 from rubberfric.theory.area.boundary_elements_law import Law, prepare_law, solve_law
-from rubberfric.theory.area.partial_contact import separation_weight
 from rubberfric.theory.contact import Contact, Roughness
 from rubberfric.theory.contributions import contribution, total
 from rubberfric.theory.heat_balance import Temperatures, Thermal, macroasperity, prepare_thermal
@@ -279,12 +273,7 @@ def _integrated(contact, parts):
         if name in parts and (terms := contact.friction_terms(kind)):
             found[name] = total(jnp.sum(values, (0, 2)) for values in terms.values())
     if "separation" in parts:
-        density = total(terms.densities["mean_storage"] for terms in contact.terms)
-        weight = separation_weight(contact.x, contact.gamma)
-        factor = jnp.pi / 2 * contact.modulus_over_pressure
-        found["separation"] = factor * jnp.sum(weight * density, (0, 2))  # (A18)
-        if contact.lift is not None:
-            found["separation"] = found["separation"] + contact.lift
+        found["separation"] = contact.separation()
     return found
 
 

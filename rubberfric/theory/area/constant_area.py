@@ -20,12 +20,12 @@ Natl. Acad. Sci. 111, 3298 (2014), doi:10.1073/pnas.1320846111].
 
 At zero load, with U for s = S P, the work that separates the solids is
 
-.. math:: W = \max_{p_1}\big[\Delta\gamma A - \tfrac{\pi}{2}\,scale \int (s - \tfrac12 x s')\,dU\big] \ge 0
+.. math:: W = \max_{p_1}\big[\Delta\gamma A - \tfrac12\,scale \int (s - \tfrac12 x s')\,dU\big] \ge 0
 
 x is proportional to the load at all wavevectors. With s = S P and the terms of the separation
 
-.. math:: -p\,u' = \frac{\pi}{2}\frac{scale}{p}\int x s'\,dU,\qquad
-          p^2 u'' = \frac{\pi}{2}\frac{scale}{p}\int (x s' - x^2 s'')\,dU
+.. math:: -p\,u' = \frac{scale}{2p}\int x s'\,dU,\qquad
+          p^2 u'' = \frac{scale}{2p}\int (x s' - x^2 s'')\,dU
 """
 
 from typing import NamedTuple
@@ -142,7 +142,7 @@ def _slopes(point, z):
     """
     x, P, bell, slope = _nodes(point, z)
     bend = slope * (1 + 2 * x * x) - 6 * (1 - point.gamma) * P * (x * bell) ** 2
-    weight = jnp.pi / 2 * (point.stiffness * jnp.exp(-z)) * point.storage
+    weight = 0.5 * (point.stiffness * jnp.exp(-z)) * point.storage
     x, X = _ends(point, z)
     rise = TWO_OVER_ROOT_PI * X * jnp.exp(-X * X)
     if point.correction is not None:
@@ -178,7 +178,7 @@ def _work(point):
     def gained(z):
         _, P, _, slope = _nodes(point, z)
         energy = energy_factor(P, point.gamma) * P - 0.5 * slope
-        stored = jnp.pi / 2 * point.stiffness * jnp.sum(point.storage * energy)
+        stored = 0.5 * point.stiffness * jnp.sum(point.storage * energy)
         return 0.5 * point.gain * contact_fraction(_ends(point, z)[1]) - stored
 
     def closer(_, ends):

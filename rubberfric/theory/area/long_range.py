@@ -190,7 +190,7 @@ def _mean_separation(gaps, nodes, stiffness, X):
     x_end = contact_argument((stiffness * P) ** 2 * nodes.rest)
     fall = gaps.lost(jnp.log(x_end)[:, None] - _ROOT * nodes.log_root, c[:, None])
     integral = loss_weight(x_end, c, gaps.gamma) * nodes.storage - jnp.sum(fall * nodes.passed, -1)
-    return jnp.pi / 2 * stiffness * P * jnp.maximum(integral, 0.0)
+    return 0.5 * stiffness * P * jnp.maximum(integral, 0.0)
 
 
 def _nodes(gaps, beyond, z, count):

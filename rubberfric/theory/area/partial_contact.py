@@ -73,12 +73,6 @@ def contact_fraction(x: jax.Array) -> jax.Array:
     return jnp.minimum(erf(x), 1.0)  # (10); JAX's erf reaches 1 + 2e-7 in float32
 
 
-def friction_weight(x: jax.Array, gamma: jax.Array | float) -> jax.Array:
-    """Return S P, which multiplies the friction of full contact at every wavevector."""
-    P = contact_fraction(x)
-    return energy_factor(P, gamma) * P
-
-
 @jax.custom_jvp
 def separation_weight(x: jax.Array, gamma: jax.Array | float) -> jax.Array:
     r"""Return x Psi(x), the pressure integral of the mean separation times 2 sigma_0.

@@ -5,9 +5,9 @@ this area, with the volume u_bar P per nominal area. The area that leaves contac
 u1 [Yang & Persson, J. Phys.: Condens. Matter 20, 215214 (2008), doi:10.1088/0953-8984/20/21/215214], with
 G(q) = 1/(4 X^2), P = erf X:
 
-.. math:: u_1 = \frac{d[\bar u P]}{dP} = \frac{\pi}{2}\frac{scale}{\sigma_0} P\int_q^{q_1} k(x)\, dU,\qquad
-          x = \frac{1}{2 P\sqrt{G(q') - G(q)}},\qquad U = \int d\ln q \sum_j q^3 C_j\,factor_j
-          \langle\mathrm{Re}F_j\rangle
+.. math:: u_1 = \frac{d[\bar u P]}{dP} = \frac{scale}{2\sigma_0} P\int_q^{q_1} k(x)\, dU,\qquad
+          x = \frac{1}{2 P\sqrt{G(q') - G(q)}},\qquad U = \frac{1}{scale}\int d^2q \sum_j C_j
+          \langle\mathrm{Re}K_j\rangle
 .. math:: k = x\Psi + x s' + c\,x^2\,(x s' - x\Psi),\qquad c = \frac{\sqrt\pi}{2}\frac{P^3}{X^3}e^{X^2}
 
 This is the derivative of the mean separation of the roughness above q under the pressure sigma_0 / P; s = S

@@ -12,7 +12,6 @@ from rubberfric.theory.area.partial_contact import (
     contact_argument,
     contact_fraction,
     energy_factor,
-    friction_weight,
     separation_weight,
 )
 
@@ -94,5 +93,4 @@ def test_fractions_and_factors():
     for gamma in (0.0, 0.4, 1.0):
         S = gamma + (1 - gamma) * P**2
         np.testing.assert_allclose(energy_factor(jnp.array(P), gamma), S, rtol=1e-15)
-        np.testing.assert_allclose(friction_weight(x, gamma), S * P, rtol=1e-15)
     assert (contact_fraction(jnp.linspace(0, 10, 300, dtype=jnp.float32)) <= 1).all()
