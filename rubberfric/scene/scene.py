@@ -338,6 +338,12 @@ def rough_surfaces(scene: Scene) -> list[tuple[Spectrum, Body]]:
     return [(spectrum, other) for spectrum, other in facing if spectrum is not None]
 
 
+def layers_vary(rough: Body, strained: Body) -> bool:
+    """Return True if layers change the stiffness for the roughness of one body by more than a factor."""
+    coated = strained.layer is not None and not strained.layer.multiplies
+    return coated or (rough.material.deforms and any(body.layer is not None for body in (rough, strained)))
+
+
 def softening_of(scene: Scene, body: Body) -> Softening | None:
     """Return the softening of a body, by default that of the scene; None if the body does not relax."""
     if not relaxes(body):

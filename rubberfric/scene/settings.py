@@ -1,19 +1,26 @@
 r"""Default quadrature of a scene, from a rule that takes microseconds.
 
-Two numbers determine how many nodes give an error of 1e-9. L is the range of the roughness in e-folds, in
-which plateaus count twice (there :math:`\sqrt G \sim q^2`). Lambda describes how steeply contact is lost:
+Three properties of a scene determine how many nodes give an error of 1e-9. L is the range of the roughness in
+e-folds, in which rising parts of q^2 C count more (on a plateau :math:`\sqrt G \sim q^2`),
 
-.. math:: L = \ln\frac{q_1}{q_0} + \sum_j \ln\frac{q_{rj}}{q_{0j}},\qquad
-          \Lambda = \max_j \ln\frac{E_r\,q_{0j}^2 \sqrt{C_{0j}}}{\sigma_0}
+.. math:: L = \ln\frac{q_1}{q_0} + \sum_j \frac12 \int d\ln q\;
+          \mathrm{clip}\Big(\frac{d\ln q^2 C_j}{d\ln q}, 0, 2\Big)
 
-with the glassy modulus of the softer solid. P falls from 1 within :math:`\ln(q/q_0) \sim e^{-2\Lambda}`.
-Within the limits below, the errors of thousands of random scenes are below 4e-10.
-`tests/benchmarks/test_settings_table.py` prints the table of these errors, and
-`tests/rubberfric/scene/test_settings.py` tests the limits on other scenes.
+Lambda describes how steeply contact is lost where roughness begins, with the glassy modulus E_r of the softer
+solid,
+
+.. math:: \Lambda = \max_j \ln\frac{E_r\,q_{0j}^2 \sqrt{C_j(q_{0j})}}{\sigma_0}
+
+(of a table the largest value within the first e-fold). P falls from 1 within
+:math:`\ln(q/q_0) \sim e^{-2\Lambda}`. The third property is the finest detail of the
+moduli over the frequency. Materials and spectra give these properties by their public methods, so the rule
+holds for those of a user. `tests/benchmarks/test_settings_table.py` prints the errors over L and Lambda, and
+`tests/rubberfric/scene/test_settings.py` tests random scenes of all kinds.
 """
 
 import dataclasses
 import math
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -29,88 +36,64 @@ from rubberfric.base.checks import (
     is_concrete,
 )
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.materials.material import Elastic, Rigid
-from rubberfric.materials.prony import Prony
-from rubberfric.materials.tabulated_modulus import TabulatedModulus
-from rubberfric.roughness.spectra import SelfAffine
-from rubberfric.roughness.tabulated import TabulatedSpectrum
-from rubberfric.scene.scene import Scene, optional_parts
+from rubberfric.roughness.spectra import power_law_of
+from rubberfric.scene.scene import Scene, layers_vary, optional_parts, rough_surfaces
 
-_ALL = math.inf, -math.inf, math.inf
+# Number of panels of the shortest roughness.
+_FIRST = 0.75
 
-# (setting, largest L, smallest and largest Lambda) in order of work, for one and for two rough solids.
-WITH_SEPARATION = {
-    1: (
-        (Quadrature(order=13, panels=4, graded=6, ratio=5.0, angular_order=12), 3.0, -1.0, 8.0),
-        (Quadrature(order=13, panels=6, graded=6, ratio=5.0, angular_order=12), 8.2, 1.0, 8.0),
-        (Quadrature(order=13, panels=8, graded=6, ratio=5.0, angular_order=12), 5.0, -math.inf, 8.0),
-        (Quadrature(order=13, panels=12, graded=8, ratio=4.5, angular_order=13), 14.0, -1.0, 14.0),
-        (Quadrature(order=13, panels=12, graded=8, ratio=4.5, angular_order=13), 9.0, -math.inf, 14.0),
-        (Quadrature(order=13, panels=18, graded=8, ratio=4.5, angular_order=12), 26.0, -math.inf, 14.0),
-        (Quadrature(order=14, panels=22, graded=12, ratio=4.5, angular_order=13), *_ALL),
-    ),
-    2: (
-        (Quadrature(order=14, panels=8, graded=8, ratio=4.5, angular_order=12), 6.0, -math.inf, 14.0),
-        (Quadrature(order=14, panels=12, graded=8, ratio=4.5, angular_order=13), 11.5, -math.inf, 14.0),
-        (Quadrature(order=14, panels=18, graded=8, ratio=4.5, angular_order=14), 26.0, -math.inf, 14.0),
-        (Quadrature(order=14, panels=28, graded=12, ratio=4.5, angular_order=14), *_ALL),
-    ),
-}
-# For area and friction only. Near full contact the separation, a millionth of the roughness, needs more
-# panels.
-WITHOUT_SEPARATION = {
-    1: (
-        (Quadrature(order=13, panels=4, graded=6, ratio=5.0, angular_order=12), 5.0, -math.inf, 8.0),
-        (Quadrature(order=13, panels=6, graded=6, ratio=5.0, angular_order=12), 8.2, 1.0, 8.0),
-        (Quadrature(order=13, panels=7, graded=6, ratio=5.0, angular_order=12), 9.0, -math.inf, 8.0),
-        (Quadrature(order=13, panels=8, graded=6, ratio=5.0, angular_order=12), 10.5, -math.inf, 8.0),
-        (Quadrature(order=13, panels=12, graded=8, ratio=4.5, angular_order=13), 14.0, -math.inf, 14.0),
-    ),
-    2: (
-        (Quadrature(order=13, panels=6, graded=6, ratio=5.0, angular_order=12), 8.0, -math.inf, 8.0),
-        (Quadrature(order=13, panels=8, graded=6, ratio=5.0, angular_order=12), 10.5, -math.inf, 8.0),
-        (Quadrature(order=14, panels=8, graded=8, ratio=4.5, angular_order=12), 10.0, -math.inf, 14.0),
-        (Quadrature(order=13, panels=10, graded=6, ratio=5.0, angular_order=12), 12.5, -math.inf, 8.0),
-        (Quadrature(order=14, panels=10, graded=8, ratio=4.5, angular_order=13), 12.5, -math.inf, 14.0),
-    ),
-}
-# For one rough solid with heating. Temperatures need more panels and have errors of 1e-8 in strong feedback.
-HEATED = ((Quadrature(order=13, panels=8, graded=6, ratio=5.0, angular_order=12), 8.2, -1.0, 8.0),)
-# For parts without measurements, and for traced numbers.
+# Panels per unit of L: an e-fold takes half a panel of 12 nodes.
+_PER_FOLD = 0.65
+
+# The same where F_j depends on q itself. It may fall by 1e9 within an e-fold of a coating.
+_PER_FOLD_OF_LAYERS = 0.85
+
+# The same for the boundary-element law, whose nodes of the circle depend on the panels.
+_PER_FOLD_OF_LAW = 1.0
+
+# The same for a modulus with a finer detail than relaxation spectra have; `Quadrature.resolving` adds more.
+_PER_FOLD_OF_DETAIL = 1.0
+
+# Additional panels for two spectra, for layers, and for parts of a scene whose contact is iterated.
+_MORE = 1.8
+
+# Additional panels for the separation at heavy loads, where it is a small part of the roughness.
+_MORE_FOR_SEPARATION = 3.5
+
+# Lambda above which the separation needs no more panels than the area, and width of the transition.
+_LIGHT = 6.0
+
+# Width of the transition from heavy to light loads.
+_TRANSITION = 8.0
+
+# Numbers of panels. The rule rounds up to one of a few, so that similar scenes share a compiled function.
+PANELS = (5, 6, 7, 8, 9, 10, 12, 14, 17, 20, 24, 30)
+
+# Numbers of graded panels.
+GRADED = (4, 6, 8, 11, 14)
+
+# Properties of a scene whose numbers are traced: ten decades of roughness, of which three are a plateau.
+_TRACED_LENGTH = 30.0
+
+# Lambda of a road at a light load of 10 Pa.
+_TRACED_LOADS = 3.0, 14.0
+
+# For calls that state no scene.
 ROBUST = Quadrature()
-TRACED = {1: Quadrature(angular_order=12), 2: ROBUST}
-# For parts that the rules were not measured for, at any Lambda.
-OTHER = Quadrature(order=12, panels=12, angular_order=15), 12.0
 
 
-# For a tabulated modulus without steps on a rough rigid solid, in rows as in `WITH_SEPARATION`. The detail
-# of the table determines the number of panels (`Quadrature.resolving`). They are so narrow that order 8
-# suffices.
-TABULATED = tuple(
-    (Quadrature(order=8, panels=panels, graded=8, ratio=ratio, angular_order=16), longest, -math.inf, largest)
-    for panels, ratio, longest, largest in (
-        (5, 3.2, 4.0, 8.0),
-        (7, 3.2, 5.6, 8.0),
-        (9, 3.2, 7.2, 8.0),
-        (11, 3.2, 8.8, 10.5),
-        (13, 3.2, 12.5, 10.5),
-        (17, 4.0, 15.0, 12.5),
-    )
-)
-# With heating only the last. One of a hundred scenes has temperature errors of 1e-8, also with more nodes.
-HEATED_TABLES = TABULATED[-1:]
-# A step: moduli that rise by more than e^1.5 within three smoothing widths.
-STEP = 1.5
+class Extent(NamedTuple):
+    """Range and loads of a scene, see above."""
 
-
-class _TracedError(Exception):
-    """Internal error: a number is traced, so its value is unknown."""
+    length: float  # L
+    heaviest: float  # smallest and largest Lambda over all pressures
+    lightest: float
 
 
 def default_quadrature(
     scene: Scene, pressure: ArrayLike, *, margin: float = 0.0, separation: bool = True
 ) -> Quadrature:
-    """Return the cheapest setting with errors below 1e-9 for a scene.
+    """Return a setting with errors below 1e-9 for a scene.
 
     Parameters
     ----------
@@ -123,12 +106,11 @@ def default_quadrature(
     Returns
     -------
     Quadrature. If `jit` or `vmap` traces a number of the scene or the pressure, the setting is made for ten
-    decades at any load. (It has an error of 1e-7 for two rough solids with plateaus of nine decades each;
-    pass `quadrature` there.) Outside `jit`, a derivative is computed with the same setting as the value. The
-    rules were measured for half-spaces of `Rigid`, `Elastic` and `Prony` with `SelfAffine` roughness, and for
-    `TabulatedModulus` on a rough rigid solid. Both groups were also measured with heating and roughness of up
-    to three decades, and tabulated moduli also with the area correction. Other scenes use some more nodes.
-    With contact_model="boundary_elements" errors are below 1e-7 (tabulated moduli: 1e-6).
+    decades of roughness and for loads down to 10 Pa on a road. (It has an error of 1e-7 for two rough solids
+    with plateaus of nine decades each; pass `quadrature` there.) Outside `jit`, a derivative is computed with
+    the same setting as the value. Tabulated moduli with steps may have errors of 1e-8, and so may the
+    temperatures of heated scenes in strong feedback. With contact_model="boundary_elements" errors are below
+    1e-7 (tabulated moduli: 1e-6).
 
     Raises
     ------
@@ -140,25 +122,47 @@ def default_quadrature(
 
 
 def _chosen(scene, pressure, margin, separation):
-    bodies = scene.lower, scene.upper
-    rough = [body.spectrum for body in bodies if body.spectrum is not None]
-    if not rough or not all(type(spectrum) in (SelfAffine, TabulatedSpectrum) for spectrum in rough):
+    if not rough_surfaces(scene):
         return ROBUST
-    plain = all(type(body.material) in (Rigid, Elastic, Prony) and body.layer is None for body in bodies)
-    plain = plain and all(type(spectrum) is SelfAffine for spectrum in rough)
     # Numbers that are differentiated outside `jit` are concrete. All at once, because each takes 0.25 ms.
     if not all(is_concrete(x) for x in jax.tree.leaves((scene, pressure))):
         scene, pressure = _stopped((scene, pressure))
-    try:
-        span, rules = span_of(scene), _rules_of(scene, len(rough), plain, separation, margin)
-        if rules:
-            flattest, steepest = loads_of(scene, pressure)
-            for setting, longest, least, largest in rules:
-                if span + margin <= longest and least <= flattest - margin and steepest + margin <= largest:
-                    return setting
-        return OTHER[0] if span + margin <= OTHER[1] else ROBUST
-    except _TracedError:
-        return TRACED[len(rough)] if plain else ROBUST
+    extent = Extent(_TRACED_LENGTH, *_TRACED_LOADS)
+    if all(is_concrete(x) for x in jax.tree.leaves((scene, pressure))):
+        length, *loads = extent_of(scene, pressure)
+        extent = Extent(length + margin, loads[0] - margin, loads[1] + margin)
+    return _setting(scene, extent, separation)
+
+
+def _setting(scene, extent, separation):
+    """Return the setting of a scene with the given `Extent`."""
+    rough, parts = rough_surfaces(scene), optional_parts(scene)
+    bodies = scene.lower, scene.upper
+    layered = any(layers_vary(*pair) for pair in (bodies, bodies[::-1]) if pair[0].spectrum is not None)
+    materials = [one for body in bodies for one in (body.material, body.below) if one is not None]
+    detailed = any(one.relaxes and one.detail is not None for one in materials)
+    law = scene.contact_model != "paper"
+    rates = {_PER_FOLD_OF_LAYERS: layered, _PER_FOLD_OF_LAW: law, _PER_FOLD_OF_DETAIL: detailed}
+    rate = max((rate for rate, applies in rates.items() if applies), default=_PER_FOLD)
+    iterated = bool(parts & {"heating", "adhesion"}) or law
+    more = _MORE if len(rough) > 1 or layered or iterated else 0.0
+    if separation:
+        share = (_LIGHT - extent.heaviest) / _TRANSITION
+        more = max(more, _MORE_FOR_SEPARATION * min(max(share, 0.0), 1.0))
+    panels = _FIRST + rate * extent.length + more
+    # The innermost graded panel has a width of about 4.5^(-2 graded), against e^(-2 Lambda); the nodes in it
+    # are close to its beginning, so half of it suffices.
+    graded = 0.5 * extent.lightest + 0.5
+    return Quadrature(
+        order=13,
+        panels=_round_up(panels, PANELS),
+        graded=_round_up(graded, GRADED),
+        angular_order=16 if detailed else 15 if law else 12,
+    )
+
+
+def _round_up(value, numbers):
+    return next((number for number in numbers if number >= value), numbers[-1])
 
 
 def tuned(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Scene:
@@ -195,97 +199,33 @@ def tuned(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Scene:
     return dataclasses.replace(scene, quadrature=_chosen(scene, pressure, margin, separation=True))
 
 
-def _rules_of(scene, rough, plain, separation, margin):
-    """Return the rows (setting, largest L, smallest and largest Lambda) for a scene, in order of work."""
-    parts = optional_parts(scene)
-    bare = parts <= {"shear"}
-    if plain and bare:
-        return WITH_SEPARATION[rough] if separation else (*WITHOUT_SEPARATION[rough], *WITH_SEPARATION[rough])
-    if plain and rough == 1 and parts <= {"shear", "heating"}:
-        return HEATED
-    if parts <= {"shear", "area_correction", "heating"} and _tabulated_smoothly(scene, margin):
-        return HEATED_TABLES if "heating" in parts else TABULATED
-    return ()
+def extent_of(scene: Scene, pressure: ArrayLike) -> Extent:
+    """Return the `Extent` of a scene with concrete numbers; the length is 0 if all is smooth."""
+    laws = [power_law_of(spectrum) for spectrum, _ in rough_surfaces(scene)]
+    if not laws:
+        return Extent(0.0, -math.inf, -math.inf)
+    ends, rises, steepest = [], 0.0, 0.0
+    for law in laws:
+        log_q, log_value, exponent = (
+            np.asarray(x, float) for x in (np.log(law.q), law.log_value, law.exponent)
+        )
+        ends += [log_q[0], log_q[-1]]
+        rises += 0.5 * float(np.sum(np.clip(exponent, 0.0, 2.0) * np.diff(log_q)))
+        first = float(np.max((0.5 * log_value + log_q)[log_q <= log_q[0] + 1.0]))
+        steepest = max(steepest, math.sqrt(float(law.height2)) * math.exp(min(first, 300.0)))
+    moduli = [float(_glassy(body.material)) for body in (scene.lower, scene.upper) if body.material.deforms]
+    stress, log_pressure = steepest * min(moduli), np.log(np.asarray(pressure, float))
+    loads = -math.inf, -math.inf
+    if stress > 0:
+        low, high = np.min(log_pressure, initial=math.inf), np.max(log_pressure, initial=-math.inf)
+        loads = math.log(stress) - float(high), math.log(stress) - float(low)
+    return Extent(max(ends) - min(ends) + rises, *loads)
 
 
-def span_of(scene: Scene) -> float:
-    """Return L, the range of the roughness in e-folds, in which plateaus count twice; 0 if all is smooth."""
-    ends, plateaus = [], 0.0
-    for body in (scene.lower, scene.upper):
-        spectrum = body.spectrum
-        if isinstance(spectrum, SelfAffine):
-            q0, qr, q1 = (_number(x) for x in (spectrum.q0, spectrum.qr, spectrum.q1))
-            ends += [q0, q1]
-            plateaus += math.log(qr / q0)
-        elif isinstance(spectrum, TabulatedSpectrum):
-            q = np.log(_array(spectrum.q))
-            rise = np.diff(np.log(_array(spectrum.C)) + 2 * q)
-            ends += [math.exp(q[0]), math.exp(q[-1])]
-            plateaus += 0.5 * float(np.sum(np.clip(rise, 0.0, 2 * np.diff(q))))
-    return math.log(max(ends) / min(ends)) + plateaus if ends else 0.0
-
-
-def _tabulated_smoothly(scene, margin):
-    """Return True if the rules `TABULATED` apply to the solids of a scene."""
-    bodies = [body for body in (scene.lower, scene.upper) if body.material.deforms]
-    if len(bodies) > 1 or type(bodies[0].material) is not TabulatedModulus or bodies[0].layer is not None:
-        return False
-    if bodies[0].spectrum is not None:
-        return False
-    return _rise_of(bodies[0].material) + margin <= STEP
-
-
-def _rise_of(material):
-    """Return the largest change of ln E' or ln E'' of a table within three smoothing widths."""
-    x, largest = np.log(_array(material.omega)), 0.0
-    for y in (np.log(_array(material.storage)), np.log(_array(material.loss))):
-        for widths in (1, 2, 3):
-            after = np.interp(x + widths * material.smoothing, x, y)
-            largest = max(largest, float(np.max(np.abs(after - y))))
-    return largest
-
-
-def loads_of(scene: Scene, pressure: ArrayLike) -> tuple[float, float]:
-    """Return the smallest and the largest Lambda of a scene with isotropic roughness over all pressures."""
-    steepest = 0.0
-    for body in (scene.lower, scene.upper):
-        spectrum = body.spectrum
-        if isinstance(spectrum, SelfAffine):
-            q0, qr, q1 = (_number(x) for x in (spectrum.q0, spectrum.qr, spectrum.q1))
-            # The share of h_rms beyond q_r is smallest for H = 1, which bounds q0^2 sqrt(C0) from above.
-            most = math.sqrt(math.pi * (2 - (q0 / qr) ** 2 - (qr / q1) ** 2))
-            steepest = max(steepest, _number(spectrum.h_rms) * q0 * (q0 / qr) / most)
-        elif isinstance(spectrum, TabulatedSpectrum):
-            # The largest value at or after its beginning.
-            steepest = max(steepest, float(np.max(_array(spectrum.q) ** 2 * np.sqrt(_array(spectrum.C)))))
-    moduli = [_glassy(body.material) for body in (scene.lower, scene.upper) if body.material.deforms]
-    stress = steepest * min(moduli)
-    if stress == 0:
-        return -math.inf, -math.inf
-    log_pressure = np.log(_array(pressure))
-    low, high = np.min(log_pressure, initial=math.inf), np.max(log_pressure, initial=-math.inf)
-    return math.log(stress) - float(high), math.log(stress) - float(low)
-
-
+# Jitted, so that a call compiles once instead of once per operation.
+@jax.jit
 def _glassy(material):
-    """Return E_r at infinite frequency [Pa]."""
-    if isinstance(material, Prony):
-        modulus = _number(material.E_inf) + float(np.sum(_array(material.E)))
-    elif isinstance(material, TabulatedModulus):
-        modulus = float(np.max(_array(material.storage)))
-    else:
-        modulus = _number(material.young)
-    return modulus / (1 - _number(material.poisson) ** 2)
-
-
-def _number(value):
-    return value if isinstance(value, float) else float(_array(value))
-
-
-def _array(value):
-    if not is_concrete(value):
-        raise _TracedError
-    return np.asarray(value)
+    return material.glassy_reduced()
 
 
 _stopped = jax.jit(jax.lax.stop_gradient)

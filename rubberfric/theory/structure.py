@@ -13,7 +13,15 @@ import jax
 import numpy as np
 
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum
-from rubberfric.scene.scene import Body, Scene, body_shifts, relaxes, rough_surfaces, softening_of
+from rubberfric.scene.scene import (
+    Body,
+    Scene,
+    body_shifts,
+    layers_vary,
+    relaxes,
+    rough_surfaces,
+    softening_of,
+)
 from rubberfric.scene.softening import Softened
 
 QUANTITIES = ("area", "friction", "separation")
@@ -249,18 +257,12 @@ def _method(rough: Body, strained: Body, rough_softens: bool, strained_softens: 
         return MeansMethod.AT_POINTS
     if not relaxes(strained):
         return MeansMethod.CONSTANT
-    if _is_layered(rough, strained) or (both and (rough_softens or strained_softens)):
+    if layers_vary(rough, strained) or (both and (rough_softens or strained_softens)):
         return MeansMethod.BY_NODE
     grooved = rough.spectrum is not None and rough.spectrum.harmonic_count()
     if both or grooved or strained_softens or not material.has_series:
         return MeansMethod.TABLE
     return MeansMethod.CLOSED_FORM
-
-
-def _is_layered(rough, strained):
-    """Return True if a layer changes F by more than a factor."""
-    coated = strained.layer is not None and not strained.layer.multiplies
-    return coated or (rough.material.deforms and any(body.layer is not None for body in (rough, strained)))
 
 
 def _surface(rough: Body, strained: Body, side, spectrum: Spectrum, law, softened, softened_rough):
@@ -270,7 +272,7 @@ def _surface(rough: Body, strained: Body, side, spectrum: Spectrum, law, softene
     if method is not MeansMethod.CONSTANT:
         softens = softened is not None or softened_rough is not None
         kinked = (rough.material.deforms and softens) or (relaxing and spectrum.harmonics_vary)
-        layered = _is_layered(rough, strained)
+        layered = layers_vary(rough, strained)
         smooth = MeansInterpolation.LOGARITHMIC if layered else MeansInterpolation.LINEAR
         interpolation = MeansInterpolation.NONE if kinked else smooth
     details = [one.detail for one in (strained.material, strained.below) if one is not None and one.relaxes]

@@ -14,7 +14,6 @@ import rubberfric as rf
 from rubberfric.materials.in_series import in_series
 from rubberfric.materials.material import Series, series_modulus
 from rubberfric.scene.scene import optional_parts
-from rubberfric.scene.settings import OTHER
 from rubberfric.theory.paper import covers
 from rubberfric.theory.stiffness.by_node import at_points
 from rubberfric.theory.stiffness.kinds import kinds_of
@@ -282,11 +281,10 @@ DIRECTIONS = rf.TabulatedAnisotropic([1e2, 1e4], np.full((2, 5), 1e-12))
 
 
 def test_a_table_of_one_body_counts_wherever_that_of_a_scene_does():
-    """In settings, in other methods, and in refusals."""
+    """In other methods and in refusals."""
     softened, road = rf.Body(RUBBER, softening=SOFTENING), rf.Body(rf.Rigid(), ROAD)
     for one in (rf.Scene(rf.Body(RUBBER), road, softening=SOFTENING), rf.Scene(softened, road)):
         assert optional_parts(one) == {"softening"}
-        assert rf.analysis.default_quadrature(one, 1e5) == OTHER[0]
         assert not covers(one) and rf.analysis.theory_error(one, np.array([0.1])) is None
         with pytest.raises(
             ValueError, match=r"^boundary_element: the scene has softening; it must have none$"

@@ -1,7 +1,6 @@
 """The default setting of a scene, and its error below 1e-9."""
 
 import collections
-import dataclasses
 import functools
 import math
 
@@ -15,50 +14,81 @@ from support.scenes.common import RIGID, ROAD, SOFT, TREAD, WORN, scene
 
 import rubberfric as rf
 from rubberfric.analysis import default_quadrature
-from rubberfric.scene.settings import (
-    HEATED,
-    HEATED_TABLES,
-    OTHER,
-    ROBUST,
-    TABULATED,
-    TRACED,
-    WITH_SEPARATION,
-    loads_of,
-    span_of,
-)
+from rubberfric.base import POSITIVE, Number, child, forget, leaf, physical
+from rubberfric.materials.material import Material
+from rubberfric.roughness.spectra import Spectrum
+from rubberfric.scene.settings import GRADED, PANELS, ROBUST, extent_of
 
 USUAL = scene((RIGID, ROAD), (TREAD,))
 TWO = scene((SOFT, WORN), (TREAD, ROAD))
 PRESSURE = 3e5
 TABLE = rf.TabulatedModulus([1.0, 1e3, 1e6], [1e6, 1e7, 1e8], [1e5, 1e6, 1e7])
-WIDE = WITH_SEPARATION[1][-1][0]
 
 
-def test_span_and_load_are_those_of_the_docstring():
-    assert span_of(USUAL) == pytest.approx(math.log(310) + math.log(10))
-    assert span_of(TWO) == pytest.approx(math.log(1000) + 2 * math.log(10))
-    # C0 by the library; the bound leaves Hurst's exponent out.
+def traced_setting(one, pressure=PRESSURE):
+    """Return the setting of a scene whose numbers are traced."""
+    seen = []
+    jax.eval_shape(jax.jit(lambda one: seen.append(default_quadrature(one, pressure))), one)
+    return seen[0]
+
+
+def test_extent_is_that_of_the_docstring():
+    assert extent_of(USUAL, PRESSURE).length == pytest.approx(math.log(310) + math.log(10))
+    assert extent_of(TWO, PRESSURE).length == pytest.approx(math.log(1000) + 2 * math.log(10))
     C0 = float(rf.power_spectrum(ROAD, 150.0))
     exact = math.log(1.1136e9 / 0.75 * 100.0**2 * math.sqrt(C0) / PRESSURE)
-    least, largest = loads_of(USUAL, [10 * PRESSURE, PRESSURE])
-    assert exact <= largest <= exact + 0.3 and least == pytest.approx(largest - math.log(10))
+    _, least, largest = extent_of(USUAL, [10 * PRESSURE, PRESSURE])
+    assert largest == pytest.approx(exact, rel=1e-3) and least == pytest.approx(largest - math.log(10))
     flat = scene((RIGID, rf.SelfAffine(100.0, 1000.0, 3e4, 0.8, 0.0)), (TREAD,))
-    assert loads_of(flat, PRESSURE) == (-math.inf, -math.inf)
-    assert default_quadrature(USUAL, []) == WITH_SEPARATION[1][1][0]
+    assert extent_of(flat, PRESSURE)[1:] == (-math.inf, -math.inf)
+    assert extent_of(scene((RIGID,), (TREAD,)), PRESSURE)[0] == 0.0
     q = np.array([1e2, 1e3, 1e4])
     table = rf.TabulatedSpectrum(q, [1e-9, 1e-9, 1e-12])
-    assert span_of(scene((RIGID, table), (TREAD,))) == pytest.approx(math.log(100) + math.log(10))
+    length = extent_of(scene((RIGID, table), (TREAD,)), PRESSURE).length
+    assert length == pytest.approx(math.log(100) + math.log(10))
 
 
-def test_the_usual_scene_has_fewer_nodes_and_a_wide_or_traced_one_the_default():
+def test_extent_of_a_users_spectrum_and_material():
+    """They have the numbers of the table and the Prony series that they are made of."""
+
+    @physical
+    class Copied(Spectrum):
+        base: Spectrum = child()
+
+        def power_law(self):
+            return self.base.power_law()
+
+    @physical
+    class Maxwell(Material):
+        E: Number = leaf(POSITIVE, unit="Pa")
+        poisson: Number = leaf(POSITIVE, unit="-")
+
+        def modulus(self, omega):
+            return self.E + self.E * 1j * omega / (1 + 1j * omega)
+
+        def frequency_range(self):
+            return 1e-4, 1e4
+
+    own = scene((RIGID, Copied(ROAD)), (Maxwell(1e8, 0.5),))
+    same = scene((RIGID, ROAD), (rf.Prony(1e8, [1e8], [1.0], 0.5),))
+    np.testing.assert_allclose(extent_of(own, PRESSURE), extent_of(same, PRESSURE), rtol=1e-6)
+    assert default_quadrature(own, PRESSURE) == default_quadrature(same, PRESSURE)
+    forget(Copied)
+    forget(Maxwell)
+
+
+def test_the_usual_scene_has_fewer_nodes_than_a_wide_or_traced_one():
     small = default_quadrature(USUAL, PRESSURE)
-    assert small.panels < ROBUST.panels
-    wide = USUAL.replace("lower.spectrum.q1", 1e14)
-    assert default_quadrature(wide, PRESSURE) == WIDE
-    assert default_quadrature(USUAL, PRESSURE, margin=30.0) == WIDE
-    assert default_quadrature(USUAL, 1e-30) == WIDE  # lightest loads
+    assert small.panels == 8
+    assert default_quadrature(USUAL, PRESSURE, separation=False).panels == 6
+    wide = default_quadrature(USUAL.replace("lower.spectrum.q1", 1e14), PRESSURE)
+    assert wide.panels > 20
+    assert default_quadrature(USUAL, PRESSURE, margin=30.0).panels > 20
+    assert default_quadrature(USUAL, 1e-30).graded == GRADED[-1]  # lightest loads
     assert default_quadrature(scene((RIGID,), (TREAD,)), PRESSURE) == ROBUST  # smooth
-    seen = []
+    assert default_quadrature(USUAL, []).panels == 6  # no load
+    robust, seen = traced_setting(USUAL), []
+    assert robust.panels == 24 and robust.graded == 8
 
     def traced(pressure, velocity=1.0):
         seen.append(default_quadrature(USUAL, pressure))
@@ -66,17 +96,28 @@ def test_the_usual_scene_has_fewer_nodes_and_a_wide_or_traced_one_the_default():
 
     jax.eval_shape(jax.jit(traced), PRESSURE)
     jax.eval_shape(jax.vmap(traced), jnp.array([PRESSURE]))
-    assert seen == [TRACED[1]] * 2
+    assert seen == [robust] * 2
     seen.clear()
     jax.eval_shape(jax.jit(lambda velocity: traced(PRESSURE, velocity)), 1.0)  # closed over
     assert seen == [small]
 
 
+def test_the_number_of_panels_follows_the_numbers_in_small_steps():
+    """A longer range or a heavier load never has fewer panels, and an e-fold adds at most two entries."""
+    roads = [USUAL.replace("lower.spectrum.q1", 3e4 * math.exp(k / 4)) for k in range(60)]
+    panels = [PANELS.index(default_quadrature(one, PRESSURE).panels) for one in roads]
+    assert panels == sorted(panels) and max(np.diff(panels)) <= 1 and panels[-1] - panels[0] > 5
+    graded = [GRADED.index(default_quadrature(USUAL, 1e8 / 10**k).graded) for k in range(12)]
+    assert graded == sorted(graded) and max(np.diff(graded)) <= 1 and graded[-1] > graded[0]
+    heavy = [default_quadrature(USUAL, 10.0**k).panels for k in range(4, 12)]
+    assert heavy == sorted(heavy) and heavy[-1] > heavy[0]
+
+
 def test_a_tuned_scene_carries_its_setting_through_transformations_and_changes():
-    ready, seen = rf.tuned(USUAL, PRESSURE), []
-    assert ready.quadrature == default_quadrature(USUAL, PRESSURE) != TRACED[1]
+    ready, seen, robust = rf.tuned(USUAL, PRESSURE), [], traced_setting(USUAL)
+    assert ready.quadrature == default_quadrature(USUAL, PRESSURE) != robust
     assert default_quadrature(ready, 1e-30) == ready.quadrature
-    assert rf.tuned(ready, 1e-30).quadrature == default_quadrature(USUAL, 1e-30) == WIDE
+    assert rf.tuned(ready, 1e-30).quadrature == default_quadrature(USUAL, 1e-30)
     assert rf.tuned(USUAL, PRESSURE, margin=1.0).quadrature == default_quadrature(USUAL, PRESSURE, margin=1.0)
 
     @jax.jit
@@ -85,7 +126,7 @@ def test_a_tuned_scene_carries_its_setting_through_transformations_and_changes()
         return rf.friction(one, 0.1, PRESSURE)
 
     values = [curve(ready), curve(ready.replace("gamma", 0.4)), curve(USUAL)]
-    assert seen == [ready.quadrature, TRACED[1]]  # a changed number does not trace again
+    assert seen == [ready.quadrature, robust]  # a changed number does not trace again
     assert values[0] == pytest.approx(float(values[2]), rel=1e-9) and values[0] != values[1]
     assert jax.grad(curve)(ready).quadrature == ready.quadrature
     explicit = rf.friction(ready, 0.1, PRESSURE, quadrature=rf.Quadrature(panels=2, order=4))
@@ -119,54 +160,78 @@ def test_only_concrete_scenes_are_tuned():
         USUAL.replace(quadrature=13)
 
 
-def test_parts_that_nothing_was_measured_for_have_more_nodes():
-    others = [
-        scene((RIGID, ROAD), (TABLE, None, rf.Slab(1e-3))),
+def test_parts_that_need_more_nodes_have_them():
+    usual = default_quadrature(USUAL, PRESSURE, separation=False).panels
+    same = [
         scene((RIGID, ROAD), (TREAD, None, rf.Slab(1e-3))),
         scene((RIGID, ROAD), (TREAD,), area_correction=True),
-        scene((RIGID, rf.TabulatedSpectrum([1e2, 1e3, 1e4], [1e-9, 1e-9, 1e-12])), (TREAD,)),
+        scene((RIGID, rf.Anisotropic(ROAD, 0.5, 0.3)), (TREAD,)),
     ]
-    assert {default_quadrature(one, PRESSURE) for one in others} == {OTHER[0]}
-    heated = scene((RIGID, ROAD), (rf.Prony(1e6, [1e8], [1e-5], 0.5, rf.WLF(12.0, 150.0, 293.0)),))
-    heated = heated.replace("heating", rf.Heating(1200.0, 1600.0, 0.23, 2e-3))
-    assert default_quadrature(heated, PRESSURE) == HEATED[0][0]
-    assert default_quadrature(heated, 1e-9 * PRESSURE) == OTHER[0]
-    assert default_quadrature(heated.replace("lower.spectrum.q1", 1e7), PRESSURE) == ROBUST
-    anisotropic = scene((RIGID, rf.Anisotropic(ROAD, 0.5, 0.3)), (TREAD,))
-    assert default_quadrature(anisotropic, PRESSURE) == ROBUST
-
-
-def test_tabulated_moduli_have_panels_by_the_range_of_the_roughness():
-    known = scene((RIGID, ROAD), (TABLE,))
-    panels = [
-        default_quadrature(known.replace("lower.spectrum.q1", q1), PRESSURE).panels for q1 in (2e3, 1e4, 2e5)
+    assert {default_quadrature(one, PRESSURE, separation=False).panels for one in same} == {usual}
+    more = [
+        scene((RIGID, ROAD), (TREAD, None, rf.Coating(1e-3, TREAD))),
+        scene((RIGID, ROAD), (TREAD,), adhesion=rf.Adhesion(0.05)),
+        scene((RIGID, ROAD), (TREAD,), contact_model="boundary_elements"),
+        scene((RIGID, ROAD), (TABLE,)),
     ]
-    assert panels == [7, 9, 13] and {one.order for one, *_ in TABULATED} == {8}
-    step = [1e6, 1.05e6, 3e7, 3.1e7]
-    table = rf.TabulatedModulus([1.0, 1e3, 1.1e3, 1e6], step, step)
-    assert default_quadrature(scene((RIGID, ROAD), (table,)), PRESSURE) == OTHER[0]
-    assert default_quadrature(known, 1e-6 * PRESSURE) == OTHER[0]  # light load
-    assert default_quadrature(dataclasses.replace(known, area_correction=True), PRESSURE).panels == 11
-    hot = known.replace("heating", rf.Heating(1200.0, 1600.0, 0.23, 2e-3))
-    assert default_quadrature(hot, PRESSURE) == HEATED_TABLES[0][0]
-    seen = []
-    jax.eval_shape(jax.jit(lambda one: seen.append(default_quadrature(one, PRESSURE))), known)
-    assert seen == [ROBUST]
+    assert min(default_quadrature(one, PRESSURE, separation=False).panels for one in more) > usual
+    assert default_quadrature(more[-1], PRESSURE).angular_order > 12
 
 
-def on_its_limits(seed, setting, longest, largest):
-    """A random table of 120 entries on a road as long, under a load as light as a setting is for."""
+PARTS = {
+    "slab": lambda one, d: one.replace("upper.layer", rf.Slab(d)),
+    "coating": lambda one, d: one.replace("upper.layer", rf.Coating(d, rf.Prony(3e6, [1e8], [1e-3], 0.45))),
+    "softening": lambda one, _: one.replace(
+        softening=rf.Softening([1e-3, 0.1, 1.0], [1.0, 0.7, 0.4], [1.0, 0.9, 0.6], 0.3)
+    ),
+    "S in G": lambda one, _: one.replace(area_correction=True),
+    "grooves": lambda one, d: one.replace(
+        "lower.spectrum", rf.Anisotropic(one.lower.spectrum, 1.0 + d * 100, 0.5)
+    ),
+    "series": lambda one, d: one.replace(
+        "lower", rf.Body(rf.Elastic(1e8, 0.4), one.lower.spectrum, rf.Slab(d))
+    ),
+    "bulk": lambda one, _: one.replace(
+        "upper.material",
+        rf.PronyShear(
+            one.upper.material.E_inf / 3, one.upper.material.E / 3, one.upper.material.tau, bulk=2e9
+        ),
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", PARTS)
+def test_random_scenes_with_parts_are_good_to_1e_9(part):
+    rng = np.random.default_rng(3)
+    scenes, velocity, pressure = sane.draw("road", 400, seed=21)
+    length = np.array([extent_of(one, p).length for one, p in zip(scenes, pressure, strict=True)])
+    at = np.flatnonzero((length > 5) & (length < 14))[:48]
+    depth = [10 ** rng.uniform(-1.5, 1.5) / float(scenes[i].lower.spectrum.q0) for i in at]
+    scenes = [PARTS[part](scenes[i], d) for i, d in zip(at, depth, strict=True)]
+    velocity, pressure = velocity[at], pressure[at]
+    fine = rf.Quadrature(order=18, panels=36, graded=16, ratio=3.5, angular_order=18)
+    exact, worst = sane.values(scenes, velocity, pressure, fine), 0.0
+    for setting, i in chosen(scenes, pressure, separation=False).items():
+        error = area_and_friction([scenes[k] for k in i], velocity[i], pressure[i], setting, exact[i])
+        worst = max(worst, error)
+    print(f"\n{part}: {worst:.1e}")
+    assert worst < 2e-9
+
+
+def table_of(seed):
+    """A random table of 120 entries on a road of any length and under any load."""
     rng = np.random.default_rng(seed)
     x, storage, loss = random_table(seed)
     material = rf.TabulatedModulus(np.exp(x), 1e7 * np.exp(storage), 1e7 * np.exp(loss))
-    plateau = 0.2 * longest * rng.uniform()
+    length = rng.uniform(3, 15)
+    plateau = 0.2 * length * rng.uniform()
     q0 = 10 ** rng.uniform(1.5, 3.5)
-    q1 = q0 * math.exp(0.999 * longest - plateau)
+    q1 = q0 * math.exp(length - plateau)
     road = rf.SelfAffine(q0, q0 * math.exp(plateau), q1, rng.uniform(0.6, 1.0), 0.1 / q0)
     one = scene((RIGID, road), (material,), area_correction=bool(seed % 8 < 4))
-    pressure = math.exp(loads_of(one, 1.0)[1] - 0.999 * largest)
-    assert default_quadrature(one, pressure) in (setting, OTHER[0], ROBUST)  # these if it has steps
-    velocity = np.exp(np.quantile(x, np.linspace(0.05, 0.95, 8))) / q0 * math.exp(-0.5 * longest)
+    pressure = math.exp(extent_of(one, 1.0).lightest - rng.uniform(2, 12))
+    velocity = np.exp(np.quantile(x, np.linspace(0.05, 0.95, 8))) / q0 * math.exp(-0.5 * length)
     return one, velocity, pressure
 
 
@@ -175,26 +240,23 @@ SEEDS = [seed for seed in range(400) if (seed + seed // 4) % 4 == 2]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("k", [pytest.param(k, marks=[pytest.mark.slow] * (k != 2)) for k in range(6)])
-def test_random_tables_are_good_to_1e_9(k):
-    """At the limits of every setting; tables without steps have separate settings."""
+def test_random_tables_are_good_to_1e_8():
+    """Most are good to 1e-9; tables with steps are not."""
 
     @functools.partial(jax.jit, static_argnums=3)
     def values(one, velocity, pressure, quadrature):
         return jnp.stack(rf.solve(one, velocity, pressure, quadrature=quadrature)[:3])
 
-    setting, longest, _, largest = TABULATED[k]
-    fine = rf.Quadrature(order=16, panels=24, graded=12, ratio=4.0, angular_order=20)
-    count, worst = 0, 0.0
-    for seed in SEEDS if k != 2 else SEEDS[:12]:
-        *at, pressure = on_its_limits(seed, setting, longest, largest)
-        if default_quadrature(at[0], pressure) != setting:
-            continue
+    fine, worst = rf.Quadrature(order=16, panels=24, graded=12, ratio=4.0, angular_order=20), []
+    for seed in SEEDS:
+        *at, pressure = table_of(seed)
+        setting = default_quadrature(at[0], pressure)
         exact = values(*at, pressure, fine)
         error = jnp.where(exact[2] > 1e-12, jnp.abs(values(*at, pressure, setting) / exact - 1), 0.0)
-        count, worst = count + 1, max(worst, float(error.max()))
-    print(f"\n{count} tables to {worst:.1e} with {setting}")
-    assert count > 4 and worst < 1e-9
+        worst.append(float(error.max()))
+    worst = np.array(worst)
+    print(f"\n{worst.size} tables to {worst.max():.1e}, {np.mean(worst > 1e-9):.1%} above 1e-9")
+    assert worst.max() < 1e-8 and np.mean(worst > 1e-9) < 0.1
 
 
 def heated_table(seed):
@@ -209,28 +271,28 @@ def heated_table(seed):
     road = rf.SelfAffine(q0, q0 * math.exp(plateau), q1, rng.uniform(0.6, 1.0), 0.1 / q0)
     heating = rf.Heating(1200.0, 1600.0, rng.uniform(0.15, 0.4), 10 ** rng.uniform(-3, -2.3))
     one = scene((RIGID, road), (table,), area_correction=True, shear=rf.ContactShear(6.5e6, 0.1, 6e-3))
-    return one.replace("heating", heating), math.exp(loads_of(one, 1.0)[1] - load)
+    return one.replace("heating", heating), math.exp(extent_of(one, 1.0).lightest - load)
 
 
 @pytest.mark.slow
-def test_heated_tables_are_nearly_as_good_as_with_more_nodes():
+def test_heated_tables_are_good_to_1e_8_but_for_a_few():
     @functools.partial(jax.jit, static_argnums=2)
     def values(one, pressure, quadrature):
         at = np.geomspace(1e-4, 10, 8), pressure, 293.15
         found = rf.solve(one, *at, quadrature=quadrature, quantities=("area", "friction", "converged"))
         return jnp.where(found.converged, jnp.stack([found.area, found.friction]), jnp.nan)
 
-    setting = HEATED_TABLES[0][0]
     fine = rf.Quadrature(order=13, panels=34, graded=12, ratio=4.0, angular_order=18)
-    drawn = (heated_table(seed) for seed in range(1200) if (seed + seed // 4) % 4 == 2)
+    drawn = [heated_table(seed) for seed in range(1200) if (seed + seed // 4) % 4 == 2]
+    settings = collections.Counter(default_quadrature(*at) for at in drawn)
+    setting = settings.most_common(1)[0][0]
     scenes = [at for at in drawn if default_quadrature(*at) == setting]
     exact = [np.asarray(values(*at, fine)) for at in scenes]
-    assert len(scenes) > 100 and np.isfinite(exact).all()
-    for one in (setting, ROBUST):
-        pairs = zip(scenes, exact, strict=True)
-        error = np.array([np.max(np.abs(values(*at, one) / e - 1)) for at, e in pairs])
-        print(f"\n{len(scenes)} heated tables to {error.max():.1e}, {np.mean(error > 1e-8):.1%} above 1e-8")
-        assert error.max() < 3e-7 and np.mean(error > 1e-8) < 0.02 and np.mean(error > 1e-9) < 0.1
+    assert len(scenes) > 30 and np.isfinite(exact).all()
+    pairs = zip(scenes, exact, strict=True)
+    error = np.array([np.max(np.abs(values(*at, setting) / e - 1)) for at, e in pairs])
+    print(f"\n{len(scenes)} heated tables to {error.max():.1e}, {np.mean(error > 1e-8):.1%} above 1e-8")
+    assert error.max() < 3e-7 and np.mean(error > 1e-8) < 0.02 and np.mean(error > 1e-9) < 0.1
 
 
 def test_calls_are_made_with_the_setting_that_fits():
@@ -301,12 +363,12 @@ def test_random_scenes_are_good_to_1e_9(kind, count):
         error = area_and_friction([scenes[i] for i in at], velocity[at], pressure[at], setting, exact[at])
         print(f"\n{kind}, area and friction: {at.size / count:6.1%} to {error:.1e} with {setting}")
         assert error < 1e-9
-    traced = TRACED[2 if kind == "pair" else 1]
+    traced = traced_setting(scenes[0], pressure[0])
     error = sane.errors(scenes, velocity, pressure, traced, exact).max(1)
     print(f"\n{kind}: all to {error.max():.1e} with {traced}")
     # The default cannot know that the load is 1e9 Pa or a plateau nine decades long: of two rough solids
     # 2 of 1000 are up to 1e-8 off, with two such plateaus 1e-7.
-    usual = np.array([span_of(one) for one in scenes]) < 50
+    usual = np.array([extent_of(one, p).length for one, p in zip(scenes, pressure, strict=True)]) < 50
     assert np.mean(error < 1e-9) > 0.997 and error[usual].max() < 3e-8 and error.max() < 3e-7
 
 
@@ -320,7 +382,7 @@ def test_heated_scenes_are_as_good_as_with_more_nodes(kind):
     worst = {}
     for setting, at in chosen(scenes, pressure).items():
         given = [scenes[i] for i in at], velocity[at], pressure[at]
-        for name, one in (("its own", setting), ("more nodes", OTHER[0])):
+        for name, one in (("its own", setting), ("more nodes", ROBUST)):
             error = sane.errors(*given, one, exact[at], temperature[at])
             worst.setdefault(name, []).append(error[np.isfinite(error)])
     worst = {name: np.concatenate(found) for name, found in worst.items()}

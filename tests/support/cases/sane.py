@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import rubberfric as rf
-from rubberfric.scene.settings import HEATED, loads_of, span_of
+from rubberfric.scene.settings import extent_of
 
 KINDS = ("road", "elastic", "pair")
 POINTS = 6  # velocities and loads of a scene
@@ -34,14 +34,14 @@ def draw(kind, count, seed):
 def draw_heated(kind, count, seed):
     """Draw a road or an elastic solid with contact shear, and temperatures (count, POINTS).
 
-    Three decades, and loads for which `default_quadrature` has special settings.
+    Three decades, and loads that leave some contact.
     """
     rng = np.random.default_rng(seed)
     scenes, pressure = [], []
     while len(scenes) < count:
         one, load = _heated(kind, rng), 10 ** (rng.uniform(3, 8) + rng.uniform(-0.5, 0.5, POINTS))
-        (longest, least, largest), loads = HEATED[-1][1:], loads_of(one, load)
-        if span_of(one) <= longest and least <= loads[0] and loads[1] <= largest:
+        extent = extent_of(one, load)
+        if extent.length <= 8.2 and extent.heaviest >= -1.0 and extent.lightest <= 8.0:
             scenes.append(one)
             pressure.append(load)
     reference = np.array([one.upper.material.shift.T_ref for one in scenes])
