@@ -72,13 +72,7 @@ PANELS = (5, 6, 7, 8, 9, 10, 12, 14, 17, 20, 24, 30)
 # Numbers of graded panels.
 GRADED = (4, 6, 8, 11, 14)
 
-# Properties of a scene whose numbers are traced: ten decades of roughness, of which three are a plateau.
-_TRACED_LENGTH = 30.0
-
-# Lambda of a road at a light load of 10 Pa.
-_TRACED_LOADS = 3.0, 14.0
-
-# For calls that state no scene.
+# For scenes whose numbers are traced, and for calls that state no scene: the rule for L = 28 and Lambda = 14.
 ROBUST = Quadrature()
 
 
@@ -105,9 +99,9 @@ def default_quadrature(
 
     Returns
     -------
-    Quadrature. If `jit` or `vmap` traces a number of the scene or the pressure, the setting is made for ten
-    decades of roughness and for loads down to 10 Pa on a road. (It has an error of 1e-7 for two rough solids
-    with plateaus of nine decades each; pass `quadrature` there.) Outside `jit`, a derivative is computed with
+    Quadrature. If `jit` or `vmap` traces a number of the scene or the pressure, it is `Quadrature()`, which is
+    made for ten decades of roughness and for loads down to 10 Pa on a road. (It has an error of 1e-7 for two
+    rough solids with plateaus of nine decades each; pass `quadrature` there.) Outside `jit`, a derivative is computed with
     the same setting as the value. Tabulated moduli with steps may have errors of 1e-8, and so may the
     temperatures of heated scenes in strong feedback. With contact_model="boundary_elements" errors are below
     1e-7 (tabulated moduli: 1e-6).
@@ -127,11 +121,10 @@ def _chosen(scene, pressure, margin, separation):
     # Numbers that are differentiated outside `jit` are concrete. All at once, because each takes 0.25 ms.
     if not all(is_concrete(x) for x in jax.tree.leaves((scene, pressure))):
         scene, pressure = _stopped((scene, pressure))
-    extent = Extent(_TRACED_LENGTH, *_TRACED_LOADS)
-    if all(is_concrete(x) for x in jax.tree.leaves((scene, pressure))):
-        length, *loads = extent_of(scene, pressure)
-        extent = Extent(length + margin, loads[0] - margin, loads[1] + margin)
-    return _setting(scene, extent, separation)
+        if not all(is_concrete(x) for x in jax.tree.leaves((scene, pressure))):
+            return ROBUST
+    length, heaviest, lightest = extent_of(scene, pressure)
+    return _setting(scene, Extent(length + margin, heaviest - margin, lightest + margin), separation)
 
 
 def _setting(scene, extent, separation):

@@ -52,8 +52,8 @@ def contact_area(
         temperature, far from the contact.
     quadrature : Quadrature, static, or None
         None: the quadrature of the scene (`rubberfric.tuned`). If the scene has none, a quadrature is chosen
-        with errors below 1e-9 (`rf.analysis.default_quadrature`), or `Quadrature()` if `jit` or `vmap` traces
-        a number of the scene.
+        with errors below 1e-9 (`rf.analysis.default_quadrature`). If `jit` or `vmap` traces a number of the
+        scene, it is `Quadrature()`.
 
     Returns
     -------

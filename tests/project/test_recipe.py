@@ -1,0 +1,74 @@
+"""CONTRIBUTING's material in every place of a scene. With alpha = 1 it is a Prony series of one term."""
+
+import jax
+import numpy as np
+import pytest
+from support.folders import RECIPE
+from support.scenes.common import ROAD, WORN
+
+import fitting
+import rubberfric as rf
+from rubberfric.base import forget
+from rubberfric.theory import paper
+
+RIGID = rf.Body(rf.Rigid(), ROAD)
+BASE = rf.Prony(3e6, [1e8, 1e7], [1e-5, 1e-2], 0.48)
+SOFTENING = rf.Softening([0.01, 0.1, 1.0], [1.0, 0.7, 0.4], [1.0, 1.2, 0.6])
+SCENES = {
+    "half-space": lambda one: rf.Scene(RIGID, rf.Body(one)),
+    "second rubber": lambda one: rf.Scene(rf.Body(BASE, ROAD), rf.Body(one, WORN)),
+    "coating": lambda one: rf.Scene(RIGID, rf.Body(one, layer=rf.Coating(1e-3, BASE))),
+    "base": lambda one: rf.Scene(RIGID, rf.Body(BASE, layer=rf.Coating(1e-3, one))),
+    "softened": lambda one: rf.Scene(RIGID, rf.Body(one, softening=SOFTENING)),
+    "grooved": lambda one: rf.Scene(rf.Body(rf.Rigid(), rf.Anisotropic(ROAD, 1.6, 0.5)), rf.Body(one)),
+}
+V = np.array([1e-3, 0.3, 20.0])
+
+
+@pytest.fixture(scope="module")
+def zener():
+    names = {}
+    exec(compile(RECIPE, "CONTRIBUTING.md", "exec"), names)
+    yield names["FractionalZener"]
+    forget(names["FractionalZener"])
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n not in ("half-space", "coating"))) for n in SCENES]
+)
+def test_it_equals_a_prony_series(name, zener):
+    """Values, and the derivatives by its three moduli and times."""
+
+    def friction(one, numbers):
+        solid = zener(*numbers, alpha=1.0) if one else rf.Prony(numbers[0], numbers[1:2], numbers[2:], 0.5)
+        return rf.friction(SCENES[name](solid), V, 2e5)
+
+    numbers = np.array([4e6, 8e8, 1e-6])
+    found, wanted = (jax.jit(lambda x, one=one: friction(one, x))(numbers) for one in (True, False))
+    np.testing.assert_allclose(found, wanted, rtol=1e-9)
+    slopes = [
+        jax.jit(jax.jacrev(lambda x, one=one: friction(one, x)))(numbers) * numbers for one in (True, False)
+    ]
+    np.testing.assert_allclose(*slopes, rtol=1e-7, atol=1e-9)
+
+
+def test_it_agrees_with_the_paper(zener):
+    scene = SCENES["half-space"](zener(4e6, 8e8, 1e-6, 0.6))
+    exact = paper.solve(scene, V, 2e5, nodes=paper.gauss_nodes(panels=10, step=0.1))
+    np.testing.assert_allclose(rf.friction(scene, V, 2e5), exact.friction, rtol=1e-7)
+
+
+@pytest.mark.slow
+def test_a_fit_finds_its_exponent(zener):
+    truth = SCENES["half-space"](zener(4e6, 8e8, 1e-6, 0.6))
+    v = np.logspace(-3, 2, 12)
+    mu = np.asarray(rf.friction(truth, v, 2e5))
+    data = fitting.FrictionData(velocity=v, friction=mu, pressure=2e5, sigma=1e-3)
+    start = truth.replace({"upper.material.alpha": 0.75, "upper.material.tau": 2e-6})
+    found = fitting.fit(
+        start,
+        data,
+        {"upper.material.alpha": fitting.Bounded(0.3, 1.0), "upper.material.tau": fitting.Positive()},
+    )
+    assert found.scene.upper.material.alpha == pytest.approx(0.6, rel=1e-4)
+    assert found.scene.upper.material.tau == pytest.approx(1e-6, rel=1e-3)
