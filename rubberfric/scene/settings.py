@@ -14,7 +14,7 @@ solid,
 (of a table the largest value within the first e-fold). P falls from 1 within
 :math:`\ln(q/q_0) \sim e^{-2\Lambda}`. The third property is the finest detail of the
 moduli over the frequency. Materials and spectra give these properties by their public methods, so the rule
-holds for those of a user. `tests/benchmarks/test_settings_table.py` prints the errors over L and Lambda, and
+holds for a user's own ones. `tests/benchmarks/test_settings_table.py` prints the errors over L and Lambda.
 `tests/rubberfric/scene/test_settings.py` tests random scenes of all kinds.
 """
 
@@ -45,13 +45,14 @@ _FIRST = 0.75
 # Panels per unit of L: an e-fold takes half a panel of 12 nodes.
 _PER_FOLD = 0.65
 
-# The same where F_j depends on q itself. It may fall by 1e9 within an e-fold of a coating.
+# Panels per unit of L where F_j depends on q itself. It may fall by 1e9 within an e-fold of a coating.
 _PER_FOLD_OF_LAYERS = 0.85
 
-# The same for the boundary-element law, whose nodes of the circle depend on the panels.
+# Panels per unit of L for the boundary-element law, whose nodes of the circle depend on the panels.
 _PER_FOLD_OF_LAW = 1.0
 
-# The same for a modulus with a finer detail than relaxation spectra have; `Quadrature.resolving` adds more.
+# Panels per unit of L for a modulus with a finer detail than relaxation spectra have. `Quadrature.resolving`
+# adds more.
 _PER_FOLD_OF_DETAIL = 1.0
 
 # Additional panels for two spectra, for layers, and for parts of a scene whose contact is iterated.
@@ -99,12 +100,12 @@ def default_quadrature(
 
     Returns
     -------
-    Quadrature. If `jit` or `vmap` traces a number of the scene or the pressure, it is `Quadrature()`, which is
-    made for ten decades of roughness and for loads down to 10 Pa on a road. (It has an error of 1e-7 for two
-    rough solids with plateaus of nine decades each; pass `quadrature` there.) Outside `jit`, a derivative is computed with
-    the same setting as the value. Tabulated moduli with steps may have errors of 1e-8, and so may the
-    temperatures of heated scenes in strong feedback. With contact_model="boundary_elements" errors are below
-    1e-7 (tabulated moduli: 1e-6).
+    Quadrature. If `jit` or `vmap` traces a number of the scene or the pressure, it is `Quadrature()`, which
+    is made for ten decades of roughness and for loads down to 10 Pa on a road. (It has an error of 1e-7 for
+    two rough solids with plateaus of nine decades each; pass `quadrature` there.) Outside `jit`, a derivative
+    is computed with the same setting as the value. Tabulated moduli with steps may have errors of 1e-8, and
+    so may the temperatures of heated scenes in strong feedback. With contact_model="boundary_elements" errors
+    are below 1e-7 (tabulated moduli: 1e-6).
 
     Raises
     ------
@@ -194,7 +195,11 @@ def tuned(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Scene:
 
 def extent_of(scene: Scene, pressure: ArrayLike) -> Extent:
     """Return the `Extent` of a scene with concrete numbers; the length is 0 if all is smooth."""
-    laws = [power_law_of(spectrum) for spectrum, _ in rough_surfaces(scene)]
+    # Also within `jit`, where the operations on concrete numbers would be traced.
+    with jax.ensure_compile_time_eval():
+        laws = [power_law_of(spectrum) for spectrum, _ in rough_surfaces(scene)]
+        solids = [body.material for body in (scene.lower, scene.upper) if body.material.deforms]
+        moduli = [float(_glassy(solid)) for solid in solids]
     if not laws:
         return Extent(0.0, -math.inf, -math.inf)
     ends, rises, steepest = [], 0.0, 0.0
@@ -206,7 +211,6 @@ def extent_of(scene: Scene, pressure: ArrayLike) -> Extent:
         rises += 0.5 * float(np.sum(np.clip(exponent, 0.0, 2.0) * np.diff(log_q)))
         first = float(np.max((0.5 * log_value + log_q)[log_q <= log_q[0] + 1.0]))
         steepest = max(steepest, math.sqrt(float(law.height2)) * math.exp(min(first, 300.0)))
-    moduli = [float(_glassy(body.material)) for body in (scene.lower, scene.upper) if body.material.deforms]
     stress, log_pressure = steepest * min(moduli), np.log(np.asarray(pressure, float))
     loads = -math.inf, -math.inf
     if stress > 0:
