@@ -33,6 +33,9 @@ _PER_DETAIL = 4
 _POINTS = 12
 _BEFORE = _POINTS // 2 - 1
 
+# Largest -ln cos(phi) on the grid; the share e^-28 = 7e-13 of the circle beyond it is neglected.
+_DEEPEST = 28.0
+
 # Span of y if it is unknown at trace time: 45 decades of relaxation times with ten decades of wavevectors.
 _WIDEST = 190.0
 
@@ -69,8 +72,13 @@ def _count(span, detail):
     return math.ceil((_WIDEST if span is None else span) / _step_of(detail)) + 2
 
 
+def _band(step):
+    """Return the number of entries of `full_weights` that are used."""
+    return LEAD + math.ceil(_DEEPEST / step)
+
+
 def _grid_size(span, detail):
-    return _count(span, detail) + full_weights(_step_of(detail), 0)[0].shape[1] + _POINTS - 2
+    return _count(span, detail) + _band(_step_of(detail)) + _POINTS - 2
 
 
 @functools.lru_cache(maxsize=16)
@@ -84,8 +92,8 @@ def _interpolated(step: float, harmonics: int) -> tuple[np.ndarray, np.ndarray, 
     lagrange = [np.poly(np.delete(at, i))[::-1] / np.prod(at[i] - np.delete(at, i)) for i in range(_POINTS)]
     found = []
     for rows in full_weights(step, harmonics):
-        ascending = rows[:, ::-1]
-        band = ascending.shape[1]
+        band = _band(step)
+        ascending = rows[:, band - 1 :: -1]
         mixed_rows = np.zeros((len(rows), band + _POINTS - 1, _POINTS))
         for k, polynomial in enumerate(lagrange):
             mixed_rows[:, k : k + band] += ascending[..., None] * polynomial
