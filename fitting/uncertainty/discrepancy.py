@@ -85,12 +85,19 @@ def with_discrepancy(
     """
     whitening = None
     if discrepancy is not None and discrepancy.amplitude:
-        scaled, x, curve = _places(problem, scenes, data)
-        covariance = scaled[:, None] * scaled * covariances(x, curve, discrepancy)
+        covariance = model_covariance(problem, scenes, data, discrepancy)
         factor = np.linalg.cholesky(np.eye(len(covariance)) + covariance)
         whitening = scipy.linalg.solve_triangular(factor, np.eye(len(factor)), lower=True)
         whitening = whitening.astype(problem.start.dtype)
     return problem._replace(numbers=problem.numbers._replace(whitening=whitening))
+
+
+def model_covariance(
+    problem: Problem, scenes: Sequence[rf.Scene], data: Sequence[Measured], discrepancy: Discrepancy
+) -> np.ndarray:
+    """Return the covariance of the model error in the data rows, in units of their errors, (rows, rows)."""
+    scaled, x, curve = _places(problem, scenes, data)
+    return scaled[:, None] * scaled * covariances(x, curve, discrepancy)
 
 
 def median_amplitude(scenes: Sequence[rf.Scene]) -> float:
