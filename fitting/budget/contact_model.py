@@ -127,6 +127,22 @@ def rows_by_law(problem: Problem, x: np.ndarray) -> RowsByLaw:
     return RowsByLaw(rows, tuple(dict.fromkeys(without)))
 
 
+def log_ratio_to_law(problem: Problem, x: np.ndarray) -> np.ndarray:
+    """Return ln(law / theory) at x of all friction and area values, 0 for other data, shape (data rows,).
+
+    Raise `NoLawError` if the law cannot be compared.
+    """
+    of = padded(problem)
+    law = rows_by_law(problem, x).rows
+    theory = evaluate_rows(of.structure, of.numbers, np.asarray(x)[None])[0][0]
+    found = np.zeros(law.size)
+    for block in of.structure.blocks:
+        if block.quantity in CURVE_QUANTITIES:
+            rows = slice(*block.rows)
+            found[rows] = law[rows] - theory[rows] if block.logarithmic else np.log(law[rows] / theory[rows])
+    return found[of.data]
+
+
 def _at(scene, conditions):
     """Return the conditions without temperatures if no part of the scene depends on them."""
     return conditions if takes_temperature(scene) else (*conditions[:2], None)
