@@ -190,6 +190,6 @@ def largest_error(
     advice = [] if one.without else ['fit with contact_model="boundary_elements"']
     friction = [d for d in data if isinstance(d, FrictionData)]
     if friction and is_linear and not has_discrepancy and all(d.error is not None for d in friction):
-        advice.append("add discrepancy=fitting.Discrepancy()")
+        advice.append("add fitting.Discrepancy()")
     said = f"the theory's error moves {names[i]} by {by} ({count}), as boundary elements say"
     return f"{said}: {', or '.join(advice)}" if advice else said

@@ -205,6 +205,7 @@ def _html(result: FitRecord) -> str:
             row = (name, f"{value} +/- {error} {unit}", share, f"{start} {unit}", remark)
         rows.append(row)
     rows += tied_lines(result)
+    rows += [f"budget: {result.largest_error}"] * bool(result.largest_error)
     rows += [f"not identified, {i}: {d.text}" for i, d in enumerate(result.unidentified, 1)]
     redchi = f"{result.redchi:.4g}" if np.isfinite(result.redchi) else "none"
     count = result.problem.targets.measured.size

@@ -187,11 +187,11 @@ def averaged(
         decades = WIDTHS[best[0]] / math.log(10)
         remarks.append(
             f"the data are e^{gain:.0f} times as likely with an amplitude of"
-            f" {100 * _AMPLITUDES[best[1]]:.2g} % over {decades:.2g} decades: see fitting.Discrepancy()"
+            f" {100 * _AMPLITUDES[best[1]]:.2g} % over {decades:.2g} decades: see fitting.Discrepancy"
         )
     posterior = found
     if amplitude is None:
-        by_law = law.any() or all(scene.contact_model != "paper" for scene in scenes)
+        by_law = bool(law.any()) or all(scene.contact_model != "paper" for scene in scenes)
         posterior = found + _log_prior(amplitudes, median_amplitude(scenes, by_law), by_law)
     weight = np.exp(posterior - posterior.max())
     weight /= weight.sum()

@@ -184,7 +184,7 @@ def test_the_sentence(fit, budget):
     share = np.abs(budget["contact model"].shift / fit.stderr)
     name = fit.names[int(np.argmax(share))]
     assert f"the theory's error moves {name} by " in fit.largest_error
-    assert 'fit with contact_model="boundary_elements", or add discrepancy=' in fit.largest_error
+    assert 'fit with contact_model="boundary_elements", or add fitting.Discrepancy()' in fit.largest_error
     assert f"budget    = {fit.largest_error}" in fit.report()
     stated = dataclasses.replace(fit, prior=PRIOR | {"gamma": fitting.Gaussian(0.5, 0.45)}).budget(moduli=3.0)
     assert "moduli" in stated.largest or "gamma" in stated.largest or "theory" in stated.largest

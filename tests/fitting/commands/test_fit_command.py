@@ -390,9 +390,9 @@ def test_an_interrupt_after_one_start_had_converged(call, job, monkeypatch):
 
 
 def test_an_interrupt_while_saving_waits_until_the_file_is_whole(call, job, monkeypatch):
-    def slow(*arguments):
+    def slow(*arguments, **options):
         os.kill(os.getpid(), signal.SIGINT)
-        return command_save(*arguments)
+        return command_save(*arguments, **options)
 
     command_save = work.save
     monkeypatch.setattr(work, "save", slow)
