@@ -91,7 +91,7 @@ def _of_conditions(problem, sizes):
     given = [at for at, is_curve in zip(problem.numbers.conditions, curves, strict=True) if is_curve]
     known = {
         "temperature": any(at[2] is not None for at in given),
-        "velocity": any(np.any(at[0] != 0) for at in given),
+        "velocity": any(np.any(np.asarray(at[0])) for at in given),
         "pressure": bool(given),
     }
     texts = {
@@ -105,7 +105,7 @@ def _of_conditions(problem, sizes):
             continue
         conditions = []
         for at, is_curve in zip(problem.numbers.conditions, curves, strict=True):
-            columns = list(at)
+            columns = [None if column is None else np.asarray(column) for column in at]
             if is_curve and columns[k] is not None:
                 columns[k] = columns[k] + size if name == "temperature" else columns[k] * (1 + size)
             conditions.append(tuple(columns))

@@ -18,7 +18,6 @@ many standard errors are estimates.
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
 import rubberfric as rf
@@ -29,8 +28,9 @@ from fitting.data.measured import Measured
 from fitting.parameters.priors import Prior
 from fitting.solvers.evaluation import errors_of_rows, residual_rows
 from fitting.solvers.problem import Problem
-from fitting.solvers.residuals import loss_of, padded
+from fitting.solvers.residuals import in_errors, loss_of, padded
 from fitting.uncertainty.covariance import OPEN, Uncertainty, linearised, weighted_rows
+from rubberfric.base import quick_jit
 
 # Sources of one change have a sign; several changes are added as squares.
 CONTACT, NUMERICAL = "contact model", "numerical"
@@ -102,8 +102,9 @@ class _Step:
 
     def __init__(self, fit):
         problem, known = fit.problem, fit.known
-        plain, _, jacobian = weighted_rows(problem, linearised(problem, fit.x))
-        curvature = np.asarray(loss_of(problem.structure, problem.numbers).factors(jnp.asarray(plain))[1])
+        model = linearised(problem, fit.x)
+        _, _, jacobian = weighted_rows(problem, model)
+        curvature = _curvature(problem, model.inside)
         V, length = known.directions, np.minimum(known.deviations, OPEN)
         inverse = (V * length**2) @ V.T
         self.matrix = -known.stretch[:, None] * (inverse @ (jacobian * known.stretch).T) * curvature
@@ -131,6 +132,18 @@ class _Step:
         with np.errstate(over="ignore", invalid="ignore"):
             shift = self.problem.values(self.x + change) - self.problem.values(self.x)
         return np.where(self.hidden | ~np.isfinite(shift), np.nan, shift)
+
+
+def _curvature(problem, rows):
+    """Return the factors of the Jacobian rows by the loss, see `fitting.solvers.objective.factors`."""
+    of = padded(problem)
+    return of.kept(_padded_curvature(of.structure, of.numbers, of.targets, rows))
+
+
+# With padding, so that fits of other numbers of points compile nothing.
+@quick_jit(static_argnums=(0,))
+def _padded_curvature(structure, numbers, targets, rows):
+    return loss_of(structure, numbers).factors(in_errors(structure, numbers, targets, rows))[1]
 
 
 def _of_contact_model(fit, step):
