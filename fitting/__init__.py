@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from fitting.parameters.priors import Sum as Sum
     from fitting.parameters.variables import unconstrained as unconstrained
     from fitting.results import plot as plot
+    from fitting.results.budget import Budget as Budget
     from fitting.results.result import FitResult as FitResult
     from fitting.results.result import friction_table as friction_table
     from fitting.results.samples import Samples as Samples

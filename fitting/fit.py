@@ -7,6 +7,7 @@ import jax
 import numpy as np
 
 import rubberfric as rf
+from fitting.budget.contact_model import NoLawError, log_ratio_to_law
 from fitting.data.kinds import DataSets, data_by_scene, warn_of_repeated
 from fitting.parameters.constraints import Constraint
 from fitting.parameters.discrepancy import Discrepancy
@@ -245,13 +246,21 @@ class _Run:
         """Return the discrepancy with its estimated amplitude and width, for which the fit is repeated."""
         found = first_guess(asked, scenes)
         for _ in range(ROUNDS if succeeded(self.end.status) and is_open(asked) else 0):
-            estimate = averaged(self.problem, self.model, scenes, self.data, asked)
+            known = self.difference_to_law() if asked.amplitude is None else None
+            estimate = averaged(self.problem, self.model, scenes, self.data, asked, known)
             if not self.go_on(with_discrepancy(self.problem, scenes, self.data, estimate)):
                 break
             found = estimate
             self.judge()
         solved = self.problem, self.model, scenes, self.data, asked
         return with_remark(found, asked, solved if succeeded(self.end.status) else None)
+
+    def difference_to_law(self):
+        """Return ln(law / theory) of all friction and area values, or None without the comparison."""
+        try:
+            return log_ratio_to_law(self.problem, self.end.x)
+        except NoLawError:
+            return None
 
 
 def _minima(problem, runs):

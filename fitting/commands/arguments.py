@@ -28,6 +28,11 @@ def _check_fit(arguments: argparse.Namespace) -> None:
         raise ValueError("--resume: must come with --checkpoint FILE.h5")
     check_input(arguments.job, (".toml",))
     check_outputs(arguments, ".h5", inputs=[arguments.job])
+    if isinstance(arguments.budget, str):
+        check_writable(arguments.budget, (".png", ".pdf", ".svg"))
+        check_no_input("--budget", arguments.budget, [arguments.job, *named_files(arguments.job)])
+        if arguments.plot is not None and Path(arguments.budget).resolve() == Path(arguments.plot).resolve():
+            raise ValueError(f"--budget {arguments.budget}: is the file of --plot; must be another file")
     if checkpoint is None:
         return
     check_writable(checkpoint, (".h5",))
@@ -267,6 +272,8 @@ def _fit_parser() -> Parser:
     add("--bootstrap", metavar="N", type=_count, help="fit N simulated data sets, report their spread")
     text = "fix this parameter, or the q1 of a spectrum, at several values; print the cost"
     add("--profile", metavar="KEYPATH", help=text)
+    text = "print how theory, conditions and fixed numbers move each parameter; draw it to FILE.png if given"
+    add("--budget", nargs="?", const=True, metavar="FILE.png", help=text)
     text = "save the bootstrap's state every minute; refused if it exists"
     add("--checkpoint", metavar="FILE.h5", help=text)
     add("--resume", action="store_true", help="continue the checkpoint, if it exists")

@@ -39,21 +39,27 @@
     starts = 8                          # max_steps, tolerance, scale_errors as in `fitting.fit`
     ...
 
+    [budget]                            # optional: errors of inputs for --budget, temperature [K], velocity,
+    temperature = 2.0                   # pressure, moduli, roughness, gamma, as in `FitResult.budget`
+
     [design]                            # optional, for `rubberfric-fit design`: `fitting.commands.work`
     ...
 """
 
 import dataclasses
+import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
 import rubberfric as rf
+from fitting.budget.changes import Sizes
 from fitting.data.files import read
 from fitting.data.measured import Measured
 from fitting.parameters.constraints import CONSTRAINTS, Constraint
@@ -87,6 +93,7 @@ class Job(NamedTuple):
     options: dict[str, Any]
     title: str
     design: Any = None  # the table [design], see `fitting.commands.work`
+    budget: Mapping[str, float] = MappingProxyType({})  # arguments of `FitResult.budget`
 
 
 def read_job(path: StrPath) -> Job:
@@ -104,7 +111,9 @@ def read_job(path: StrPath) -> Job:
         )
     several = "scenes" in content
     needed = ("scenes", "free") if several else ("scene", "data", "free")
-    toml.check_keys(path, "", content, ("title", *needed, "prior", "discrepancy", "fit", "design"), needed)
+    toml.check_keys(
+        path, "", content, ("title", *needed, "prior", "discrepancy", "fit", "budget", "design"), needed
+    )
     title = _text(path, "title", content.get("title", ""))
     free, prior = content["free"], content.get("prior", {})
     _check_paths(path, "free", free, RULE_KEYS)
@@ -116,12 +125,12 @@ def read_job(path: StrPath) -> Job:
     prior: dict[str, Prior] = {key: _prior(path, f"prior.{key!r}", one) for key, one in prior.items()}
     for one in fits if isinstance(fits, list) else [fits]:
         prior |= _known(path, one)
-    options = _options(path, content.get("fit", {}))
+    options, budget = _options(path, content.get("fit", {})), _budget(path, content.get("budget", {}))
     if "discrepancy" in content:
         options["discrepancy"] = _discrepancy(path, content["discrepancy"])
     if not several:
         scene, data = _scene(path, "scene", content["scene"], "data", content["data"])
-        return Job(scene, data, free, prior, options, title, content.get("design"))
+        return Job(scene, data, free, prior, options, title, content.get("design"), budget)
     tables = content["scenes"]
     toml.check_keys(path, "scenes", tables, tables)
     scenes: dict[str, rf.Scene] = {}
@@ -131,7 +140,7 @@ def read_job(path: StrPath) -> Job:
         toml.check_keys(path, where, table, ("file", "data"), ("file", "data"))
         file, data = table["file"], table["data"]
         scenes[name], sets[name] = _scene(path, f"{where}.file", file, f"{where}.data", data)
-    return Job(scenes, sets, free, prior, options, title, content.get("design"))
+    return Job(scenes, sets, free, prior, options, title, content.get("design"), budget)
 
 
 def _scene(path, key, file, of_data, data):
@@ -238,6 +247,15 @@ def _discrepancy(path, content):
     values = {n: _one(path, f"discrepancy.{n}", v) for n, v in given.items()}
     values |= {n: None for n in content if n not in given}
     return _made(path, "discrepancy", Discrepancy, values)
+
+
+def _budget(path, content):
+    toml.check_keys(path, "budget", content, Sizes._fields)
+    values = {name: _one(path, f"budget.{name}", value) for name, value in content.items()}
+    for name, value in values.items():
+        if not 0 <= value < math.inf:
+            raise ValueError(f"{path}: budget.{name} = {value:g}: must be a finite number >= 0")
+    return values
 
 
 def _made(path, key, cls, values):

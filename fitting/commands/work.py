@@ -34,6 +34,7 @@ from fitting.ensemble.calibration import calibration
 from fitting.ensemble.members import EnsembleResult, bootstrap_members
 from fitting.ensemble.run import run_ensemble
 from fitting.fit import fit
+from fitting.results.budget import Budget
 from fitting.results.hdf5 import save
 from fitting.results.plot import save_plot
 from fitting.results.result import FitResult
@@ -71,10 +72,16 @@ def run_fit(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
     try:
         result = _fit(arguments.job, job, interrupts, show)
         interrupts.hold()
+        budget = None
+        if arguments.budget is not None and result.success and not interrupts.stopped:
+            show("computing the budget")
+            budget = result.budget(**job.budget)
+        content = None if budget is None else budget.write_group
         failure: Exception | None = write_outputs(
             show,
-            ("writing", arguments.out, lambda path: save(path, result, job.title)),
+            ("writing", arguments.out, lambda path: save(path, result, job.title, budget=content)),
             ("drawing", arguments.plot, lambda path: save_plot(path, result, job.title)),
+            *_picture(budget, arguments.budget),
         )
         profile = spread = None
         if arguments.profile is not None and result.success and not interrupts.stopped:
@@ -88,7 +95,7 @@ def run_fit(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
         interrupts.release()
     show("computing the report")
     text = _titled(job, result.report())
-    text += "".join(more.report() for more in (profile, spread) if more is not None)
+    text += "".join(more.report() for more in (budget, profile, spread) if more is not None)
     finish(show, text)
     if failure is not None:
         raise failure
@@ -99,6 +106,13 @@ def run_fit(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
     if result.verdict.explains is False:
         return complain(_PROGRAM, "the scene does not explain the data: see the verdict above", 3)
     return 0
+
+
+def _picture(budget: Budget | None, path: Any) -> list[Output]:
+    """Return the output of the picture of a budget, if a file was given."""
+    if budget is None or not isinstance(path, str):
+        return []
+    return [("drawing", path, lambda path: save_figure(path, budget.plot().figure))]
 
 
 def _job(arguments: argparse.Namespace, show: Progress) -> Job:

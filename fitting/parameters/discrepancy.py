@@ -12,6 +12,13 @@ exponentials,
 .. math:: \mathrm{cov}(\delta_i, \delta_j) = \sum_k a_k^2 \exp(-(x_i - x_j)^2 / 2 w_k^2)
 
 whose amplitudes are averages over the posterior of amplitude and width (`fitting.uncertainty.discrepancy`).
+If the amplitude is estimated for the theory, the known difference to the law fitted to boundary elements is
+added, with one unknown factor of variance 1 for all data,
+
+.. math:: d_i d_j,\qquad d = \ln(law / theory)
+
+at the fitted scene. Free parameters of contact shear or roughness can follow d, so that the data alone would
+not show it.
 
 The residuals of a fit, in units of the errors sigma of the logarithms, have the covariance
 1 + cov / (sigma_i sigma_j). They are whitened by the inverse of its Cholesky factor. Error bars, bands and
@@ -37,8 +44,10 @@ class Discrepancy:
     ----------
     amplitude : a, the standard deviation of the error [-], 0.25 stands for 25 %; or None
         None: averaged over its posterior. The prior is half lognormal (a factor of 1.6 up and down about its
-        median) and half flat in ln a between 0.001 and 2. The median is 0.5 for the theory. For
-        `contact_model="boundary_elements"` it is 0.1, and grows by 0.1 per decade of q1/q0 beyond 512.
+        median) and half flat in ln a between 0.001 and 2. For `contact_model="boundary_elements"` the median
+        is 0.1, and grows by 0.1 per decade of q1/q0 beyond 512. For the theory it is 0.3, and the known
+        difference to the law is added (`law`). If the law cannot be compared, the median is 0.5, and
+        amplitudes below 0.25 are excluded instead of the flat half.
     width : w, the range of ln v over which the error changes [-], 2.3 is a decade; or None
         None: averaged over the posterior of widths from a tenth of a decade to 1.6 decades.
     shared : correlation between the errors of different curves at the same v a_T, 0 ... 1
@@ -46,6 +55,8 @@ class Discrepancy:
         errors are independent.
     estimated : True if the amplitude was estimated from the data; set by a fit
     parts : (amplitude, width) of every squared exponential of an estimated width; set by a fit
+    law : ln(law / theory) of every friction and area value, 0 for other data; set by a fit
+        `amplitude` contains its root mean square, and cannot be smaller.
     remark : reason why the discrepancy may not suit the data, "" if none was found; set by a fit
 
     In 20 random scenes (friction from boundary elements at 12 velocities over five decades, 3 % noise,
@@ -57,7 +68,7 @@ class Discrepancy:
                                   moduli        heights     moduli        heights
     ============================  ============  ==========  ============  ==========
     none                          38 %          0 %         48 %          20 %
-    estimated, the default        90 %          100 %       94 %          100 %
+    estimated, the default        92 %          100 %       91 %          100 %
     0.5 over a decade, given      94 %          100 %       95 %          100 %
     ============================  ============  ==========  ============  ==========
 
@@ -66,7 +77,7 @@ class Discrepancy:
 
     In another test the friction of 60 random rubbers had errors of 20 % with wavelengths of 1-2, 2-4 and 4-8
     decades. With the default, 97, 96 and 94 % of the 95 % intervals contain the true value. The medians of
-    the estimated amplitudes, 0.37, 0.38 and 0.43, are larger than 0.2, because prior and kernel favour wide
+    the estimated remainders, 0.36, 0.36 and 0.34, are larger than 0.2, because prior and kernel favour wide
     intervals.
 
     Limits: the loss must be linear, and the friction data must have errors. The shift a_T is taken from the
@@ -81,6 +92,7 @@ class Discrepancy:
     shared: float = 0.6
     estimated: bool = False
     parts: tuple[tuple[float, float], ...] = ()
+    law: tuple[float, ...] = ()
     remark: str = ""
 
     def __post_init__(self) -> None:
@@ -98,6 +110,23 @@ class Discrepancy:
         ):
             raise ValueError(f"Discrepancy: parts = {self.parts!r}: must be pairs of amplitude and width")
         object.__setattr__(self, "parts", tuple((float(a), float(w)) for a, w in parts.reshape(-1, 2)))
+        law = np.asarray(self.law, float)
+        if law.ndim != 1 or not np.isfinite(law).all():
+            raise ValueError("Discrepancy: law must be finite numbers, one for each value")
+        object.__setattr__(self, "law", tuple(law.tolist()))
+
+    @property
+    def level(self) -> float:
+        """Root mean square of `law` [-], 0 without it."""
+        known = np.array([one for one in self.law if one])
+        return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
+
+    @property
+    def remainder(self) -> float | None:
+        """Amplitude of the Gaussian process, which is the error except `law` [-]; None if not estimated."""
+        if self.amplitude is None:
+            return None
+        return math.sqrt(max(self.amplitude**2 - self.level**2, 0.0))
 
 
 def rational_quadratic(x: np.ndarray, width: float) -> np.ndarray:
@@ -119,11 +148,11 @@ def between_curves(near: np.ndarray, curve: np.ndarray, shared: float) -> np.nda
 
 
 def covariances(x: np.ndarray, curve: np.ndarray, discrepancy: Discrepancy) -> np.ndarray:
-    """Return the covariance of the model errors at the abscissae x = ln(v a_T) on the curves, (n, n)."""
+    """Return the covariance of the model errors except `law`, at x = ln(v a_T) on the curves, (n, n)."""
     amplitude, width = discrepancy.amplitude, discrepancy.width
     if amplitude is None or width is None:
         raise ValueError("Discrepancy: amplitude and width must be numbers, or be estimated first")
-    near = amplitude**2 * rational_quadratic(x, width)
+    near = (discrepancy.remainder or 0.0) ** 2 * rational_quadratic(x, width)
     if discrepancy.parts:
         near = np.sum([a**2 * squared_exponential(x, w) for a, w in discrepancy.parts], axis=0)
     return between_curves(near, curve, discrepancy.shared)
@@ -135,9 +164,13 @@ def text_of(discrepancy: Discrepancy) -> str:
         return "the theory may be off; the size of its error was not estimated"
     source = "estimated from the data" if discrepancy.estimated else "as given"
     decades = discrepancy.width / math.log(10)
+    known = ""
+    if discrepancy.law:
+        known = f"by {100 * discrepancy.level:.3g} %, the difference to the law of boundary elements, and "
     about = "about " if discrepancy.parts else ""
+    rest = 100 * (discrepancy.remainder or 0.0)
     return (
-        f"the theory may be off by {100 * discrepancy.amplitude:.3g} % ({source}), smoothly over"
+        f"the theory may be off {known}by {rest:.3g} % ({source}), smoothly over"
         f" {about}{decades:.2g} decade{'s' * (decades != 1)} of v a_T; different curves share"
         f" {100 * discrepancy.shared:.3g} % of it"
     )

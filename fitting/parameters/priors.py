@@ -19,6 +19,9 @@ from fitting.parameters.selection import STATIC, PriorContext, Rows, Selection
 from fitting.parameters.variables import Array, Constants, Variables, slopes_of, to_x
 from rubberfric.base import unit_of
 
+# Relative difference of a fixed number and the mean of its prior that rounding may cause.
+_SAME = 1e-6
+
 
 @dataclasses.dataclass(frozen=True)
 class Gaussian:
@@ -30,6 +33,11 @@ class Gaussian:
     ----------
     mean, sigma : mean and standard deviation in the parameter's unit, for all elements or for each element
         For a Positive parameter sigma / mean is the standard deviation of its logarithm.
+
+    Notes
+    -----
+    On a number that is not free, the prior states its error. `mean` must be the number itself. The fit does
+    not change, and `FitResult.budget` includes the error.
     """
 
     mean: float | tuple[float, ...] | np.ndarray
@@ -47,8 +55,11 @@ class Gaussian:
 
     def read(self, place: PriorContext) -> list["GaussianRows"]:
         """Return the rows of the prior, as a list with one entry."""
-        find(place.scene, place.key)  # raises an error with similar paths
+        leaf, elements = find(place.scene, place.key)  # raises an error with similar paths
         group, variables, constants = place.group(), place.variables, place.constants
+        if group is None and is_fixed(variables, leaf, elements):
+            self._check_fixed(place, leaf, elements)
+            return []
         if group is None or group.kind in FOLLOWING:
             known = ", ".join(g.path for g in variables.own)
             raise ValueError(f"{place.where}: the key must be one of the free parameters {known}")
@@ -68,6 +79,21 @@ class Gaussian:
         at = to_x(group.kind, low, width, mean)
         sigma = np.asarray(self.sigma, float) / slopes_of(group.kind, width, at)
         return [GaussianRows(tuple(part.tolist()), at, sigma)]
+
+    def _check_fixed(self, place: PriorContext, leaf: int, elements: tuple[int, ...] | None) -> None:
+        """Raise ValueError unless the means are the fixed numbers, and there are as many sigma or one."""
+        value = np.atleast_1d(np.asarray(place.start[leaf])[list(elements) if elements else ()])
+        for name in ("mean", "sigma"):
+            if np.size(getattr(self, name)) not in (1, value.size):
+                raise ValueError(f"{place.where}: {name} must have {value.size} numbers or one")
+        mean = np.broadcast_to(np.asarray(self.mean, float), value.shape)
+        away = np.abs(mean - value) > _SAME * np.abs(value)
+        if away.any():
+            k = int(np.argmax(away))
+            raise ValueError(
+                f"{place.where}: mean = {mean[k]:g}, but the number is fixed at {value[k]:g}: must be this"
+                " number, to state its error, or the number must be free"
+            )
 
 
 @jax.tree_util.register_dataclass
@@ -93,6 +119,12 @@ class GaussianRows:
         """Return the rows unchanged, because the residuals depend on x and not on leaves."""
         del to
         return self
+
+
+def is_fixed(variables: Variables, leaf: int, elements: tuple[int, ...] | None) -> bool:
+    """Return True if a fit changes none of the elements of a leaf."""
+    chosen = set(elements or (None,))
+    return all(g.leaf != leaf or chosen.isdisjoint(g.elements or (None,)) for g in variables.groups)
 
 
 # Temperatures of a table span a small part of a decade, so u is T divided by this temperature [K].

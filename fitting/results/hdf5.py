@@ -21,6 +21,7 @@
     /minima             cost, count and values of the distinct minima
     /discrepancy        attributes amplitude, width, shared, estimated, parts, remark; may be missing
     /estimated          relative error of every data set, NaN where errors were given
+    /budget             error budget, in files saved by `fitting.results.budget`
     /samples            draws from the posterior, in files saved by `fitting.results.samples`
 
 The uncertainty is stored, not computed again: reading compiles nothing, and gives the same
@@ -178,9 +179,15 @@ def _numbered(group: h5py.Group) -> Iterator[h5py.Group]:
 
 
 def save(
-    path: StrPath, result: FitRecord, title: str = "", samples: Callable[[h5py.Group], None] | None = None
+    path: StrPath,
+    result: FitRecord,
+    title: str = "",
+    samples: Callable[[h5py.Group], None] | None = None,
+    budget: Callable[[h5py.Group], None] | None = None,
 ) -> None:
-    """Write a fit to an HDF5 file (.h5), completely or not at all, and the draws if `samples` writes them.
+    """Write a fit to an HDF5 file (.h5), completely or not at all.
+
+    `samples` writes draws, and `budget` an error budget, into a group each.
 
     Raise ValueError, with one line, if the suffix is not .h5, or the folder is missing or not writable.
     """
@@ -216,6 +223,8 @@ def save(
         _write_minima(file.create_group("minima"), result.minima, len(result.names))
         if samples is not None:
             samples(file.create_group("samples"))
+        if budget is not None:
+            budget(file.create_group("budget"))
 
 
 def load(path: StrPath, cls: type[ResultType]) -> ResultType:
@@ -226,7 +235,7 @@ def load(path: StrPath, cls: type[ResultType]) -> ResultType:
     the rule.
     """
     with hdf5.reading(path, FIT_FORMAT) as file:
-        known = ("report", "scene", "data_scenes", "estimated", "discrepancy", "samples", *GROUPS)
+        known = ("report", "scene", "data_scenes", "estimated", "discrepancy", "budget", "samples", *GROUPS)
         hdf5.check_names(file, known, (*_TEXTS, *FIELDS, *OPTIONS))
         return cls(**_read(file, {name: hdf5.subgroup(file, name) for name in GROUPS}))
 

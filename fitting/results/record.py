@@ -7,11 +7,13 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from fitting.budget.changes import Sizes
+from fitting.budget.contributions import CONTACT, Contribution, SolvedFit, contributions, largest_error
 from fitting.data.measured import Measured
 from fitting.parameters.constraints import Constraint, Positive
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import Prior
-from fitting.parameters.scenes import ALL, Scenes
+from fitting.parameters.scenes import ALL, Scenes, each_scene
 from fitting.parameters.variables import Variables
 from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.objective import MESSAGES, succeeded
@@ -152,6 +154,22 @@ class FitRecord(SolvedProblem):
         return self._judged(range(len(self.data)))
 
     @functools.cached_property
+    def largest_error(self) -> str:
+        """Sentence on the largest error beyond the noise that `budget` finds, or "" if the noise is larger.
+
+        It compares the theory with the law fitted to boundary elements, and uses stated errors of fixed
+        numbers. The first call compiles the law. It is "" for a fit without success.
+        """
+        if not self.success:
+            return ""
+        return self.sentence_on(contributions(solved_fit(self), Sizes(), only=(CONTACT, "stated"))[0])
+
+    def sentence_on(self, found: Sequence[Contribution]) -> str:
+        """Return the sentence on the largest of some contributions. See `Budget.largest`."""
+        is_linear, has = self.problem.structure.loss == "linear", self.discrepancy is not None
+        return largest_error(self.names, self.values, self.stderr, found, self.data, is_linear, has)
+
+    @functools.cached_property
     def valleys(self) -> tuple[Valley, ...]:
         """Pairs of closely correlated parameters, with a check of the linear confidence intervals."""
         return valleys(self)
@@ -186,3 +204,10 @@ class FitRecord(SolvedProblem):
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.message}; {len(self.names)} parameters, cost {self.cost:.6g}>"
+
+
+def solved_fit(fit: FitRecord) -> SolvedFit:
+    """Return what `fitting.budget` needs of a fit."""
+    scenes = each_scene(fit.scene, fit.data_scenes)
+    known = fit.problem, fit.x, fit.uncertainty, fit.prior, fit.data, scenes
+    return SolvedFit(*known, fit.discrepancy is not None)

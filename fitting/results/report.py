@@ -156,6 +156,8 @@ def _verdict(result):
         lines["left open"] = f"{_count(open_, 'direction')}; without an error bar: {names or 'none'}"
     if result.discrepancy is not None:
         lines["theory"] = text_of(result.discrepancy)
+    if result.largest_error:
+        lines["budget"] = result.largest_error
     rows = _aligned(lines)
     if result.discrepancy is not None and result.discrepancy.remark:
         rows += [f"  {remark}" for remark in result.discrepancy.remark.split("; ")]
@@ -268,6 +270,9 @@ def _priors(result):
             continue
         if isinstance(prior, Sum | Correlated):
             lines.append(_of_several(result, path, prior))
+            continue
+        if path not in groups:
+            lines.append(f"{path}: fixed, its error enters the budget (FitResult.budget)")
             continue
         names = leaf_names(path, groups[path].elements)
         scale = unit(result.scene_at_start, path)

@@ -6,8 +6,9 @@ among the rows [Patterson & Thompson, Biometrika 58 (1971) 545],
 
 .. math:: -2 \ln L = \ln|C| + \ln|J^T C^{-1} J| + \min_\theta (r + J\theta)^T C^{-1} (r + J\theta)
 
-plus the logarithm of the prior of the amplitude, half lognormal and half log-uniform. All widths
-are equally likely.
+plus the logarithm of the prior of the amplitude. It is half lognormal and half log-uniform if the law fitted
+to boundary elements is used or compared, otherwise lognormal above half of its median. All widths are equally
+likely. C contains the known difference d between theory and law as d d^T, if it was computed.
 
 Errors that are smooth over the whole range of the data resemble a change of parameters. The most likely
 amplitude is then too small. The fit is therefore weighted with the posterior mean of C.
@@ -21,7 +22,7 @@ import numpy as np
 import scipy
 
 import rubberfric as rf
-from fitting.data.kinds import FrictionData
+from fitting.data.kinds import AreaData, FrictionData
 from fitting.data.measured import Measured
 from fitting.parameters.discrepancy import (
     WIDTHS,
@@ -42,11 +43,16 @@ _AMPLITUDES = np.geomspace(1e-3, 2.0, 39)
 # paper's friction differs systematically from boundary elements, by 0.3 to 0.4; with an amplitude of 0.5
 # intervals contain the truth. The law differs by 0.06, and by 0.1 in the least favourable scenes.
 _MEDIANS, _DEVIATION = {"paper": 0.5, "boundary_elements": 0.1}, 0.5
+# Median of the rest of the theory's error if its difference to the law is known. Values from 0.2 to 0.35 give
+# intervals of the stated coverage (tests/fitting/uncertainty/test_coverage.py).
+_COMPARED = 0.3
 # The law is extrapolated beyond this q1/q0. There its median grows by 0.1 in a factor of ten, which at 1e4 is
 # half of the difference between law and paper.
 _TESTED = 512.0
 # Amplitude over the median, and width, of the first fit where they are to be estimated.
 _GUESS = 0.6, math.log(10)
+# Smallest amplitude over the median if the law cannot be compared.
+_SMALLEST = 0.5
 # Larger amplitudes, errors of more than a factor of two, are implausible.
 _LARGE = math.log(2)
 # Difference of log likelihoods above which the given amplitude and width are doubted.
@@ -85,21 +91,35 @@ def with_discrepancy(
     """
     whitening = None
     if discrepancy is not None and discrepancy.amplitude:
-        scaled, x, curve = _places(problem, scenes, data)
-        covariance = scaled[:, None] * scaled * covariances(x, curve, discrepancy)
+        covariance = model_covariance(problem, scenes, data, discrepancy)
         factor = np.linalg.cholesky(np.eye(len(covariance)) + covariance)
         whitening = scipy.linalg.solve_triangular(factor, np.eye(len(factor)), lower=True)
         whitening = whitening.astype(problem.start.dtype)
     return problem._replace(numbers=problem.numbers._replace(whitening=whitening))
 
 
-def median_amplitude(scenes: Sequence[rf.Scene]) -> float:
-    """Return the median of the prior of the amplitude [-], the largest one of all scenes."""
+def model_covariance(
+    problem: Problem, scenes: Sequence[rf.Scene], data: Sequence[Measured], discrepancy: Discrepancy
+) -> np.ndarray:
+    """Return the covariance of the model error in the data rows, in units of their errors, (rows, rows)."""
+    scaled, x, curve = _places(problem, scenes, data)
+    found = scaled[:, None] * scaled * covariances(x, curve, discrepancy)
+    if discrepancy.law:
+        known = _per_error(problem, data) * np.array(discrepancy.law)
+        found += known[:, None] * known
+    return found
+
+
+def median_amplitude(scenes: Sequence[rf.Scene], by_law: bool = False) -> float:
+    """Return the median of the prior of the amplitude [-], the largest one of all scenes.
+
+    If `by_law` is True, the difference between theory and law is known, and only the rest is estimated.
+    """
 
     def of_one(scene):
         median = _MEDIANS[scene.contact_model]
         if scene.contact_model == "paper":
-            return median
+            return _COMPARED if by_law else median
         spectra = [body.spectrum for body in (scene.lower, scene.upper) if body.spectrum is not None]
         ends = [spectrum.power_law().q for spectrum in spectra]
         decades = max((math.log10(q[-1] / q[0] / _TESTED) for q in ends), default=0.0)
@@ -143,13 +163,15 @@ def averaged(
     scenes: Sequence[rf.Scene],
     data: Sequence[Measured],
     discrepancy: Discrepancy,
+    law: np.ndarray | None = None,
 ) -> Discrepancy:
     """Return the discrepancy of a fit, with unknown amplitude and width averaged over the posterior.
 
-    `model` is the problem linearised at the solution. `remark` of the result states why the given
-    `discrepancy` may not suit the data.
+    `model` is the problem linearised at the solution, and `law` is ln(law / theory) there, or None. `remark`
+    of the result states why the given `discrepancy` may not suit the data.
     """
-    likelihood = _Likelihood(problem, model, scenes, data, discrepancy.shared)
+    law = np.zeros(data_rows(problem.structure)) if law is None else law
+    likelihood = _Likelihood(problem, model, scenes, data, discrepancy.shared, law)
     amplitude, width = discrepancy.amplitude, discrepancy.width
     everything = np.array([likelihood(squared_exponential, w, _AMPLITUDES) for w in WIDTHS])
     best = np.unravel_index(np.argmax(everything), everything.shape)
@@ -165,20 +187,24 @@ def averaged(
         decades = WIDTHS[best[0]] / math.log(10)
         remarks.append(
             f"the data are e^{gain:.0f} times as likely with an amplitude of"
-            f" {100 * _AMPLITUDES[best[1]]:.2g} % over {decades:.2g} decades: see fitting.Discrepancy()"
+            f" {100 * _AMPLITUDES[best[1]]:.2g} % over {decades:.2g} decades: see fitting.Discrepancy"
         )
     posterior = found
     if amplitude is None:
-        posterior = found + np.log(_prior(amplitudes, median_amplitude(scenes)))
+        by_law = bool(law.any()) or all(scene.contact_model != "paper" for scene in scenes)
+        posterior = found + _log_prior(amplitudes, median_amplitude(scenes, by_law), by_law)
     weight = np.exp(posterior - posterior.max())
     weight /= weight.sum()
     variances, of_width = weight @ amplitudes**2, weight.sum(1)
-    total = float(np.sqrt(variances.sum()))
+    found_law = tuple(law.tolist()) if law.any() else ()
+    level = dataclasses.replace(discrepancy, law=found_law).level
+    total = float(np.sqrt(variances.sum() + level**2))
     if width is None:
         remarks += _at_the_ends(of_width)
-    if amplitude is None and total > _LARGE:
+    rest = math.sqrt(variances.sum())
+    if amplitude is None and rest > _LARGE:
         remarks.append(
-            f"an amplitude of {100 * total:.3g} % is implausibly large: check the scene and the units of the"
+            f"an amplitude of {100 * rest:.3g} % is implausibly large: check the scene and the units of the"
             " data, or free more parameters"
         )
     parts = tuple(zip(np.sqrt(variances).tolist(), widths, strict=True)) if width is None else ()
@@ -188,14 +214,21 @@ def averaged(
         width=float(np.exp(of_width @ np.log(widths))),
         estimated=amplitude is None,
         parts=parts,
+        law=found_law,
         remark="; ".join(remarks),
     )
 
 
-def _prior(amplitudes, median):
-    """Return the prior density of ln a, half normal and half flat, which allows for an exact theory."""
-    lognormal = scipy.stats.norm.pdf(np.log(amplitudes), np.log(median), _DEVIATION)
-    return 0.5 * lognormal + 0.5 / np.log(_AMPLITUDES[-1] / _AMPLITUDES[0])
+def _log_prior(amplitudes, median, is_mixed):
+    """Return the log density of ln a: normal, or, if `is_mixed`, half normal and half flat.
+
+    The flat half allows for an exact law. The error of the theory is never small. Without the flat half,
+    amplitudes below half of the median are excluded, because free parameters can follow the error.
+    """
+    lognormal = scipy.stats.norm.logpdf(np.log(amplitudes), np.log(median), _DEVIATION)
+    if is_mixed:
+        return np.log(0.5 * np.exp(lognormal) + 0.5 / np.log(_AMPLITUDES[-1] / _AMPLITUDES[0]))
+    return np.where(amplitudes < _SMALLEST * median, -np.inf, lognormal)
 
 
 def _at_the_ends(of_width):
@@ -217,12 +250,15 @@ def _at_the_ends(of_width):
 class _Likelihood:
     """Restricted log likelihood of data as a function of kernel, width and amplitudes."""
 
-    def __init__(self, problem, model, scenes, data, shared):
+    def __init__(self, problem, model, scenes, data, shared, law):
         bare = with_discrepancy(problem, scenes, data, None)
         rows, _, jacobian = weighted_rows(bare, model)
         count, size = data_rows(problem.structure), jacobian.shape[1]
         rows, jacobian = np.asarray(rows, float), np.asarray(jacobian, float)
-        self.of_data = np.column_stack([rows, jacobian])[:count]
+        known = _per_error(problem, data) * law
+        factor = np.linalg.cholesky(np.eye(count) + known[:, None] * known)
+        self.whiten = scipy.linalg.solve_triangular(factor, np.eye(count), lower=True)
+        self.of_data = self.whiten @ np.column_stack([rows, jacobian])[:count]
         # Parameters that neither data nor priors determine are integrated over a long but finite range.
         self.others = np.concatenate(
             [
@@ -236,7 +272,8 @@ class _Likelihood:
     def __call__(self, kernel, width, amplitudes):
         """Return the log likelihood of every amplitude, up to a constant that all amplitudes share."""
         unit = between_curves(kernel(self.x, width), self.curve, self.shared)
-        values, vectors = np.linalg.eigh(self.scaled[:, None] * self.scaled * unit)
+        covariance = self.whiten @ (self.scaled[:, None] * self.scaled * unit) @ self.whiten.T
+        values, vectors = np.linalg.eigh(covariance)
         values, turned = np.maximum(values, 0.0), vectors.T @ self.of_data
         return np.array([self._of(1 + a**2 * values, turned) for a in amplitudes])
 
@@ -247,16 +284,25 @@ class _Likelihood:
         return -0.5 * np.sum(np.log(variances)) - np.sum(np.log(upper[:-1])) - 0.5 * upper[-1] ** 2
 
 
+def _per_error(problem, data):
+    """Return 1 / relative error of all friction and area values, 0 for other data."""
+    scaled, error = np.zeros(data_rows(problem.structure)), np.asarray(problem.targets.error)
+    for one, rows in zip(data, problem.order, strict=True):
+        if isinstance(one, FrictionData | AreaData):
+            # The error of the logarithm is the error of the value divided by the value.
+            scaled[rows] = (1.0 if one.logarithmic else np.abs(one.measured)) / error[rows]
+    return scaled
+
+
 def _places(problem, scenes, data):
     """Return 1 / relative error, ln(v a_T), and the number of the curve of all rows, 0 except of friction."""
     scaled, x, curve = (np.zeros(data_rows(problem.structure)) for _ in range(3))
-    error = np.asarray(problem.targets.error)
+    per_error = _per_error(problem, data)
     found: dict[tuple, int] = {}
     for number, (one, scene, rows) in enumerate(zip(data, scenes, problem.order, strict=True)):
         if not isinstance(one, FrictionData):
             continue
-        # The error of the logarithm is the error of the value divided by the value.
-        scaled[rows] = (1.0 if one.logarithmic else np.abs(one.measured)) / error[rows]
+        scaled[rows] = per_error[rows]
         x[rows] = np.log(np.abs(one.velocity))
         moved = shifts(scene)
         if one.temperature is not None and moved:

@@ -34,6 +34,7 @@ _VALUE = re.compile(r"(^|: )([a-z][a-z0-9_]*)( = | is missing)")
 CALLS = {
     "rubberfric.io.read_traces": "`rubberfric-fit spectrum`",
     'rubberfric.io.read_table(path, ["strain", "E_stor", "E_loss"])': "`rubberfric-fit mastercurve --strain`",
+    "fitting.Discrepancy()": "a table [discrepancy] to the job",
     ' warnings.simplefilter("ignore", rubberfric.UnitWarning) silences this warning': "",
 }
 _TOML = {"True": "true", "False": "false"}

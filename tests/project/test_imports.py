@@ -19,7 +19,7 @@ FLOORS = {
         {"commands"},
     ),
     "fitting": (
-        *({"data", "parameters"}, {"solvers"}, {"uncertainty"}, {"results"}, {"fit"}),
+        *({"data", "parameters"}, {"solvers"}, {"uncertainty"}, {"budget"}, {"results"}, {"fit"}),
         *({"ensemble", "characterise"}, {"commands"}),
     ),
 }

@@ -171,7 +171,7 @@ PRIOR = '"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }'
         (
             PRIOR,
             '"gamma" = { mean = 1, sigma = 1 }',
-            "prior['gamma']: the key must be one of the free parameters upper.material.E,",
+            "prior['gamma']: mean = 1, but the number is fixed at 0.5: must be this number",
         ),
         ("sigma = 1e5", "sgma = 1e5", "prior.'upper.material.E_inf'.sgma: unknown key; did you mean"),
         (", sigma = 1e5", "", "prior.'upper.material.E_inf'.sigma: is missing; must be given"),
@@ -390,9 +390,9 @@ def test_an_interrupt_after_one_start_had_converged(call, job, monkeypatch):
 
 
 def test_an_interrupt_while_saving_waits_until_the_file_is_whole(call, job, monkeypatch):
-    def slow(*arguments):
+    def slow(*arguments, **options):
         os.kill(os.getpid(), signal.SIGINT)
-        return command_save(*arguments)
+        return command_save(*arguments, **options)
 
     command_save = work.save
     monkeypatch.setattr(work, "save", slow)

@@ -147,7 +147,7 @@ def test_intervals_survive_errors_of_any_width(band):
         low, high = fit.interval()
         known = np.isfinite(low)
         inside += ((low < truth) & (truth < high))[known].tolist()
-        amplitudes.append(fit.discrepancy.amplitude)
+        amplitudes.append(fit.discrepancy.remainder)
     print(
         f"\nwavelengths {band[0]}-{band[1]} decades: {100 * np.mean(inside):.1f} % of {len(inside)}"
         f" intervals, amplitude {np.quantile(amplitudes, [0.1, 0.5, 0.9]).round(3)} (10, 50, 90 %)"

@@ -1,5 +1,6 @@
 """Model error in fits: covariance, amplitude, and coverage of error bars."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -13,6 +14,7 @@ from fitting.solvers.evaluation import model_rows, residual_rows
 from fitting.uncertainty.covariance import linearised
 from fitting.uncertainty.discrepancy import averaged, median_amplitude
 
+LAW = rf.Scene(ROAD, rf.Body(PLAIN), contact_model="boundary_elements")
 SCENE, WARM = rf.Scene(ROAD, rf.Body(PLAIN)), rf.Scene(ROAD, rf.Body(SHIFTED))
 V = np.geomspace(1e-4, 1e1, 30)
 FREE = {"upper.material.E": fitting.Positive(), "lower.spectrum.h_rms": fitting.Positive()}
@@ -20,14 +22,14 @@ ERROR = 0.02
 WIDTH = 1.15  # half a decade, which no parameter of the scene can follow
 
 
-def data_of(seed, amplitude=0.0, width=WIDTH):
-    """Friction of SCENE times e^delta, and noise."""
+def data_of(seed, amplitude=0.0, width=WIDTH, scene=SCENE):
+    """Friction of a scene times e^delta, and noise."""
     random = np.random.default_rng(seed)
     covariance = np.exp(-0.5 * (np.log(V[:, None] / V) / width) ** 2)
     delta = (
         amplitude * np.linalg.cholesky(covariance + 1e-9 * np.eye(V.size)) @ random.standard_normal(V.size)
     )
-    friction = np.asarray(rf.friction(SCENE, V, 1e5, quadrature=FAST))
+    friction = np.asarray(rf.friction(scene, V, 1e5, quadrature=FAST))
     noisy = friction * np.exp(delta + ERROR * random.standard_normal(V.size))
     return fitting.FrictionData(V, noisy, pressure=1e5, relative=ERROR)
 
@@ -38,8 +40,8 @@ def fitted(data, discrepancy=None, scene=SCENE, free=FREE):
 
 @pytest.fixture(scope="module")
 def off():
-    """A fit of data that differ from the theory by 20 %."""
-    return fitted(data_of(1, 0.2), fitting.Discrepancy(None, WIDTH))
+    """A fit of the theory to data that differ from the law by 20 %."""
+    return fitted(data_of(1, 0.2, scene=LAW), fitting.Discrepancy(None, WIDTH))
 
 
 @pytest.mark.parametrize("shared", [1.0, 0.3])
@@ -91,14 +93,15 @@ def test_bars_and_verdict_follow(off):
     """Left out, the error bars are too small, and the verdict is "does not explain the data"."""
     without = fitted(off.data[0])
     assert without.verdict.explains is False and off.verdict.explains is True
-    assert 0.08 < off.discrepancy.amplitude < 0.5 and off.discrepancy.estimated
+    assert 0.08 < off.discrepancy.remainder < 0.5 and off.discrepancy.estimated
     known = np.isfinite(off.stderr)  # the others have no error bar
     assert known.sum() >= 2 and (off.stderr > 5 * without.stderr)[known].all()
     truth = np.array([*PLAIN.E, ROAD.spectrum.h_rms])
     low, high = off.interval(0.99)
     assert ((low < truth) & (truth < high))[known].all()
-    amplitude = 100 * off.discrepancy.amplitude
-    assert f"the theory may be off by {amplitude:.3g} % (estimated from the data" in off.report()
+    amplitude, level = 100 * off.discrepancy.remainder, 100 * off.discrepancy.level
+    assert f"the theory may be off by {level:.3g} %, the difference to the law" in off.report()
+    assert f", and by {amplitude:.3g} % (estimated from the data" in off.report()
 
 
 def waves(seed, shortest, longest):
@@ -112,10 +115,10 @@ def waves(seed, shortest, longest):
     return fitting.FrictionData(V, noisy, pressure=1e5, relative=ERROR)
 
 
-def scanned(off, kernels):
+def scanned(off, kernels, law):
     """log N(rows; 0, C + J (100^2) J^T) and the prior, (widths, amplitudes): all parameters integrated out.
 
-    The fit `off` with kernels of amplitude 1, and the scanned amplitudes.
+    The fit `off` with kernels of amplitude 1 and ln(law / theory), and the scanned amplitudes.
     """
     problem, x = off.problem, off.x
     rows = residual_rows(problem._replace(numbers=problem.numbers._replace(whitening=None)), x)[: V.size]
@@ -127,15 +130,20 @@ def scanned(off, kernels):
         ],
         1,
     )
-    amplitudes = np.geomspace(1e-3, 2.0, 60)
+    amplitudes = np.geomspace(1e-3, 2.0, 400)
     found = np.empty((len(kernels), amplitudes.size))
     for i, unit in enumerate(kernels):
         for k, a in enumerate(amplitudes):
             covariance = np.eye(V.size) + (a / ERROR) ** 2 * unit + 1e4 * J @ J.T
+            covariance += np.outer(law, law) / ERROR**2
             found[i, k] = -0.5 * np.linalg.slogdet(covariance)[1]
             found[i, k] -= 0.5 * rows @ np.linalg.solve(covariance, rows)
-    lognormal = np.exp(-0.5 * (np.log(amplitudes / 0.5) / 0.5) ** 2) / (0.5 * math.sqrt(2 * math.pi))
-    return found + np.log(lognormal + 1 / math.log(2000)), amplitudes
+    median = 0.3 if np.any(law) else 0.5
+    lognormal = np.exp(-0.5 * (np.log(amplitudes / median) / 0.5) ** 2) / (0.5 * math.sqrt(2 * math.pi))
+    if np.any(law):
+        return found + np.log(lognormal + 1 / math.log(2000)), amplitudes
+    keep = amplitudes > 0.25
+    return found[:, keep] + np.log(lognormal[keep]), amplitudes[keep]
 
 
 def squares(found, amplitudes):
@@ -144,36 +152,62 @@ def squares(found, amplitudes):
     return weight @ amplitudes**2 / weight.sum()
 
 
-def test_amplitudes_against_a_scan_of_the_likelihood(off):
+@pytest.mark.parametrize("known", [True, False])
+def test_amplitudes_against_a_scan_of_the_likelihood(off, known):
+    law = np.array(off.discrepancy.law) if known else np.zeros(V.size)
+    model = linearised(off.problem, off.x)
     distance = np.log(V[:, None] / V) / WIDTH
-    found = averaged(
-        off.problem, linearised(off.problem, off.x), [SCENE], off.data, fitting.Discrepancy(None, WIDTH)
-    )
-    exact = squares(*scanned(off, [1 / (1 + 0.5 * distance**2)]))
-    np.testing.assert_allclose(found.amplitude, math.sqrt(exact[0]), rtol=0.02)
+    found = averaged(off.problem, model, [SCENE], off.data, fitting.Discrepancy(None, WIDTH), law)
+    exact = squares(*scanned(off, [1 / (1 + 0.5 * distance**2)], law))
+    np.testing.assert_allclose(found.remainder, math.sqrt(exact[0]), rtol=0.03)
+    np.testing.assert_allclose(found.amplitude, math.hypot(math.sqrt(exact[0]), found.level), rtol=0.03)
     assert found.width == pytest.approx(WIDTH) and found.parts == () and found.remark == ""
-    found = averaged(off.problem, linearised(off.problem, off.x), [SCENE], off.data, fitting.Discrepancy())
+    found = averaged(off.problem, model, [SCENE], off.data, fitting.Discrepancy(), law)
     widths = math.log(10) * np.array([0.1, 0.2, 0.4, 0.8, 1.6])
     kernels = [np.exp(-0.5 * (np.log(V[:, None] / V) / w) ** 2) for w in widths]
-    exact = squares(*scanned(off, kernels))
+    exact = squares(*scanned(off, kernels, law))
     amplitudes, used = np.array(found.parts).T
     np.testing.assert_allclose(used, widths)
-    np.testing.assert_allclose(found.amplitude, math.sqrt(exact.sum()), rtol=0.02)
+    np.testing.assert_allclose(found.remainder, math.sqrt(exact.sum()), rtol=0.03)
     np.testing.assert_allclose(amplitudes, np.sqrt(exact), rtol=0.03, atol=0.005)
 
 
 def test_true_theories_are_not_off():
     found = fitted(data_of(2), fitting.Discrepancy(None, math.log(10)))
-    assert found.discrepancy.amplitude < 0.03
+    assert found.discrepancy.remainder < 0.03
+
+
+def test_the_amplitude_includes_the_difference_to_the_law(off):
+    """d = ln(law / theory) of the fitted scene; whitened rows have the covariance 1 + (kernel + d d^T)."""
+    law = dataclasses.replace(off.scene, contact_model="boundary_elements")
+    known = np.log(np.asarray(rf.friction(law, V, 1e5) / rf.friction(off.scene, V, 1e5)))
+    # The estimate is of the fit before the last one.
+    np.testing.assert_allclose(off.discrepancy.law, known, atol=0.05)
+    found = off.discrepancy
+    np.testing.assert_allclose(found.amplitude**2, found.remainder**2 + np.mean(np.square(found.law)))
+    distance = np.log(V[:, None] / V) / WIDTH
+    unit = 1 / (1 + 0.5 * distance**2)
+    covariance = np.eye(V.size) + (found.remainder**2 * unit + np.outer(found.law, found.law)) / ERROR**2
+    whitening = np.asarray(off.problem.numbers.whitening)
+    np.testing.assert_allclose(whitening @ covariance @ whitening.T, np.eye(V.size), atol=1e-9)
+
+
+def test_scenes_without_the_law_have_a_smallest_amplitude(off):
+    """Without a comparison the prior is not flat, so that a perfect fit does not remove the error."""
+    problem, model = off.problem, linearised(off.problem, off.x)
+    exact = dataclasses.replace(off.data[0], friction=np.exp(model_rows(problem, off.x)))
+    targets = problem.targets._replace(measured=np.log(exact.friction))
+    found = averaged(problem._replace(targets=targets), model, [SCENE], [exact], fitting.Discrepancy())
+    assert found.amplitude > 0.2
 
 
 def test_width_is_estimated(tmp_path):
     """With errors of 0.2 that bend within a decade; a width of a decade needs 0.8 for them."""
     data = waves(2, 1.0, 1.6)
     found, fixed = fitted(data, fitting.Discrepancy()), fitted(data, fitting.Discrepancy(None, math.log(10)))
-    assert 0.1 < found.discrepancy.amplitude < 0.3 and found.discrepancy.width < 0.6 * math.log(10)
+    assert 0.1 < found.discrepancy.remainder < 0.3 and found.discrepancy.width < 0.6 * math.log(10)
     assert found.discrepancy.remark == "" and len(found.discrepancy.parts) == 5
-    assert fixed.discrepancy.amplitude > 0.7 and fixed.discrepancy.width == pytest.approx(math.log(10))
+    assert fixed.discrepancy.remainder > 0.7 and fixed.discrepancy.width == pytest.approx(math.log(10))
     assert "implausibly large" in fixed.discrepancy.remark and fixed.discrepancy.remark in fixed.report()
     found.save(tmp_path / "fit.h5")
     again = fitting.FitResult.load(tmp_path / "fit.h5")
@@ -228,8 +262,8 @@ def test_bootstrap_draws_it(off):
     """Drawn data scatter as the covariance says: far more than the noise, and smoothly."""
     _, targets = off.bootstrap_fits(400, None)
     drawn = np.asarray(targets.measured) - model_rows(off.problem, off.x)
-    whole = math.hypot(ERROR, off.discrepancy.amplitude)
-    np.testing.assert_allclose(drawn.std(0).mean(), whole, rtol=0.1)
+    whole = np.sqrt(ERROR**2 + off.discrepancy.remainder**2 + np.square(off.discrepancy.law))
+    np.testing.assert_allclose(drawn.std(0), whole, rtol=0.2)
     assert np.corrcoef(drawn[:, 10], drawn[:, 11])[0, 1] > 0.8
 
 

@@ -1,0 +1,180 @@
+r"""Residuals by the law of boundary elements at the solution of a fit with the theory.
+
+`contact_model="boundary_elements"` predicts the friction and area of the fitted scene. Where the law does not
+allow the scene, the prediction of the theory is multiplied by the ratio of law and theory for the scene
+without the parts that the law lacks:
+
+.. math:: Q = Q_\mathrm{theory}(scene)\,\frac{Q_\mathrm{law}(reduced)}{Q_\mathrm{theory}(reduced)}
+"""
+
+import dataclasses
+import warnings
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+import rubberfric as rf
+from fitting.data.kinds import FrictionData
+from fitting.data.measured import Measured
+from fitting.parameters.discrepancy import Discrepancy
+from fitting.parameters.scenes import by_name
+from fitting.parameters.variables import to_scene
+from fitting.solvers.evaluation import evaluate_rows
+from fitting.solvers.problem import CURVE_QUANTITIES, Problem
+from fitting.solvers.residuals import padded
+from fitting.uncertainty.discrepancy import model_covariance
+from rubberfric.base import quick_jit
+from rubberfric.scene import takes_temperature
+
+_LAW = "boundary_elements"
+# Amplitude of the error of the law if `theory_error` has none, and half-width of 90 % in standard deviations.
+_UNKNOWN, _NINETY = 0.1, 1.645
+_PARTS = ("heating", "softening", "adhesion", "correlation")
+
+
+class LawScene(NamedTuple):
+    """A scene with the law, and the scene by the theory that it is compared with."""
+
+    law: rf.Scene
+    theory: rf.Scene
+    without: tuple[str, ...]  # parts of the original scene that both scenes lack
+
+
+class NoLawError(Exception):
+    """The law cannot predict the data of a fit. The message is a reason that follows "because"."""
+
+
+class RowsByLaw(NamedTuple):
+    """Predictions by the law in place of the theory."""
+
+    rows: np.ndarray  # as `fitting.solvers.residuals.rows_of`, with padding
+    without: tuple[str, ...]  # parts that the compared scenes lack
+
+
+def law_scene(scene: rf.Scene) -> LawScene:
+    """Return the scene with the law, reduced as far as necessary, or raise `NoLawError`.
+
+    `scene` must have the contact model "paper".
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rf.UnitWarning)  # the fit has given them
+        without = [name for name in _PARTS if getattr(scene, name) is not None]
+        found = dataclasses.replace(scene, **dict.fromkeys(without))
+        bodies = {"lower": found.lower, "upper": found.upper}
+        if any(body.softening is not None for body in bodies.values()):
+            without.append("softening")
+            bodies = {name: dataclasses.replace(body, softening=None) for name, body in bodies.items()}
+        if all(body.spectrum is not None for body in bodies.values()):
+            spectra = {name: body.spectrum for name, body in bodies.items() if body.spectrum is not None}
+            slopes = {name: float(rf.rms_slope(spectrum)) for name, spectrum in spectra.items()}
+            name = min(slopes, key=slopes.__getitem__)
+            without.append(f"{name}.spectrum")
+            bodies[name] = dataclasses.replace(bodies[name], spectrum=None)
+        found = dataclasses.replace(found, **bodies)
+        for reduced, parts in _reduced(found):
+            try:
+                law = dataclasses.replace(reduced, contact_model=_LAW, area_correction=False)
+            except ValueError as error:
+                why = str(error)
+                continue
+            return LawScene(law, reduced, tuple(dict.fromkeys([*without, *parts])))
+    raise NoLawError(why)
+
+
+def _reduced(scene):
+    """Yield the scene, the scene without layers, and the scene without layers and grooves."""
+    yield scene, []
+    bodies = {"lower": scene.lower, "upper": scene.upper}
+    parts = [f"{name}.layer" for name, body in bodies.items() if body.layer is not None]
+    bodies = {name: dataclasses.replace(body, layer=None) for name, body in bodies.items()}
+    if parts:
+        yield dataclasses.replace(scene, **bodies), parts
+    for name, body in bodies.items():
+        base = getattr(body.spectrum, "base", None)
+        if base is not None:
+            grooves = f"{name}.spectrum.ratio"
+            plain = {name: dataclasses.replace(body, spectrum=base)}
+            yield dataclasses.replace(scene, **plain), [grooves]
+            yield dataclasses.replace(scene, **bodies | plain), [*parts, grooves]
+
+
+def rows_by_law(problem: Problem, x: np.ndarray) -> RowsByLaw:
+    """Return the predictions at x with the law instead of the theory, or raise `NoLawError`."""
+    of = padded(problem)
+    rows = np.array(evaluate_rows(of.structure, of.numbers, np.asarray(x)[None])[0][0])
+    scenes, without = by_name(to_scene(of.structure.variables, of.numbers.constants, np.asarray(x))), []
+    blocks = [block for block in of.structure.blocks if block.quantity in CURVE_QUANTITIES]
+    if not blocks:
+        raise NoLawError("no friction or area is fitted")
+    if any(scenes[block.scene].contact_model == _LAW for block in blocks):
+        raise NoLawError("a scene already uses the law")
+    laws = {name: law_scene(scenes[name]) for name in dict.fromkeys(block.scene for block in blocks)}
+    for block, conditions in zip(of.structure.blocks, of.numbers.conditions, strict=True):
+        if block.quantity not in CURVE_QUANTITIES:
+            continue
+        law = laws[block.scene]
+        where, options = slice(*block.rows), (block.quantity, of.structure.quadrature)
+        value = _curve(*options, law.law, _at(law.law, conditions))
+        if law.without:
+            ratio = value / _curve(*options, law.theory, _at(law.theory, conditions))
+            rows[where] = rows[where] + np.log(ratio) if block.logarithmic else rows[where] * ratio
+            without += law.without
+        else:
+            rows[where] = np.log(value) if block.logarithmic else value
+    if not np.isfinite(rows).all():
+        raise NoLawError("the law gives no finite value at some data")
+    return RowsByLaw(rows, tuple(dict.fromkeys(without)))
+
+
+def log_ratio_to_law(problem: Problem, x: np.ndarray) -> np.ndarray:
+    """Return ln(law / theory) at x of all friction and area values, 0 for other data, shape (data rows,).
+
+    Raise `NoLawError` if the law cannot be compared.
+    """
+    of = padded(problem)
+    law = rows_by_law(problem, x).rows
+    theory = evaluate_rows(of.structure, of.numbers, np.asarray(x)[None])[0][0]
+    found = np.zeros(law.size)
+    for block in of.structure.blocks:
+        if block.quantity in CURVE_QUANTITIES:
+            rows = slice(*block.rows)
+            found[rows] = law[rows] - theory[rows] if block.logarithmic else np.log(law[rows] / theory[rows])
+    return found[of.data]
+
+
+def _at(scene, conditions):
+    """Return the conditions without temperatures if no part of the scene depends on them."""
+    return conditions if takes_temperature(scene) else (*conditions[:2], None)
+
+
+def _curve(quantity, quadrature, scene, conditions):
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(_quantity(quantity, quadrature, scene, conditions))
+
+
+@quick_jit(static_argnums=(0, 1))
+def _quantity(quantity, quadrature, scene, conditions):
+    return getattr(rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity,)), quantity)
+
+
+def covariance_of_law(
+    problem: Problem, scenes: Sequence[rf.Scene], data: Sequence[Measured]
+) -> tuple[np.ndarray, float] | None:
+    """Return the covariance of the error of the law, in units of the errors, and its amplitude.
+
+    The covariance has the shape (data rows, data rows). The amplitude is half of the logarithmic range of
+    `rubberfric.analysis.theory_error`, as a standard deviation, or 0.1 without a range. The error changes
+    within a decade of the velocity, as in `fitting.Discrepancy`. The result is None without friction data.
+    """
+    friction = [one for one in data if isinstance(one, FrictionData)]
+    if not friction or not all(np.all(one.velocity) for one in friction):
+        return None
+    amplitude = max(map(_amplitude, scenes))
+    asked = Discrepancy(amplitude, np.log(10))
+    return model_covariance(problem, scenes, data, asked), amplitude
+
+
+def _amplitude(scene):
+    found = rf.analysis.theory_error(scene)
+    return _UNKNOWN if found is None else float(np.log(found.friction[1] / found.friction[0]) / 2 / _NINETY)
