@@ -34,7 +34,7 @@ LEVEL = 0.95
 # Values at which a parameter is held: relative positions between its bounds, steps in x from a neighbour,
 # factors of the start if it was driven towards zero, and steps in x from the solution otherwise.
 _PLACES = (0.01, 0.06, 0.2, 0.35, 0.5, 0.65, 0.8, 0.94, 0.99)
-_AWAY, _FROM_ZERO, _STEPS = (0.1, 0.5, 1.5, 3.0), (1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0), (0.5, 1.5, 3.0)
+_AWAY, _FROM_ZERO, _STEPS = (0.1, 0.5, 1.5, 3.0), (1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0), (0.5, 1.5, 3.0, 6.0, 10.0)
 _NEAREST = 0.01  # least distance of a place from the solution, in x
 # Largest number of parameters that are followed, and of steps of each fit.
 _FOLLOWED, _MOST = 4, 8
@@ -163,7 +163,7 @@ def _rank(solved, i):
 
 def without_bars(known: Uncertainty, names: tuple[str, ...], reasons: dict[str, str]) -> Uncertainty:
     """Return the uncertainty with further error bars withheld, for `reasons` by name."""
-    hidden = np.array([name in reasons for name in names])
+    hidden, both = np.array([name in reasons for name in names]), reasons | known.withheld
     covariance, correlation = np.array(known.covariance), np.array(known.correlation)
     for array in (covariance, correlation):
         array[hidden, :] = array[:, hidden] = np.nan
@@ -171,7 +171,7 @@ def without_bars(known: Uncertainty, names: tuple[str, ...], reasons: dict[str, 
         deviation=np.where(hidden, np.nan, known.deviation),
         covariance=covariance,
         correlation=correlation,
-        withheld=reasons | known.withheld,
+        withheld={name: both[name] for name in names if name in both},
     )
 
 

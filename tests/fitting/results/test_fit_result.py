@@ -86,7 +86,7 @@ def test_report_of_a_joint_fit(joint):
     assert fit[0] == "method      = lm (Levenberg-Marquardt)"
     assert fit[1] == f"message     = {joint.message}"
     assert fit[2] == "data        = 3 sets, 44 values"
-    assert fit[3] == "contact     = theory as in the paper, mu within -66 ... +24 % of boundary elements"
+    assert fit[3] == "contact     = theory as in the paper, mu within -77 ... +27 % of boundary elements"
     assert fit[4] == f"evaluations = {joint.nfev} of the residuals, {joint.njev} of their derivatives"
 
     data = section(text, "Data")
