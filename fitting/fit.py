@@ -108,7 +108,7 @@ def fit(
     discrepancy : Discrepancy or None
         error of the theory of friction, see `fitting.Discrepancy`. Error bars, bands and verdict include it,
         and the report states its size. If None, the theory is treated as exact.
-    further_time : largest time of further fits [s]; 0: none
+    further_time : time after which no further fits begin [s]; 0: none
         If a fit from one start ends at a bound, at an implausible value, or too far from the data for chance,
         up to 8 fits begin at further random points, see `fitting.solvers.further`. Parameters without an
         error bar are then held at other values, because error bars of correlated parameters may hold at the
@@ -160,7 +160,8 @@ def fit(
     run.estimate_errors(scale_errors)
     if discrepancy is not None:
         discrepancy = run.estimate_discrepancy(discrepancy, scenes)
-    bounds = run.follow_bounds(further_time, np.array([one.x for one in runs if succeeded(one.status)]))
+    minima_x = np.array([one.x for one in runs if succeeded(one.status)])
+    bounds = run.follow_bounds(further_time - run.further_seconds, minima_x)
     return FitResult(
         scene_at_start=scene,
         free=dict(free),
@@ -273,14 +274,21 @@ class _Run:
         if was_interrupted(self.end.status) or self.end.status == OUT_OF_STEPS:
             return []
         before = self.end
-        found = fit_further(self.problem, before, self.faults, self.onward, seconds, key, decades)
+        # The other half is for `follow_bounds`.
+        found = fit_further(self.problem, before, self.faults, self.onward, seconds / 2, key, decades)
         self.end, runs, self.further = found
         if self.end is not before:
             self.judge()
         return runs
 
+    @property
+    def further_seconds(self):
+        """Time that further starts took [s]."""
+        return 0.0 if self.further is None else self.further.seconds
+
     def follow_bounds(self, seconds, minima):
         """Withhold error bars that hold at a bound only, and return the fits along the bounds."""
+        began = time.perf_counter()
         for _ in range(ROUNDS if seconds > 0 and succeeded(self.end.status) else 0):
             solved = SolvedProblem(
                 problem=self.problem,
@@ -290,7 +298,9 @@ class _Run:
                 error_scale=self.error_scale,
                 uncertainty=self.known,
             )
-            bounds, self.known, lower = along_bounds(solved, minima, seconds, self.batch)
+            bounds, self.known, lower = along_bounds(
+                solved, minima, seconds + began - time.perf_counter(), self.batch
+            )
             if lower is None:
                 return bounds
             before = self.end
