@@ -122,7 +122,7 @@ def test_error_bars_that_hold_at_the_bound_only_are_withheld(tmp_path):
         assert ends[0] < list(TRUTH.values())[k] < ends[1]
         # Places between the held values are left out, and rows are not quite linear.
         np.testing.assert_allclose(
-            np.log(first.intervals[name]), np.log(ends), atol=0.06 * np.log(ends[1] / ends[0])
+            np.log(first.intervals[name]), np.log(ends), atol=0.008 * np.log(ends[1] / ends[0])
         )
     text = found.report()
     assert "[[Bounds]]" in text and "95 % intervals by profile likelihood" in text
