@@ -11,17 +11,29 @@ from fitting.budget.contact_model import NoLawError, log_ratio_to_law
 from fitting.data.kinds import DataSets, data_by_scene, warn_of_repeated
 from fitting.parameters.constraints import Constraint
 from fitting.parameters.discrepancy import Discrepancy
+from fitting.parameters.plausible import implausible
 from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import as_scenes, each_scene
+from fitting.results.at_bounds import along_bounds
 from fitting.results.record import Minimum
 from fitting.results.result import FitResult
 from fitting.solvers.evaluation import model_rows, residual_rows
-from fitting.solvers.objective import INTERRUPTED, NEGLIGIBLE, RUNNING, succeeded, was_interrupted
+from fitting.solvers.further import fit_further
+from fitting.solvers.objective import (
+    INTERRUPTED,
+    NEGLIGIBLE,
+    OUT_OF_STEPS,
+    RUNNING,
+    STALLED,
+    UNMOVED,
+    succeeded,
+    was_interrupted,
+)
 from fitting.solvers.options import check_options, make_solver
 from fitting.solvers.problem import ASSUMED, finer, make_problem
 from fitting.solvers.runs import FIT_BATCH, Callback, run_fits
-from fitting.solvers.search import confirm_minimum, random_starts, search
-from fitting.uncertainty.covariance import linearised, uncertainty
+from fitting.solvers.search import confirm_minimum, is_high, random_starts, search
+from fitting.uncertainty.covariance import at_bounds, linearised, uncertainty
 from fitting.uncertainty.discrepancy import (
     averaged,
     check_discrepancy,
@@ -30,6 +42,7 @@ from fitting.uncertainty.discrepancy import (
     with_discrepancy,
     with_remark,
 )
+from fitting.uncertainty.intervals import SolvedProblem
 from fitting.uncertainty.verdict import common_ratio, rescaled_errors
 
 # Number of fits, each weighted with the errors that the previous fit estimated.
@@ -54,6 +67,7 @@ def fit(
     quadrature: rf.Quadrature | None = None,
     scale_errors: bool | str = "auto",
     discrepancy: Discrepancy | None = None,
+    further_time: float = 30.0,
     progress: Callable[[str], object] | None = None,
 ) -> FitResult:
     r"""Fit free parameters of a scene to measured data.
@@ -95,6 +109,11 @@ def fit(
     discrepancy : Discrepancy or None
         error of the theory of friction, see `fitting.Discrepancy`. Error bars, bands and verdict include it,
         and the report states its size. If None, the theory is treated as exact.
+    further_time : time after which no further fits begin [s]; 0: none
+        If a fit from one start ends at a bound, at an implausible value, or too far from the data for chance,
+        up to 8 fits begin at further random points, see `fitting.solvers.further`. Parameters without an
+        error bar are then held at other values, because error bars of correlated parameters may hold at the
+        bound only, see `fitting.results.at_bounds`. The report describes these fits.
     progress : function of a line of text, or None
         called before steps that take seconds without callbacks, such as compiling.
 
@@ -121,6 +140,7 @@ def fit(
     began = time.perf_counter()
     check_options(method=method, starts=starts, key=key, prior=prior, callback=callback)
     check_options(decades=decades, max_steps=max_steps, tolerance=tolerance, scale_errors=scale_errors)
+    check_options(further_time=further_time)
     scene = as_scenes(scene)
     data, of = data_by_scene(data, scene if isinstance(scene, dict) else None)
     warn_of_repeated(data, of)
@@ -132,13 +152,17 @@ def fit(
     tell = progress or (lambda _: None)
     tell(f"compiling a fit of {problem.variables.size} numbers to {problem.targets.measured.size} values")
     run = _Run(problem, data, make_solver(method, tolerance, max_steps), max_steps, callback, tell)
-    minima = run.search(random_starts(problem.variables, problem.start, key, starts, decades))
+    runs = run.search(random_starts(problem.variables, problem.start, key, starts, decades))
     if quadrature is None:
         run.refine_quadrature()
     run.confirm()
+    runs += run.fit_further(further_time if starts == 1 else 0.0, key, decades)
+    minima = _minima(problem, runs)
     run.estimate_errors(scale_errors)
     if discrepancy is not None:
         discrepancy = run.estimate_discrepancy(discrepancy, scenes)
+    minima_x = np.array([one.x for one in runs if succeeded(one.status)])
+    bounds = run.follow_bounds(further_time - run.further_seconds, minima_x)
     return FitResult(
         scene_at_start=scene,
         free=dict(free),
@@ -158,6 +182,8 @@ def fit(
         error_scale=run.error_scale,
         uncertainty=run.known,
         discrepancy=discrepancy,
+        further=run.further,
+        bounds=bounds,
         seconds=time.perf_counter() - began,
     )
 
@@ -172,7 +198,7 @@ class _Run:
         self.error_scale, self.assumed = 1.0, self.scales.count(None) < len(data)
 
     def search(self, x):
-        """Fit from all starts x, keep the result with the lowest cost, and return the distinct minima."""
+        """Fit from all starts x, keep the result with the lowest cost, and return all results."""
         runs = search(self.solver, self.problem, x, *self.limits)
         # Further fits keep the batch size, because another one would need a compilation.
         self.batch = min(FIT_BATCH, len(x))
@@ -183,11 +209,19 @@ class _Run:
                 raise KeyboardInterrupt
             raise FloatingPointError(_not_finite(self.problem, self.data))
         self.end = runs.row(int(np.argmin(costs)))
-        return _minima(self.problem, runs)
+        return [runs.row(i) for i in range(len(costs))]
 
-    def onward(self, x):
-        """Return the result of a fit from x."""
-        end = run_fits(self.solver, self.problem, x[None], None, *self.limits, self.batch).row(0)
+    def onward(self, x, is_late=lambda: False):
+        """Return the result of a fit from x, which ends when `is_late()` is True."""
+        most, callback = self.limits
+
+        def called(*progress):
+            if callback is not None:
+                callback(*progress)
+            if is_late():
+                raise KeyboardInterrupt
+
+        end = run_fits(self.solver, self.problem, x[None], None, most, called, self.batch).row(0)
         self.evaluations += end.nfev, end.njev
         return end
 
@@ -218,6 +252,65 @@ class _Run:
         self.evaluations += spent
         self.tell("compiling and computing the covariance")
         self.judge()
+
+    def faults(self, end):
+        """Return reasons for further starts: bounds, implausible values, and a cost too high for chance."""
+        problem = self.problem
+        known = at_bounds(problem, end.x)
+        found = [f"{name} is {text}" for name, text in known.items()]
+        values = problem.values(end.x)
+        for name, (low, high) in implausible(problem.names, values).items():
+            if name not in known:
+                value = values[problem.names.index(name)]
+                found.append(f"{name} = {value:.3g} is outside {low:g} ... {high:g}")
+        if end.status in (STALLED, UNMOVED):
+            found.append("the fit did not converge")
+        elif not self.assumed and is_high(problem, end.cost):
+            found.append("the scene does not explain the data")
+        return tuple(found)
+
+    def fit_further(self, seconds, key, decades):
+        """Fit from further starts if the result has faults, and return the results of these fits."""
+        self.further = None
+        if was_interrupted(self.end.status) or self.end.status == OUT_OF_STEPS:
+            return []
+        before = self.end
+        # The other half is for `follow_bounds`.
+        found = fit_further(self.problem, before, self.faults, self.onward, seconds / 2, key, decades)
+        self.end, runs, self.further = found
+        if self.end is not before:
+            self.judge()
+        return runs
+
+    @property
+    def further_seconds(self):
+        """Time that further starts took [s]."""
+        return 0.0 if self.further is None else self.further.seconds
+
+    def follow_bounds(self, seconds, minima):
+        """Withhold error bars that hold at a bound only, and return the fits along the bounds."""
+        began = time.perf_counter()
+        for _ in range(ROUNDS if seconds > 0 and succeeded(self.end.status) else 0):
+            solved = SolvedProblem(
+                problem=self.problem,
+                x=self.end.x,
+                cost=float(self.end.cost),
+                estimated=tuple(self.scales),
+                error_scale=self.error_scale,
+                uncertainty=self.known,
+            )
+            bounds, self.known, lower = along_bounds(
+                solved, minima, seconds + began - time.perf_counter(), self.batch
+            )
+            if lower is None:
+                return bounds
+            before = self.end
+            self.end = self.onward(lower)
+            if not succeeded(self.end.status) or not self.end.cost < before.cost:
+                self.end = before
+                return ()
+            self.judge()
+        return ()
 
     def estimate_errors(self, scale_errors):
         """Estimate errors from the scatter, and fit again where they move the minimum."""
@@ -266,14 +359,14 @@ class _Run:
 def _minima(problem, runs):
     """Return the distinct minima that the starts found, lowest first."""
     found = []
-    for i in np.argsort(runs.cost):
-        if not succeeded(runs.status[i]):
+    for run in sorted(runs, key=lambda run: run.cost):
+        if not succeeded(run.status):
             continue
-        cost = float(runs.cost[i])
+        cost = float(run.cost)
         if found and cost - found[-1].cost <= NEGLIGIBLE * max(1.0, found[-1].cost):
             found[-1] = found[-1]._replace(count=found[-1].count + 1)
         else:
-            found.append(Minimum(cost, 1, problem.values(runs.x[i])))
+            found.append(Minimum(cost, 1, problem.values(run.x)))
     return tuple(found)
 
 

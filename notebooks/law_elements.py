@@ -23,6 +23,8 @@ A case is a mean over `surfaces` random surfaces, computed on the column `grid`.
 u2_* is the power of the displacement in six ranges of ln q from q0 to q1 and beyond q1, divided by the power
 of the heights (in the last column by their total). The second half, u2_*_across, contains the wavevectors
 that lie closer to the transverse direction than to the direction of sliding.
+
+The kind "other material" has relaxation times closer than a decade. It tests `rf.analysis.theory_error` only.
 """
 
 import argparse
@@ -190,8 +192,31 @@ def drawn_wide(part, count, seed):
         yield case | {"grid": 2048, "periods": 256 / ratio}
 
 
+def drawn_others(part, count, seed):
+    """Yield cases of half-spaces whose materials the other cases lack.
+
+    The relaxation times lie within 1.5 decades, at most three per decade, moduli rise by up to 5000, and the
+    strongest term may have the longest or the shortest time (slope -0.5 to 1).
+    """
+    random = np.random.default_rng(seed)
+    for case in drawn("other material", part, count, seed, (4, 6, 8, 12, 16), 0.01):
+        terms, decades = int(random.integers(2, 5)), random.uniform(0.3, 1.5)
+        case |= {"terms": terms, "decades": decades, "slope": random.uniform(-0.5, 1.0)}
+        case |= {"rise": np.exp(random.uniform(np.log(1.5), np.log(5000)))}
+        points = min(int(case["grid"] / case["ratio"] / case["periods"]), 16)
+        case |= {
+            "periods": 32 / case["ratio"],
+            "grid": 32 * points,
+            "poisson": float(random.choice([0.0, 0.3])),
+        }
+        area = np.exp(random.uniform(np.log(0.012), np.log(0.8)))
+        v = np.exp(random.uniform(np.log(0.03), np.log(5 * 10**decades)))
+        stiff = abs(complex(rf.complex_modulus(material_of(case), 0.3 * v))) / (1 - case["poisson"] ** 2)
+        yield case | {"velocity": v, "pressure": stiff * float(erfinv(area)) * np.sqrt(0.3)}
+
+
 _RATIOS = 4, 5, 6, 8, 8, 10, 12, 16, 16, 24, 32, 32, 48, 64
-KINDS = "half-space", "slab", "two rough", "anisotropic", "large"
+KINDS = "half-space", "slab", "two rough", "anisotropic", "large", "other material"
 PARTS = "fit", "test", "fresh"
 
 
@@ -217,6 +242,7 @@ def drawn_cases():
         drawn_wide("fresh", 30, 44),
         drawn("half-space", "fresh", 100, 40, _RATIOS),
         drawn_slabs("fresh", 20, 41),
+        drawn_others("fresh", 40, 45),
     ]
     return [case for cases in first + later for case in cases]
 

@@ -13,6 +13,7 @@ of several sweeps, raw data with a wrong compliance of the instrument, or a stra
 import dataclasses
 
 import numpy as np
+import scipy.linalg
 import scipy.stats
 
 from fitting.characterise.prony_series import columns, nonnegative_logarithmic, reduced
@@ -33,6 +34,10 @@ _TIMES, _BEYOND = 3, 2.0
 _ROUNDS, _EXACT = 4, 1e-4
 # Prior standard deviation of a term, in units of the estimate from the loss at its peak.
 _ALIKE = 2.0
+# Smallest part of a measured value that a spectrum gives; its logarithm is finite.
+_LEAST = 1e-6
+# Prior standard deviation of the contradiction, which remains at nodes in a gap of the data.
+_UNKNOWN = 10.0
 _FEWEST = 6  # frequencies
 
 
@@ -280,7 +285,8 @@ def _spectrum_and_contradiction(data, hats, error):
     times = 10.0 ** -np.linspace(low, high, int(np.ceil(_TIMES * (high - low))) + 1)
     A, free = columns(omega, np.append(times, np.inf)), np.concatenate([np.zeros_like(hats), hats])
     E = nonnegative_logarithmic(A, data.measured, np.zeros(2 * n), error, free)
-    model = A @ E
+    # E'' is 0 where the loss of the spectrum lies decades away, as in data that do not relax.
+    model = np.maximum(A @ E, _LEAST * data.measured)
     apart = np.log(data.measured / model)[n:]
     contradiction = np.linalg.lstsq(hats / error[n:, None], apart / error[n:], rcond=None)[0]
     # Terms at 0 may change too, by the estimate from the loss at their peak, so that the error bars cover all
@@ -290,8 +296,11 @@ def _spectrum_and_contradiction(data, hats, error):
     typical = np.append(2 / np.pi * np.log(10) / _TIMES * peaks, 0.1 * data.storage.min())
     width = _ALIKE * np.maximum(E, typical)
     J = np.concatenate([A * width / model[:, None], free], axis=1) / error[:, None]
-    precision = J.T @ J + np.diag(np.append(np.ones(E.size), np.zeros(count)))
-    covariance = np.linalg.pinv(precision, hermitian=True)
+    # The QR decomposition keeps digits that J^T J would lose where terms are far larger than the moduli.
+    prior = np.diag(np.append(np.ones(E.size), np.full(count, 1 / _UNKNOWN)))
+    R = np.linalg.qr(np.concatenate([J, prior]), mode="r")
+    inverse = scipy.linalg.solve_triangular(R, np.eye(len(R)))
+    covariance = inverse @ inverse.T
     used = np.sum((J @ covariance) * J, axis=1)
     return model, contradiction, covariance[-count:, -count:], used
 

@@ -3,12 +3,13 @@
 import dataclasses
 import functools
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import BSpline, PchipInterpolator
 
 import rubberfric as rf
-from fitting.characterise.master_report import report_of
+from fitting.characterise.master_report import SIGNIFICANT, report_of
 from fitting.characterise.pictures import plot_master_curve
 from fitting.characterise.shift_laws import ShiftLaw, arrhenius_through, wlf_through
 from fitting.characterise.sweep_shifts import ENTROPIC, Shifts, shifts_of
@@ -21,6 +22,24 @@ from rubberfric.base import shown
 from rubberfric.plot import style
 
 _ROOM = 293.15
+# Part of E' beyond which a fall with frequency is named, and the number of points compared.
+_SMALL, _POINTS = 0.03, 80
+
+
+class Fall(NamedTuple):
+    """A fall of E' of a master curve with frequency, which no relaxing solid shows.
+
+    Attributes
+    ----------
+    omega : reduced frequencies [rad/s] between which E' falls, (lower, upper)
+    change, stderr : ln E' at the upper frequency minus ln E' at the lower one, < 0, and its standard error
+    temperatures : temperatures of the sweeps nearest to both frequencies [K]
+    """
+
+    omega: tuple[float, float]
+    change: float
+    stderr: float
+    temperatures: tuple[float, float]
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -100,6 +119,28 @@ class MasterCurve:
         """The better of `wlf` and `arrhenius` by Akaike's criterion; None if no law fits."""
         laws = [one for one in (self.wlf, self.arrhenius) if one is not None]
         return min(laws, key=lambda one: one.aic) if laws else None
+
+    @functools.cached_property
+    def fall(self) -> Fall | None:
+        """The most significant fall of E' with frequency, None if none exceeds 4 standard errors and 3 %.
+
+        A vertical shift that the data show is removed before. A fall shows that the sweeps do not superpose.
+        """
+        one = self.shifts
+        t = np.linspace(one.knots[3], one.knots[-4] - 1e-9, _POINTS)
+        t = t[(t >= one.t.min()) & (t <= one.t.max())]
+        B = BSpline.design_matrix(t, one.knots, 3).toarray()
+        y, V = B @ one.splines[0], B @ one.covariances[0][: B.shape[1], : B.shape[1]] @ B.T
+        change = y - y[:, None]  # from the row's frequency to the column's
+        error = np.sqrt(np.maximum(np.diag(V) + np.diag(V)[:, None] - 2 * V, 0.0))
+        pull = np.triu(np.where((change < -_SMALL) & (error > 0), -change / np.where(error, error, 1.0), 0.0))
+        i, k = np.unravel_index(np.argmax(pull), pull.shape)
+        if not pull[i, k] > SIGNIFICANT:
+            return None
+        near = [self.of_sweep[np.argmin(np.abs(np.log(self.data.omega) - at))] for at in (t[i], t[k])]
+        ends = float(np.exp(t[i])), float(np.exp(t[k]))
+        temperatures = float(self.T[near[0]]), float(self.T[near[1]])
+        return Fall(ends, float(change[i, k]), float(error[i, k]), temperatures)
 
     @functools.cached_property
     def table(self) -> rf.TabulatedShift:
@@ -282,7 +323,8 @@ def fit_master_curve(
         A drift within a sweep is corrected with the shifts of the other sweeps.
     temperature_error : standard deviation of the temperature of a sweep [K]
         Superposition cannot detect an error of the temperature. temperature_error times the slope of ln a_T
-        therefore contributes to the standard errors.
+        therefore contributes to the standard errors. With 0, temperatures count as exact; if they are not,
+        the standard errors of the shifts are too small, and the report names the error that they show.
 
     Returns
     -------
@@ -291,8 +333,9 @@ def fit_master_curve(
     Raises
     ------
     ValueError
-        `reference` is far from all sweeps, the data have no temperatures or fewer than two, or a sweep has
-        fewer than two points > 0. The message is one line.
+        `reference` is far from all sweeps, the data have no temperatures or fewer than two, a sweep has
+        fewer than two points > 0, or E' rises on heating by more than a vertical shift explains, as it does
+        in a gel that stiffens. The message is one line.
 
     Notes
     -----

@@ -3,8 +3,15 @@
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from fitting.characterise.sweep_shifts import ENTROPIC
+
+# Largest error of temperatures that is considered as the reason of a misfit [K].
+_WARMEST = 5.0
+# Standard errors beyond which a fall of E' with frequency, or a rise of a_T on heating, is named, and the
+# smallest rise that is named, in decades.
+SIGNIFICANT, _SLIGHT = 4.0, 0.1
 
 
 def report_of(curve: Any, command: bool) -> str:
@@ -43,11 +50,48 @@ def report_of(curve: Any, command: bool) -> str:
         lines.append(f"    {name}: {said}; {fit}{'' if law.holds else ', does not hold'}{better}")
     if curve.law is not None and not curve.law.holds:
         lines.append("    no law holds within the errors: shift is the table")
+        lines += _temperatures(curve)
     return "\n".join(lines)
+
+
+def _temperatures(curve):
+    """Return a line with the error of the temperatures that would explain the misfit of the better law."""
+    law, others = curve.law, np.arange(curve.T.size) != curve.reference
+    rest = (curve.log_aT - np.asarray(law.shift.log_factor(curve.T), float))[others]
+    contrast = np.eye(curve.T.size) - np.eye(curve.T.size)[curve.reference]
+    thermal = ((contrast * np.gradient(curve.log_aT, curve.T) ** 2) @ contrast.T)[np.ix_(others, others)]
+    known = curve.covariance[np.ix_(others, others)] - curve.temperature_error**2 * thermal
+
+    def misfit(error):
+        return rest @ np.linalg.solve(known + error**2 * thermal, rest) - law.freedom
+
+    if misfit(_WARMEST) > 0:
+        return []
+    error, name = (
+        brentq(misfit, curve.temperature_error, _WARMEST),
+        "WLF" if law is curve.wlf else "Arrhenius",
+    )
+    return [
+        f"    {name} would hold if the temperatures had errors of {error:.2g} K instead of"
+        f" {curve.temperature_error:g} K; the error bars of the table are then too small"
+    ]
 
 
 def _misfits(curve, command):
     lines = []
+    if curve.fall is not None:
+        (low, high), (first, second) = curve.fall.omega, curve.fall.temperatures
+        fall, error = -np.expm1(curve.fall.change), curve.fall.stderr * np.exp(curve.fall.change)
+        lines.append(
+            f"    E' FALLS WITH FREQUENCY by {fall:.1%} +/- {error:.1%} from {low:.3g} to {high:.3g} rad/s,"
+            f" which no relaxing solid does: the sweeps at {first:.6g} and {second:.6g} K do not superpose"
+        )
+    if (rise := _rising(curve)) is not None:
+        i, k, change, error = rise
+        lines.append(
+            f"    a_T RISES WITH TEMPERATURE by {change:.2g} +/- {error:.2g} decades from {curve.T[i]:.6g} to"
+            f" {curve.T[k]:.6g} K: relaxation that slows down on heating is not a time-temperature shift"
+        )
     if advised := _advised(curve):
         low, high = np.exp(curve.shifts.hidden[[0, -1]])
         words = {"entropic": 'vertical="entropic"', "free": "vertical=True"}
@@ -71,6 +115,16 @@ def _misfits(curve, command):
         more = f" and {len(curve.bad_points) - 5} more" if len(curve.bad_points) > 5 else ""
         lines.append(f"    points with little or no weight: {'; '.join(shown_points)}{more}")
     return lines
+
+
+def _rising(curve):
+    """Return (i, k, rise of log10 a_T, error) of the sweeps between which a_T rises most, or None."""
+    V = curve.covariance / np.log(10) ** 2
+    change = (curve.log_aT - curve.log_aT[:, None]) / np.log(10)  # from the row's sweep to the column's
+    error = np.sqrt(np.maximum(np.diag(V) + np.diag(V)[:, None] - 2 * V, 1e-30))
+    pull = np.triu(np.where(change > _SLIGHT, change / error, 0.0), 1)
+    i, k = np.unravel_index(np.argmax(pull), pull.shape)
+    return (i, k, change[i, k], error[i, k]) if pull[i, k] > SIGNIFICANT else None
 
 
 def _advised(curve):

@@ -21,6 +21,8 @@ class ShiftLaw(NamedTuple):
     shift : WLF or Arrhenius
     names : names of its parameters, ("C1", "C2") or ("energy",)
     values, stderr, covariance : parameters, their standard errors and covariance; C1 [-], C2 [K], energy [eV]
+        The covariance includes a factor chisqr / freedom where the misfit exceeds the errors of the shifts
+        [Birge, Phys. Rev. 40 (1932) 207], as it does if `temperature_error` is too small.
     chisqr, freedom : chi-square of the misfit, and degrees of freedom
     """
 
@@ -93,7 +95,8 @@ def wlf_through(T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref:
     J = slopes(best.x)
     inner = np.linalg.pinv(J.T @ J, rcond=1e-14, hermitian=True)
     law = rf.WLF(float(best.x[0]), float(best.x[1]), T_ref)
-    return ShiftLaw(law, ("C1", "C2"), best.x, inner, 2 * float(best.cost), T.size - 2)
+    misfit, freedom = 2 * float(best.cost), T.size - 2
+    return ShiftLaw(law, ("C1", "C2"), best.x, inner * _birge(misfit, freedom), misfit, freedom)
 
 
 def arrhenius_through(
@@ -111,7 +114,11 @@ def arrhenius_through(
     if not energy > 0:
         return None
     rest = aim - energy * column
-    law = rf.Arrhenius(energy, T_ref)
-    return ShiftLaw(
-        law, ("energy",), np.array([energy]), np.array([[1 / size]]), float(rest @ rest), T.size - 1
-    )
+    law, misfit, freedom = rf.Arrhenius(energy, T_ref), float(rest @ rest), T.size - 1
+    covariance = np.array([[_birge(misfit, freedom) / size]])
+    return ShiftLaw(law, ("energy",), np.array([energy]), covariance, misfit, freedom)
+
+
+def _birge(chisqr, freedom):
+    """Return the factor of the covariance by which the misfit exceeds the errors, at least 1."""
+    return max(1.0, chisqr / freedom) if freedom else 1.0

@@ -14,6 +14,9 @@ from fitting.data.kinds import ModulusData
 
 _FEWEST = 2  # points of a sweep with E', and with E''
 _TRIED = 81  # shifts of one neighbour to the other
+_RISE = (
+    2.0  # largest rise of E' on heating by a vertical shift in addition to the entropic one, see `sweeps_of`
+)
 _BENDING = 0.03  # variance of the slope of ln E that a change of ln omega by 1 adds
 
 
@@ -32,7 +35,7 @@ def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sw
 
     Rows whose temperatures lie within `same` [K] of a neighbour belong to one sweep. Raise ValueError if
     `data` is not ModulusData, if rows have no temperature, if all rows have one temperature, if only some
-    data sets have errors, or if a sweep has too few points > 0.
+    data sets have errors, if a sweep has too few points > 0, or if the sweeps cannot superpose.
     """
     sets = [data] if isinstance(data, ModulusData) else data
     if not isinstance(sets, list | tuple) or not sets:
@@ -64,7 +67,33 @@ def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sw
             )
         errors = None if error is None else error[:, group]
         found.append(Sweep(float(T[group].mean()), T[group], t[group], y[:, group], errors))
+    _check_falling(found)
     return found
+
+
+def _check_falling(sweeps):
+    """Raise ValueError if E' at equal frequencies rises on heating by more than a vertical shift explains.
+
+    E' of a relaxing solid rises with frequency, and heating shifts the curve to higher frequencies. E' at
+    one frequency therefore falls on heating, except for a vertical shift.
+    """
+    worst = (np.log(_RISE), None, None, 1.0)
+    for cold, warm in itertools.combinations(sweeps, 2):
+        (t, y), (s, z) = ((one.t[ok], one.y[0, ok]) for one in (cold, warm) for ok in [np.isfinite(one.y[0])])
+        shared = (t >= s[0]) & (t <= s[-1])
+        if not shared.any():
+            continue
+        rise = float(np.median(np.interp(t[shared], s, z) - y[shared]))
+        beyond = rise - np.log(warm.T / cold.T)
+        if beyond > worst[0]:
+            worst = (beyond, cold.T, warm.T, np.exp(rise))
+    _, cold, warm, factor = worst
+    if cold is not None:
+        raise ValueError(
+            f"isotherms: E' at equal frequencies rises by a factor {factor:.2g} from {cold:.6g} to {warm:.6g}"
+            " K; such sweeps do not superpose, because E' of the master curve would fall with frequency;"
+            " remove the temperatures at which the sample gels, cures or ages"
+        )
 
 
 def _rows(i, one):

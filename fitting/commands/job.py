@@ -77,7 +77,7 @@ FIT_KEYS = ("file", "body", "widen")
 CONDITIONS = ("pressure", "temperature", "relative", "hurst", "poisson", "area", "frequency")
 TEXTS = ("body", "normalisation", "kind", "bad_rows")
 EXTRA = ("columns", "check_units", "block", "name")
-REALS = ("loss_width", "decades", "tolerance")  # may be integers in TOML
+REALS = ("loss_width", "decades", "tolerance", "further_time")  # may be integers in TOML
 
 
 class Job(NamedTuple):

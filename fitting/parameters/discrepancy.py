@@ -161,7 +161,7 @@ def covariances(x: np.ndarray, curve: np.ndarray, discrepancy: Discrepancy) -> n
 def text_of(discrepancy: Discrepancy) -> str:
     """Return a line of text that describes a discrepancy in a report."""
     if discrepancy.amplitude is None or discrepancy.width is None:
-        return "the theory may be off; the size of its error was not estimated"
+        return "an error of mu is allowed for, but its size was not estimated"
     source = "estimated from the data" if discrepancy.estimated else "as given"
     decades = discrepancy.width / math.log(10)
     known = ""
@@ -170,7 +170,7 @@ def text_of(discrepancy: Discrepancy) -> str:
     about = "about " if discrepancy.parts else ""
     rest = 100 * (discrepancy.remainder or 0.0)
     return (
-        f"the theory may be off {known}by {rest:.3g} % ({source}), smoothly over"
+        f"an error of mu is allowed for, {known}by {rest:.3g} % ({source}), smooth over"
         f" {about}{decades:.2g} decade{'s' * (decades != 1)} of v a_T; different curves share"
         f" {100 * discrepancy.shared:.3g} % of it"
     )

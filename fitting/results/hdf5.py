@@ -19,6 +19,8 @@
     /uncertainty        covariance and correlation of the values, and the other fields of
                         `fitting.uncertainty.covariance.Uncertainty`
     /minima             cost, count and values of the distinct minima
+    /further            attributes: further starts, `fitting.solvers.further`; may be missing
+    /bounds/0, 1, ...   fits along parameters without error bars, `fitting.results.at_bounds`; may be missing
     /discrepancy        attributes amplitude, width, shared, estimated, parts, remark; may be missing
     /estimated          relative error of every data set, NaN where errors were given
     /budget             error budget, in files saved by `fitting.results.budget`
@@ -40,8 +42,10 @@ from fitting.parameters.constraints import CONSTRAINTS, Constraint
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import PRIORS, Prior
 from fitting.parameters.scenes import Scenes, each_scene
+from fitting.results.at_bounds import AtBound
 from fitting.results.record import FitRecord, Minimum
 from fitting.results.report import report, unit
+from fitting.solvers.further import FurtherStarts
 from fitting.solvers.objective import MESSAGES
 from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import ASSUMED, make_problem
@@ -173,6 +177,41 @@ def _read_minima(group: h5py.Group, size: int) -> tuple[Minimum, ...]:
     return tuple(map(Minimum, cost.tolist(), count.tolist(), values))
 
 
+def _write_bounds(group: h5py.Group, bounds: Iterable[AtBound]) -> None:
+    for i, found in enumerate(bounds):
+        one = group.create_group(str(i))
+        one.attrs.update(name=found.name, where=found.where, value=found.value, complete=found.complete)
+        hdf5.write_values(one, "held", np.array(found.held), "as in units")
+        hdf5.write_values(one, "rises", np.array(found.rises), "-")
+        hdf5.write_values(one, "interval", np.array(found.interval), "as in units")
+        hdf5.write_texts(one, "names", list(found.intervals))
+        ends = np.array(list(found.intervals.values()), float).reshape(-1, 2)
+        hdf5.write_values(one, "intervals", ends, "as in units")
+
+
+def _read_bounds(group: h5py.Group) -> tuple[AtBound, ...]:
+    found = []
+    for one in _numbered(group):
+        names = hdf5.read_texts(one, "names")
+        ends = hdf5.read_array(one, "intervals", "as in units", (len(names), 2)).tolist()
+        kept = hdf5.attributes(one, {"name": str, "where": str, "value": float, "complete": bool})
+        kept |= {
+            name: tuple(np.asarray(hdf5.read_values(one, name, units)).tolist())
+            for name, units in (("held", "as in units"), ("rises", "-"), ("interval", "as in units"))
+        }
+        pairs = zip(names, ends, strict=True)
+        found.append(AtBound(**kept, intervals={name: (low, high) for name, (low, high) in pairs}))
+    return tuple(found)
+
+
+def _read_further(group: h5py.Group) -> FurtherStarts:
+    kinds = {"count": int, "agreed": int, "before": float, "after": float, "seconds": float}
+    hdf5.check_names(group, ("reasons",), (*kinds, "timed_out"))
+    reasons = tuple(hdf5.read_texts(group, "reasons"))
+    found = hdf5.attributes(group, kinds | {"timed_out": bool})
+    return FurtherStarts(reasons=reasons, **found)
+
+
 def _numbered(group: h5py.Group) -> Iterator[h5py.Group]:
     """Return the subgroups "0", "1", ... of a group in numerical order."""
     return (hdf5.subgroup(group, str(i)) for i in range(len(group)))
@@ -216,6 +255,12 @@ def save(
         if result.discrepancy is not None:
             own = {k: v for k, v in dataclasses.asdict(result.discrepancy).items() if v not in (None, ())}
             file.create_group("discrepancy").attrs.update(own)
+        if result.further is not None:
+            group = file.create_group("further")
+            hdf5.write_texts(group, "reasons", result.further.reasons)
+            group.attrs.update({k: v for k, v in result.further._asdict().items() if k != "reasons"})
+        if result.bounds:
+            _write_bounds(file.create_group("bounds"), result.bounds)
         estimated = [np.nan if scale is None else scale for scale in result.estimated]
         hdf5.write_values(file, "estimated", np.array(estimated), "-")
         _write_parameters(file.create_group("parameters"), result)
@@ -235,7 +280,18 @@ def load(path: StrPath, cls: type[ResultType]) -> ResultType:
     the rule.
     """
     with hdf5.reading(path, FIT_FORMAT) as file:
-        known = ("report", "scene", "data_scenes", "estimated", "discrepancy", "budget", "samples", *GROUPS)
+        known = (
+            "report",
+            "scene",
+            "data_scenes",
+            "estimated",
+            "discrepancy",
+            "further",
+            "bounds",
+            "budget",
+            "samples",
+            *GROUPS,
+        )
         hdf5.check_names(file, known, (*_TEXTS, *FIELDS, *OPTIONS))
         return cls(**_read(file, {name: hdf5.subgroup(file, name) for name in GROUPS}))
 
@@ -274,6 +330,8 @@ def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
         "data_scenes": tuple(of),
         "problem": problem,
         "discrepancy": discrepancy,
+        "further": _read_further(hdf5.subgroup(file, "further")) if "further" in file else None,
+        "bounds": _read_bounds(hdf5.subgroup(file, "bounds")) if "bounds" in file else (),
         "x": hdf5.read_array(groups["parameters"], "x", "-", (size,)),
         "minima": _read_minima(groups["minima"], size),
         "estimated": estimated,

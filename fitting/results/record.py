@@ -12,10 +12,13 @@ from fitting.budget.contributions import CONTACT, Contribution, SolvedFit, contr
 from fitting.data.measured import Measured
 from fitting.parameters.constraints import Constraint, Positive
 from fitting.parameters.discrepancy import Discrepancy
+from fitting.parameters.plausible import implausible
 from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import ALL, Scenes, each_scene
 from fitting.parameters.variables import Variables
+from fitting.results.at_bounds import AtBound
 from fitting.solvers.evaluation import residual_rows
+from fitting.solvers.further import FurtherStarts
 from fitting.solvers.objective import MESSAGES, succeeded
 from fitting.solvers.problem import make_problem
 from fitting.uncertainty.covariance import uncertainty
@@ -53,6 +56,8 @@ class FitRecord(SolvedProblem):
     nfev, njev : number of evaluations of the residuals and of their Jacobian
     seconds : wall time [s]
     minima : distinct minima that the starts found
+    further : fits from further starts, None if there was no reason for them
+    bounds : fits along parameters at a bound, see `fitting.results.at_bounds`
     assumed : True if data without errors have an assumed relative error, False if this error was estimated
     """
 
@@ -68,6 +73,8 @@ class FitRecord(SolvedProblem):
     njev: int
     minima: tuple[Minimum, ...]
     seconds: float
+    further: FurtherStarts | None = None
+    bounds: tuple[AtBound, ...] = ()
     assumed: bool = False
 
     def __getitem__(self, path: str) -> Fitted:
@@ -188,7 +195,8 @@ class FitRecord(SolvedProblem):
         estimated = [self.estimated[i] for i in which]
         share = sum(map(len, rows)) / self.problem.targets.measured.size
         known, loss = self.uncertainty.parameters * share, self.problem.structure.loss
-        return verdict(data, rows, known, estimated, loss)
+        plausible = not implausible(self.names, self.values)
+        return verdict(data, rows, known, estimated, loss, plausible)
 
     @property
     def chisqr(self) -> float:

@@ -11,9 +11,11 @@ from fitting.data.kinds import AreaData, FrictionData
 from fitting.parameters.constraints import RmsSlope
 from fitting.parameters.correlated import Correlated
 from fitting.parameters.discrepancy import text_of
+from fitting.parameters.plausible import implausible
 from fitting.parameters.priors import Smooth, Sum
 from fitting.parameters.scenes import Scenes, each_scene, leaf_names, owner_of, paths_of
 from fitting.parameters.selection import PriorContext
+from fitting.results.at_bounds import LEVEL
 from fitting.results.record import FitRecord
 from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import ASSUMED
@@ -127,6 +129,7 @@ def report(result: FitRecord) -> str:
         "Variables": _variables(result),
         "Tied": tied_lines(result),
         "Priors": _priors(result),
+        "Bounds": _bounds(result),
         "Not identified": [f"{i}: {d.text}" for i, d in enumerate(result.unidentified, 1)],
         "Minima": _minima(result),
         "Correlations": _correlations(result),
@@ -149,6 +152,7 @@ def _verdict(result):
     found = result.verdict
     reached = "reached; " if result.success else "NOT REACHED; "
     lines = {"minimum": reached + result.message, "scene": found.text}
+    further = [] if result.further is None else _further(result.further)
     open_, bare = len(result.unidentified), len(result.withheld)
     lines["left open"] = "nothing"
     if open_ or bare:
@@ -167,12 +171,63 @@ def _verdict(result):
             "  the error bars below are valid if the scene explains the data; error bars in brackets are"
             " scaled by the scatter (scale_errors)"
         )
-    if found.explains is False and result.success and sum(one.count for one in result.minima) == 1:
+    once = result.further is None and sum(one.count for one in result.minima) == 1
+    if found.explains is False and result.success and once:
         reasons.append("  reached from one start; starts=8 looks for a lower minimum")
     several = len(result.verdicts) > 1
     scenes = [f"  {name}: {one.text}" for name, one in result.verdicts.items() if several]
     bent = [f"  {one.text}" for one in result.valleys if not one.holds] if result.success else []
-    return [*rows[:2], *reasons, *scenes, rows[2], *bent, *rows[3:]]
+    return [rows[0], *further, rows[1], *reasons, *_implausible(result), *scenes, rows[2], *bent, *rows[3:]]
+
+
+def _further(found):
+    """Return lines on further starts: their result, and the reason for them."""
+    agreed = f", which {_count(found.agreed, 'start')} reached"
+    text = f"  {_count(found.count, 'further start')} found no lower minimum{agreed * (found.agreed > 0)}"
+    if found.after < found.before:
+        text = (
+            f"  {_count(found.count, 'further start')} lowered the cost from {found.before:.4g} to"
+            f" {found.after:.4g}{agreed}"
+        )
+    text += "; time ended (further_time)" * found.timed_out
+    first, more = found.reasons[0], len(found.reasons) - 1
+    why = f"  tried because at first {first}" + f" (and {_count(more, 'further reason')})" * (more > 0)
+    return [text, why]
+
+
+def _implausible(result):
+    """Return a line for each fitted value outside its plausible range."""
+    values = dict(zip(result.names, result.values, strict=True))
+    lines = []
+    for name, (low, high) in implausible(result.names, result.values).items():
+        scale = unit(result.scene_at_start, name.split("[")[0])
+        lines.append(
+            f"  IMPLAUSIBLE: {name} = {values[name]:.3g} {scale}".rstrip() + f", outside {low:g} ... {high:g}"
+        )
+    return lines
+
+
+def _bounds(result):
+    """Return lines on parameters without error bars that were followed, and the intervals of the others."""
+    threshold = result.quantile(LEVEL) ** 2 if result.bounds else 0.0
+    lines, joint = [], {}
+    for one in result.bounds:
+        text = f"{one.name} = {one.value:.4g}, {one.where}: "
+        if np.isfinite(one.interval[0]):
+            low, high = one.interval
+            text += f"chi-square rises by less than {threshold:.3g} from {low:.4g} to {high:.4g}"
+            text += "" if one.complete else ", as far as time allowed"
+        else:
+            text += "not followed, so correlated error bars are withheld"
+        lines.append(text)
+        for name, (low, high) in one.intervals.items():
+            before = joint.get(name, (low, high))
+            joint[name] = min(low, before[0]), max(high, before[1])
+    known = {name: ends for name, ends in joint.items() if np.isfinite(ends[0])}
+    if known:
+        lines.append(f"{100 * LEVEL:.0f} % intervals by profile likelihood, with these parameters free:")
+        lines += [f"  {name}: {low:.4g} ... {high:.4g}" for name, (low, high) in known.items()]
+    return lines
 
 
 def _fit(result):
@@ -190,7 +245,7 @@ def _fit(result):
 
 
 def _contact_model(result):
-    pairs = zip(result.data, each_scene(result.scene_at_start, result.data_scenes), strict=True)
+    pairs = zip(result.data, each_scene(result.scene, result.data_scenes), strict=True)
     texts = [_contact_text(scene) for one, scene in pairs if isinstance(one, FrictionData | AreaData)]
     return {"contact": "; ".join(dict.fromkeys(texts))} if texts else {}
 
@@ -229,12 +284,13 @@ def _errors(data, scale, result):
 def _statistics(result):
     structure, known = result.problem.structure, result.uncertainty
     redchi = f"{result.redchi:.5g}" if np.isfinite(result.redchi) else "none: no degrees of freedom"
+    size = len(result.names)
     rows = {
         "chi-square": f"{result.chisqr:.6g}",
         "reduced chi-square": redchi,
         "degrees of freedom": f"{result.freedom:.5g}",
         "cost": f"{result.cost:.6g}",
-        "rank": f"{known.rank} of {len(result.names)}",
+        "identified": f"{size - len(result.unidentified)} of {_count(size, 'direction')}",
         "condition": f"{known.condition:.3g}",
     }
     if structure.loss != "linear":

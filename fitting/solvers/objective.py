@@ -108,10 +108,10 @@ MESSAGES = {
     RUNNING: "still running",
     CONVERGED: "converged: further steps change the cost by less than the tolerance",
     PERFECT: "converged: the data are met to rounding",
-    STALLED: "stalled: no step lowers the cost; the model may not be smooth here",
+    STALLED: "stalled: no small step lowers the cost; the model may not be smooth here",
     OUT_OF_STEPS: "not converged: out of steps; raise max_steps",
     NOT_FINITE: "failed: the model is not finite at the start; check the start values",
-    PRECISE: "converged: as far as the precision of the model allows, no step lowers the cost",
+    PRECISE: "converged: no small step lowers the cost by more than the precision of the model",
     UNMOVED: "not converged: no free parameter changes the data here, as where the contact is full at every"
     " point; start elsewhere, or try starts=8",
     INTERRUPTED: "interrupted: these are the best values so far",

@@ -55,6 +55,7 @@ FILE_OPTIONS: dict[str, OptionRule] = {
     "decades": _POSITIVE,
     "max_steps": _or_none(_integer(1)),
     "tolerance": _or_none(_POSITIVE),
+    "further_time": _rule("a number of seconds >= 0", lambda value: is_number(value) and value >= 0),
     "scale_errors": _rule('"auto", True or False', lambda value: isinstance(value, bool) or value == "auto"),
 }
 OPTION_RULES: dict[str, OptionRule] = FILE_OPTIONS | {

@@ -11,7 +11,7 @@ Two problems occur with least squares in logarithms:
 A solver also stops if no parameter changes the data, as in full contact, or if nothing depends on a parameter
 near a bound. `confirm_minimum` therefore tries points inside a bound and, if the residuals are larger than
 chance allows, points in all directions, and continues from a point with a lower cost. If no point has a lower
-cost, further fits begin at some of these points. The lowest cost is returned.
+cost, further fits begin at points inside a bound. The lowest cost is returned.
 """
 
 import math
@@ -129,8 +129,6 @@ _CHANCE = 1e-3
 _DRAWN, _STEPS, _MOST = 8, (1.0, -1.0), 32
 # Steps away from a neighbour to which a number is equal.
 _INWARD = (0.01, 0.1, 0.3, 1.0)
-# Mean square of residuals above which fits begin at the best random points, and the number of these.
-_FAR, _FITS = 3.0, 3
 # Largest number of times that a fit continues from a lower point.
 _TIMES = 3
 # A parameter has no effect if a step of 1 changes the residuals by less than this part of them.
@@ -150,14 +148,14 @@ def confirm_minimum(
     for _ in range(_TIMES):
         if not succeeded(end.status) or end.status == PERFECT:
             break
-        places, drawn, inner = _places_to_try(problem, end)
+        places, inner = _places_to_try(problem, end)
         if not len(places):
             break
         costs = costs_at(problem, places)
         spent[0] += len(places)
         least = end.cost - NEGLIGIBLE * max(1.0, end.cost)
         lower = costs.min() < least
-        tried = [int(np.argmin(costs))] if lower else _to_fit(problem, end.cost, costs, drawn, inner)
+        tried = [int(np.argmin(costs))] if lower else [i for i in inner if np.isfinite(costs[i])]
         before = end
         for i in tried:
             again = onward(places[i])
@@ -168,21 +166,14 @@ def confirm_minimum(
                 break
         if end is before:
             break
-    if succeeded(end.status) and end.status != PERFECT and _is_high(problem, end.cost):
+    if succeeded(end.status) and end.status != PERFECT and is_high(problem, end.cost):
         spent += 1
         if not _moves(problem, end.x):
             end = end._replace(status=UNMOVED)
     return end, spent
 
 
-def _to_fit(problem, cost, costs, drawn, inner):
-    """Return indices of points with a higher cost from which further fits start."""
-    far = 2 * cost > _FAR * problem.targets.measured.size
-    lowest = drawn[np.argsort(costs[drawn])][:_FITS] if far else drawn[:0]
-    return [int(i) for i in (*inner, *lowest) if np.isfinite(costs[i])]
-
-
-def _is_high(problem, cost):
+def is_high(problem: Problem, cost: float) -> bool:
     """Return True if the cost is too high to be due to chance."""
     return cost > float(scipy.special.gammainccinv(problem.targets.measured.size / 2, _CHANCE))
 
@@ -196,13 +187,13 @@ def _moves(problem, x):
 
 
 def _places_to_try(problem, end):
-    """Return points to try as rows of x, the indices of random points, and the indices of inner points.
+    """Return points to try as rows of x, and the indices of inner points.
 
     An inner point is, for each parameter at a bound that another parameter sets (such as q0 <= qr), the point
     farthest from this bound. All points obey the order of the scene.
     """
     x, variables, constants = np.asarray(end.x), problem.variables, problem.numbers.constants
-    places, drawn, inner = [], np.arange(0), []
+    places, inner = [], []
 
     def moved(i, value):
         there = x.copy()
@@ -219,15 +210,14 @@ def _places_to_try(problem, end):
         bounded = kind == "Bounded" and abs(x[i]) > max(7.0, abs(problem.start[i]))
         if vanished or bounded:
             moved(i, problem.start[i])
-    if _is_high(problem, end.cost):
+    if is_high(problem, end.cost):
         pairs = [(step, i) for step in _STEPS for i in range(x.size)]
         for step, i in pairs[: _MOST - _DRAWN]:
             moved(i, x[i] + step)
-        drawn = len(places) + np.arange(_DRAWN)
         places += list(np.asarray(random_starts(variables, x, None, 1 + _DRAWN)))[1:]
     if not places:
-        return np.empty((0, x.size)), drawn, inner
+        return np.empty((0, x.size)), inner
     # Points are moved into the order that the scene requires.
     moving = np.broadcast_to(problem.targets.moving, (len(places), x.size))
     z = each_fit(z_of, variables, constants, np.stack(places), moving)
-    return each_fit(x_of, variables, constants, z, moving), drawn, inner
+    return each_fit(x_of, variables, constants, z, moving), inner

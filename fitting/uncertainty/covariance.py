@@ -106,7 +106,7 @@ def describe_direction(variables: Variables, loadings: np.ndarray, deviation: fl
     elif scaled and far < 100:
         reach = f"within one standard error up to λ = {np.exp(far):.2g}"
     else:
-        reach = "over a wide range within one standard error"
+        reach = "by a factor above 100 within one standard error" if scaled else "within the whole range"
     said = ", ".join(_change(part, part.loading / leading) for part in parts)
     hint = next((text for test, alike, text in HINTS if several and test(leaves) and same >= alike), None)
     if hint is None and len(parts) == 1:
@@ -366,6 +366,11 @@ def _spread(jacobian, count, rows, V, deviations, parameters):
     inner[beyond, :] = inner[:, beyond] = 0.0
     inner[beyond, beyond] = OPEN**2
     return V @ inner @ V.T, np.sqrt(np.where(beyond, OPEN**2, np.diag(inner)))
+
+
+def at_bounds(problem: Problem, x: np.ndarray) -> dict[str, str]:
+    """Return a text such as "at its lower bound 0.3" for each parameter at a bound or near zero, by name."""
+    return _at_bounds(problem, x)[0]
 
 
 def _at_bounds(problem, x):

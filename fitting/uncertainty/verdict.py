@@ -6,7 +6,8 @@ Three tests reject the scene, each at a level of 0.001:
   freedom (for a robust fit the median of the squares, which outliers do not change);
 - too few changes of sign along a curve, from a systematic misfit: signs of independent residuals differ
   between neighbours with probability 1/2 [Wald and Wolfowitz, Ann. Math. Stat. 11 (1940) 147, for equally
-  probable signs];
+  probable signs]. Residuals whose mean square is below 1 in units of given errors do not reject the scene;
+  the text of the verdict names them;
 - outliers: the largest of n normal deviates, or, if errors were estimated from the scatter, of n studentised
   residuals [Grubbs, Ann. Math. Stat. 21 (1950) 27].
 
@@ -32,6 +33,8 @@ from fitting.uncertainty.covariance import Linearised, Uncertainty, data_residua
 _SIGNIFICANCE = 1e-3
 # Largest number of outliers that are named.
 _WORST = 3
+# Largest part of the values that may be outliers if a robust loss is to help.
+_FEW = 0.25
 # Part of chi-square above which one value dominates.
 _DOMINANT = 0.5
 # Variance of the squared median of normal deviates over the variance of their mean square.
@@ -61,6 +64,7 @@ def verdict(
     parameters: float,
     estimated: Sequence[float | None],
     loss: str,
+    plausible: bool = True,
 ) -> Verdict:
     """Return the verdict on a fit.
 
@@ -70,6 +74,7 @@ def verdict(
     parameters : effective number of parameters that the data determine
     estimated : estimated relative error of each set, None if errors were given
     loss : name of the loss
+    plausible : False if fitted values are implausible, so that a robust loss is not recommended
     """
     count = sum(one.size for one in rows)
     if not all(np.isfinite(one).all() for one in rows):
@@ -80,21 +85,13 @@ def verdict(
     triples = zip(data, rows, estimated, strict=True)
     sets = [_Set(one, r, r.size * share, scale is None) for one, r, scale in triples]
     given, robust = [one for one in sets if one.given], loss != "linear"
-    reasons = _size(given, robust) + [text for one in sets for text in _order(one)]
+    orders = [found for one in sets for found in _order(one)]
+    reasons = _size(given, robust) + [text for text, within in orders if not within]
     far = _far(sets)
     if not robust:
         reasons += [_named(*one) for one in far[:_WORST]]
         reasons += [f"and {len(far) - _WORST} further outliers"] * (len(far) > _WORST)
-        share = far[0][0] ** 2 / sum(np.sum(one**2) for one in rows) if far else 0.0
-        if given and far and not _size(_without(given, far), robust=False):
-            reasons.append(
-                'the other values agree with their errors: check the outliers, or use loss="huber"'
-            )
-        elif share > _DOMINANT:
-            reasons.append(
-                f"the largest residual has {100 * share:.0f} % of chi-square: check this value,"
-                ' or use loss="huber"'
-            )
+        reasons += _advice(far, given, rows) if plausible else []
     if reasons:
         return Verdict(False, "THE SCENE DOES NOT EXPLAIN THE DATA", tuple(reasons))
     if not given:
@@ -108,9 +105,27 @@ def verdict(
     else:
         text = f"explains the data: chi-square {total:.4g}"
     text += f" for {freedom:.4g} degrees of freedom"
+    if orders:
+        text += f"; residuals are systematic, but within the errors ({orders[0][0]})"
     if not robust and scipy.special.gammainc(freedom / 2, total / 2) < _SIGNIFICANCE:
         text += ", less than chance gives once in 1000: the given errors are too large"
     return Verdict(True, text, ())
+
+
+def _advice(far, given, rows):
+    """Return a line that recommends a robust loss where a minority of outliers spoils the fit."""
+    if not far:
+        return []
+    few = len(far) <= _FEW * sum(one.size for one in rows)
+    share = far[0][0] ** 2 / sum(np.sum(one**2) for one in rows)
+    if given and few and not _size(_without(given, far), robust=False):
+        return ['the other values agree with their errors: check the outliers, or use loss="huber"']
+    if share > _DOMINANT:
+        return [
+            f"the largest residual has {100 * share:.0f} % of chi-square: check this value,"
+            ' or use loss="huber"'
+        ]
+    return []
 
 
 def _size(sets, robust):
@@ -140,7 +155,10 @@ def _squares_by_median(rows):
 
 
 def _order(one):
-    """Return a line for each curve along which the residuals change sign too rarely."""
+    """Return a line for each curve along which the residuals change sign too rarely.
+
+    The second entry of each result is True if the residuals are within given errors.
+    """
     data, parts = one.data, len(one.data.values)
     conditions = [getattr(data, name) for name in data.conditions]
     # lexsort takes its last key first: along the first condition, the others fixed.
@@ -153,10 +171,11 @@ def _order(one):
         chance = float(scipy.special.bdtr(changes, neighbours, 0.5))
         if chance < _SIGNIFICANCE:
             what = f" of {name}" * (parts > 1)
-            found.append(
+            text = (
                 f"data {data.label!r}: residuals{what} change their sign {changes} times in {signs.size}"
                 f" values along {data.conditions[0]}, chance gives so few changes once in {1 / chance:.2g}"
             )
+            found.append((text, one.given and float(np.mean(rows**2)) < 1.0))
     return found
 
 

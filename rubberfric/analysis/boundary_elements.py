@@ -125,10 +125,14 @@ def boundary_element(
 
     Notes
     -----
-    With eight points per shortest wavelength the errors are 1-2 % in friction and 1 % in the corrected area;
-    with 16 points 0.5 %. Surfaces of 4 periods differ by 2 % in slow and 10 % in fast sliding, so average
-    over several keys. Modes with wavevectors across the sliding direction stay relaxed at any velocity; their
-    share falls with the number of periods.
+    With eight points per shortest wavelength, friction is too small by 0.8 % (median of 313 random cases), by
+    4.6 % in one case of twenty, and by 11 % in the worst case. The error of the corrected area is 0.2 %, 2 %
+    and 10 %. With 16 points, the errors are two thirds as large (light loads, 205 cases), with 32 points a
+    quarter. Errors are largest where the rubber stiffens strongly at the smallest scales. They follow from
+    grids with half as many points, because they are of second order in the grid
+    (notebooks/law_elements.csv). Surfaces of 4 periods differ by 2 % in slow and 10 % in fast sliding, so
+    average over several keys. Modes with wavevectors across the sliding direction stay relaxed at any
+    velocity; their share falls with the number of periods.
     """
     bodies = _rough_first(scene)
     checked_arguments(scene, velocity, pressure, temperature, Quadrature())

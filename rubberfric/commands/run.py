@@ -145,7 +145,6 @@ def model_error_line(result: Result) -> str:
     area, friction = (f"{100 * low - 100:+.0f} ... {100 * high - 100:+.0f} %" for low, high in found[:2])
     mu = "mu" if result.scene.shear is None else "viscoelastic mu"
     low, high = found.contact
-    page = "boundary_elements" if result.scene.contact_model == "paper" else "how_true"
     beyond = (
         f"\nq1/q0 is {10**found.extrapolated:.3g} times larger than in any case; the range includes this"
         if found.extrapolated
@@ -154,7 +153,7 @@ def model_error_line(result: Result) -> str:
     return (
         f"contact model: {contact_model_name(result.scene)}\n"
         "its error against boundary elements of such scenes\n"
-        f"(A/A0 {low:.2g} ... {high:.2g}, nine cases of ten; notebooks/{page}.md):\n"
+        f"(A/A0 {low:.2g} ... {high:.2g}, nine cases of ten; notebooks/law_table.md):\n"
         f"A/A0 is off by {area}, {mu} by {friction}{beyond}"
     )
 

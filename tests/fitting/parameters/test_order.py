@@ -119,7 +119,7 @@ def friction(scene, seed):
 @pytest.fixture(scope="module")
 def at_the_edge():
     start = NARROW.replace({Q1: 1e4, QR: 1e3})
-    return fitting.fit(start, friction(NARROW, 0), FREE, quadrature=FAST)
+    return fitting.fit(start, friction(NARROW, 0), FREE, quadrature=FAST, further_time=0.0)
 
 
 def test_a_fit_that_would_leave_the_order_ends_at_its_edge(at_the_edge, tmp_path):

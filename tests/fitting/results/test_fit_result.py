@@ -86,7 +86,7 @@ def test_report_of_a_joint_fit(joint):
     assert fit[0] == "method      = lm (Levenberg-Marquardt)"
     assert fit[1] == f"message     = {joint.message}"
     assert fit[2] == "data        = 3 sets, 44 values"
-    assert fit[3] == "contact     = theory as in the paper, mu within -66 ... +24 % of boundary elements"
+    assert fit[3] == "contact     = theory as in the paper, mu within -77 ... +27 % of boundary elements"
     assert fit[4] == f"evaluations = {joint.nfev} of the residuals, {joint.njev} of their derivatives"
 
     data = section(text, "Data")
@@ -105,7 +105,7 @@ def test_report_of_a_joint_fit(joint):
     assert float(statistics["reduced chi-square"]) == pytest.approx(joint.redchi, rel=1e-4)
     assert float(statistics["degrees of freedom"]) == pytest.approx(joint.freedom, rel=1e-4)
     assert float(statistics["cost"]) == pytest.approx(joint.cost, rel=1e-5)
-    assert statistics["rank"] == "4 of 4"
+    assert statistics["identified"] == "4 of 4 directions"
     assert "loss" not in statistics
 
     assert section(text, "Tied") == [
@@ -143,7 +143,7 @@ def test_what_is_not_identified_has_no_error_bar_but_a_reason(quick):
         r"gamma: +0\.5 \+/- \? .* \(start = 0\.5\) +error bar withheld: not identified, see direction 1", line
     )
     assert section(text, "Not identified") == [f"1: {quick.unidentified[0].text}"]
-    assert "rank               = 3 of 4" in section(text, "Statistics")
+    assert "identified         = 3 of 4 directions" in section(text, "Statistics")
     assert "loss               = huber, width 1.345 standard errors" in section(text, "Statistics")
 
 

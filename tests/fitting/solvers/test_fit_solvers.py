@@ -382,7 +382,8 @@ def test_several_starts_find_several_minima_and_the_lowest():
     tau = sorted(minimum.values[0] for minimum in result.minima[:2])
     assert tau[0] < 1e-3 < 1e-2 < tau[1]
     # Another start, in addition to the worse one, finds it.
-    assert len(one_peak().minima) == 1 and one_peak().cost >= result.cost
+    once = one_peak(further_time=0.0)
+    assert len(once.minima) == 1 and once.cost >= result.cost
 
 
 def test_several_starts_are_decided_by_their_key():
@@ -432,7 +433,7 @@ def test_in_full_contact_nothing_is_called_reached():
     truth = rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 1e5, 0.8, 1e-4)), rf.Body(PRONY))
     data = area_data(truth)
     smooth = truth.replace("lower.spectrum.h_rms", 1e-8)
-    flat = fit(smooth, data, ROUGH, quadrature=QUADRATURE)
+    flat = fit(smooth, data, ROUGH, quadrature=QUADRATURE, further_time=0.0)
     assert not flat.success and flat.cost > 1e3
     assert "no free parameter changes the data" in flat.message and "starts=8" in flat.message
     assert "NOT REACHED" in flat.report()
@@ -462,4 +463,8 @@ def test_a_right_minimum_of_a_wrong_scene_stays_one():
     off = data.replaced(data.measured * np.where(np.arange(12) % 2, 1.3, 0.8))
     found = fit(truth, off, ROUGH, quadrature=QUADRATURE)
     assert found.success and found.verdict.explains is False
-    assert "starts=8 looks for a lower minimum" in found.report()
+    assert found.further is not None and found.further.count >= 3
+    assert found.further.after == found.further.before
+    assert "further starts found no lower minimum" in found.report()
+    once = fit(truth, off, ROUGH, quadrature=QUADRATURE, further_time=0.0)
+    assert once.further is None and "starts=8 looks for a lower minimum" in once.report()

@@ -35,7 +35,7 @@ def data_of(seed, amplitude=0.0, width=WIDTH, scene=SCENE):
 
 
 def fitted(data, discrepancy=None, scene=SCENE, free=FREE):
-    return fitting.fit(scene, data, free, quadrature=FAST, discrepancy=discrepancy)
+    return fitting.fit(scene, data, free, quadrature=FAST, discrepancy=discrepancy, further_time=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -100,7 +100,7 @@ def test_bars_and_verdict_follow(off):
     low, high = off.interval(0.99)
     assert ((low < truth) & (truth < high))[known].all()
     amplitude, level = 100 * off.discrepancy.remainder, 100 * off.discrepancy.level
-    assert f"the theory may be off by {level:.3g} %, the difference to the law" in off.report()
+    assert f"an error of mu is allowed for, by {level:.3g} %, the difference to the law" in off.report()
     assert f", and by {amplitude:.3g} % (estimated from the data" in off.report()
 
 

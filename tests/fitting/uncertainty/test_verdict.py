@@ -98,7 +98,7 @@ def test_one_bad_set_among_good_ones_is_named():
 
 
 def test_residuals_in_waves():
-    rows = 0.5 * np.sign(np.sin(np.linspace(0.1, 4 * np.pi - 0.1, 40))) * (1 + 0.1 * noise(3))
+    rows = 1.1 * np.sign(np.sin(np.linspace(0.1, 4 * np.pi - 0.1, 40))) * (1 + 0.1 * noise(3))
     for estimated in (None, 0.02):
         (reason,) = judged(rows if estimated is None else scaled(rows), estimated).reasons
         chance = scipy.stats.binom.cdf(3, 39, 0.5)
@@ -108,11 +108,34 @@ def test_residuals_in_waves():
         )
 
 
+def test_residuals_in_waves_within_the_errors():
+    """Signs do not reject a scene whose residuals are smaller than the given errors; the text names them."""
+    rows = 0.5 * np.sign(np.sin(np.linspace(0.1, 4 * np.pi - 0.1, 40))) * (1 + 0.1 * noise(3))
+    found = judged(rows)
+    assert found.explains is True and not found.reasons
+    assert "residuals are systematic, but within the errors (data 'R20': residuals change" in found.text
+    assert judged(2.2 * rows).explains is False
+    # Estimated errors equal the residuals, so that only signs can reject.
+    assert judged(scaled(rows), 0.02).explains is False
+
+
+def test_a_robust_loss_is_recommended_for_a_minority_only():
+    """8 of 12 values are outliers: the other 4 agree with their errors, but are no majority."""
+    data = fitting.FrictionData(V[:12], np.ones(12), pressure=3e5)
+    rows = 0.5 * noise(5, 12)
+    rows[:8] = 9.0 * np.array([1, -1] * 4)
+    assert not any("loss=" in reason for reason in judged(rows, data=data).reasons)
+    rows[2:8] = 0.5
+    assert "loss=" in judged(rows, data=data).reasons[-1]
+    implausible = verdict([data], [rows], 4.0, [None], "linear", plausible=False)
+    assert not any("loss=" in reason for reason in implausible.reasons)
+
+
 def test_curves_are_followed_one_by_one():
     """A table whose rows alternate between two temperatures, each curve on one side of the fit."""
     T = np.tile([280.0, 320.0], 20)
     data = fitting.FrictionData(V, np.ones(40), pressure=3e5, temperature=T)
-    (reason,) = judged(np.where(T == 280.0, 0.9, -0.9), data=data).reasons
+    (reason,) = judged(np.where(T == 280.0, 1.1, -1.1), data=data).reasons
     assert "change their sign 1 times in 40 values" in reason
 
 

@@ -2,8 +2,9 @@
 
 All kinds of scenes: one rubber, two rubbers, a slab, a coating, contact shear, heating. Each has two sets of
 free numbers, 3 to 19 of them, q1 and qr among them. A claim ("minimum = reached") is right if the scene is in
-order, and chi-square within 1 of the lowest that a fit from the truth, or this one, has found. With a line
-for each fit:
+order, and chi-square within 1 of the lowest that a fit from the truth, or this one, has found. Bounds of H
+and gamma, q1 >= qr >= q0, and zero bind in many fits. The printed 95 % error bars of fits at the right
+minimum must hold the truth as often as they claim. With a line for each fit:
 
     python -m pytest -m slow -s tests/fitting/whole_fits/test_random_twins.py
 """
@@ -84,14 +85,19 @@ def measured(scene, kind, many, rng):
     return [friction] if many and kind == "heated" else [friction, area]
 
 
+def value_at(scene, name):
+    """The value of a scene at a key path."""
+    for step in name.split("."):
+        scene = getattr(scene, step)
+    return np.asarray(scene)
+
+
 def start_of(scene, names, rng):
     """A scene whose free numbers are a factor of 3 off, each to a drawn side, in order."""
     while True:
         at = {}
         for name in names:
-            value = scene
-            for step in name.split("."):
-                value = getattr(value, step)
+            value = value_at(scene, name)
             off = 3.0 ** rng.choice([-1.0, 1.0], np.shape(value))
             at[name] = rng.uniform(0.5, 0.9) if name.endswith("hurst") else np.asarray(value) * off
         if "gamma" in at:
@@ -108,7 +114,10 @@ def rules(names):
 
 
 def studied(kind, many):
-    """(in order, right, claimed) of every twin of a kind, with a few or many free numbers."""
+    """(in order, right, claimed, printed, held) of every twin of a kind, with a few or many free numbers.
+
+    printed and held count error bars, and those that contain the truth.
+    """
     names, rows = SETS[kind][many], []
     for seed in range(EACH):
         rng = np.random.default_rng([seed, many, list(SETS).index(kind)])
@@ -124,11 +133,17 @@ def studied(kind, many):
             inside = False
         lowest = min(2 * result.cost, 2 * known.cost)
         above = 2 * result.cost - lowest
-        rows.append((inside, inside and above < 1, result.success))
+        true = np.concatenate([np.atleast_1d(value_at(truth, name)) for name in names])
+        low, high = result.interval(0.95)
+        printed = np.isfinite(low)
+        held = int(np.sum(((low < true) & (true < high))[printed]))
+        rows.append((inside, inside and above < 1, result.success, int(printed.sum()), held))
         print(
             f"{kind:12s} {len(result.names):3d} free, seed {seed}: {'inside' if inside else 'OUTSIDE'},"
             f" chi-square {2 * result.cost:9.4g}, {above:9.3g} above, from the truth {2 * known.cost:9.4g};"
-            f" {'reached' if result.success else 'NOT reached'}, {result.message[:60]};"
+            f" {'reached' if result.success else 'NOT reached'}, {result.message[:60]}; {held} of"
+            f" {printed.sum()} error bars hold, {len(result.names) - printed.sum()} withheld, at bounds:"
+            f" {len(result.bounds)};"
             f" {result.nfev} {result.njev}, {result.seconds:.1f} s",
             flush=True,
         )
@@ -138,10 +153,12 @@ def studied(kind, many):
 @pytest.mark.slow
 def test_claims_of_drawn_twins():
     rows = [row for kind in SETS for many in (False, True) for row in studied(kind, many)]
-    inside, right, claimed = (np.array(column) for column in list(zip(*rows, strict=True))[:3])
+    inside, right, claimed, printed, held = (np.array(column) for column in zip(*rows, strict=True))
     print(
         f"{len(rows)} fits: {inside.sum()} inside the order, {right.sum()} at the right minimum,"
-        f" {claimed.sum()} claims, {(claimed & right).sum()} of them right"
+        f" {claimed.sum()} claims, {(claimed & right).sum()} of them right; {held[right].sum()} of"
+        f" {printed[right].sum()} printed 95 % error bars at the right minimum hold the truth"
     )
     assert inside.all()
     assert right.sum() >= 57 and (claimed & right).sum() >= 0.95 * claimed.sum()
+    assert 0.90 <= held[right].sum() / printed[right].sum() <= 0.98

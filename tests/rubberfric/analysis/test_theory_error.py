@@ -30,18 +30,21 @@ def test_every_case_is_there_once(script, rows):
     assert len({script.key_of(row) for row in rows}) == len(rows) == sum(1 for _ in script.cases())
 
 
-def test_ranges_are_those_of_the_table(script, rows):
-    """5 and 95 % quantiles of theory over boundary elements."""
-    known = script.numbers(rows)
+@pytest.mark.parametrize("inside", [False, True])
+def test_ranges_contain_the_cases_of_this_table(script, rows, inside):
+    """The ranges are from other cases (test_law_and_boundary_elements.py). Nine of ten cases are in them."""
     assert AREAS == script.AREAS
-    for (inside, relaxation), ranges in RATIOS.items():
-        if inside == "boundary_elements":
-            continue  # tests/rubberfric/theory/area/test_law_and_boundary_elements.py
-        own = [row for row in known if row["relaxation"] == relaxation]
-        variant = f"{'inside' if inside else 'plain'}_0.5"
-        both = [script.spread(own, quantity, variant) for quantity in ("area", "friction")]
-        for found, area, friction in zip(ranges, *both, strict=True):
-            np.testing.assert_allclose(found, [area[0], area[2], friction[0], friction[2]], atol=0.006)
+    shares = []
+    for row in script.numbers(rows):
+        area, friction = (
+            row[f"{name}_{'inside' if inside else 'plain'}_0.5"] for name in ("area", "friction")
+        )
+        k = int(np.searchsorted(AREAS, area, side="right")) - 1
+        if row["relaxation"] == "elastic" or not 0 <= k < 5:
+            continue
+        low, high, least, most = RATIOS[inside, row["relaxation"]][k]
+        shares.append((low <= area / row["area"] <= high, least <= friction / row["friction"] <= most))
+    assert len(shares) > 200 and np.all(np.mean(shares, axis=0) >= 0.9), np.mean(shares, axis=0)
 
 
 @pytest.mark.slow
@@ -80,15 +83,15 @@ def test_what_is_covered():
             by_law.replace("lower.spectrum.q1", 5.12e4 * 10**decades).replace("lower.spectrum.qr", 800.0),
             0.05,
         )
-        np.testing.assert_allclose(
-            law.friction, (low * np.exp(-0.05 * decades), high * np.exp(0.05 * decades))
-        )
+        growth = 0.1 * np.log10(8) + 0.05 * decades
+        np.testing.assert_allclose(law.friction, (low * np.exp(-growth), high * np.exp(growth)))
         assert law.extrapolated == pytest.approx(decades)
     assert theory_error(own, 1e-4) is None
     for other in (
         own.replace(gamma=0.8),
         own.replace("lower.spectrum.q1", 1e6),
-        own.replace("lower.spectrum.hurst", 0.5),
+        own.replace("lower.spectrum.hurst", 0.45),
+        own.replace("lower.spectrum.q1", 1.5e3),
         scene((RIGID, ROAD), (TREAD, ROAD)),
         scene((RIGID, ROAD), (rf.Elastic(1e6, 0.5),)),
         scene((RIGID, ROAD), (TREAD, None, rf.Slab(1e-3))),

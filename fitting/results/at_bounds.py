@@ -1,0 +1,307 @@
+r"""Error bars of a fit with a parameter at a bound, from fits along that parameter.
+
+A parameter at a bound, driven towards zero, or not identified within its bounds makes the covariance useless
+for correlated parameters: the covariance describes a small region, and the data may allow values far outside.
+The parameter is therefore held at further and further values :math:`t_k`, and all others are fitted again.
+With the rise :math:`\Delta_k` of twice the cost, the other parameters :math:`x_j(t_k)` and their standard
+deviations :math:`s_j(t_k)` at fixed :math:`t_k`, the profile likelihood interval of the parameter j is the
+union over k of
+
+.. math:: x_j(t_k) \pm s_j(t_k) \sqrt{q^2 - \Delta_k}, \qquad \Delta_k < q^2
+
+if the rows are linear in the other parameters at each :math:`t_k` [Murphy & van der Vaart, J. Am. Stat.
+Assoc. 95 (2000) 449, for profile likelihoods]. An error bar from the covariance that misses a part of this
+interval is withheld, and the report lists the interval instead. An error bar that excludes another known
+minimum of nearly the same cost is withheld, too.
+"""
+
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.parameters.variables import to_x
+from fitting.solvers.evaluation import costs_at, errors_of_slopes, evaluate_rows
+from fitting.solvers.levenberg_marquardt import NEAR_MINIMUM
+from fitting.solvers.objective import NEGLIGIBLE, was_interrupted
+from fitting.solvers.ordered import each_fit, edges, x_of, z_of
+from fitting.solvers.residuals import padded
+from fitting.solvers.runs import run_fits
+from fitting.uncertainty.covariance import OPEN, Uncertainty
+from fitting.uncertainty.intervals import SolvedProblem
+
+LEVEL = 0.95
+# Values at which a parameter is held: relative positions between its bounds, steps in x from a neighbour,
+# factors of the start if it was driven towards zero, and steps in x from the solution otherwise.
+_PLACES = (0.01, 0.06, 0.2, 0.35, 0.5, 0.65, 0.8, 0.94, 0.99)
+_AWAY, _FROM_ZERO, _STEPS = (0.1, 0.5, 1.5, 3.0), (1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0), (0.5, 1.5, 3.0, 6.0, 10.0)
+_NEAREST = 0.01  # least distance of a place from the solution, in x
+# Largest number of parameters that are followed, and of steps of each fit.
+_FOLLOWED, _MOST = 4, 8
+# Intervals that are wider than this, in x, are not listed.
+_WIDE = 10.0
+# Part of half an error bar by which the interval may exceed it.
+_TOLERATED = 0.2
+# Correlation beyond which an error bar is withheld if the parameter without one could not be followed.
+_CORRELATED = 0.5
+
+
+class AtBound(NamedTuple):
+    """Fits along a parameter that is at a bound, or that is not identified within its bounds.
+
+    Attributes
+    ----------
+    name, value : the parameter and its fitted value
+    where : "at its lower bound 0.3", or another reason why it has no error bar
+    held, rises : values at which it was held, and rises of chi-square after fitting all others again
+    interval : lowest and highest value at which chi-square rises by less than at the 95 % level
+    complete : False if time ended before chi-square had risen, or the end of the range was reached
+    intervals : 95 % intervals of parameters without an error bar, {name: (low, high)}
+    """
+
+    name: str
+    value: float
+    where: str
+    held: tuple[float, ...]
+    rises: tuple[float, ...]
+    interval: tuple[float, float]
+    complete: bool
+    intervals: dict[str, tuple[float, float]]
+
+
+class _Path(NamedTuple):
+    """Solutions along a parameter, by increasing x of this parameter."""
+
+    x: np.ndarray  # shape (k, size)
+    rise: np.ndarray  # shape (k,)
+    complete: bool
+
+
+class _Clock:
+    """The end of the time for further fits, and interrupts from the keyboard, which end it too."""
+
+    def __init__(self, seconds: float):
+        self.end = time.monotonic() + seconds
+
+    @property
+    def late(self) -> bool:
+        return time.monotonic() > self.end
+
+    def check(self, *_: object) -> None:
+        """Stop a fit by the exception that a callback of `run_fits` may raise."""
+        if self.late:
+            raise KeyboardInterrupt
+
+
+def along_bounds(
+    solved: SolvedProblem, minima: np.ndarray, seconds: float, batch: int
+) -> tuple[tuple[AtBound, ...], Uncertainty, np.ndarray | None]:
+    """Follow the parameters without error bars, and withhold the error bars that hold at the solution only.
+
+    Parameters
+    ----------
+    solved : a fit that has converged
+    minima : x of other minima, shape (minima, size)
+    seconds : time after which no further fit begins
+    batch : number of fits that run side by side, which are compiled already
+
+    Returns
+    -------
+    The result for each parameter, the uncertainty without the error bars that do not hold, and the x of a
+    solution with a lower cost, or None.
+    """
+    known, names = solved.uncertainty, solved.names
+    linear = solved.problem.structure.loss == "linear"
+    which = sorted(
+        (i for i in range(len(names)) if names[i] in known.withheld), key=lambda i: _rank(solved, i)
+    )
+    clock, found, reasons = _Clock(seconds), [], {}
+    for i in which[:_FOLLOWED]:
+        where = known.withheld[names[i]].split(", see")[0]
+        path = _follow(solved, i, clock, batch) if linear else None
+        if path is None:
+            others = _correlated(known, i)
+            found.append(_unknown(solved, i, where, others))
+        else:
+            lowest = int(np.argmin(path.rise))
+            if path.rise[lowest] < -2 * NEGLIGIBLE * max(1.0, solved.cost):
+                return (), known, path.x[lowest]
+            found.append(_at_bound(solved, i, where, path))
+            others = [names.index(name) for name in found[-1].intervals if name not in known.withheld]
+        value = f"{names[i]} = {found[-1].value:.4g}"
+        reasons |= {names[j]: f"holds only at {value}, see [[Bounds]]" for j in others}
+    reasons = _missed_by_minima(solved, minima) | reasons if linear else reasons
+    return tuple(found), without_bars(known, names, reasons), None
+
+
+def _missed_by_minima(solved, minima):
+    """Return reasons, by name, to withhold error bars that exclude another minimum of similar cost."""
+    rises = 2 * (costs_at(solved.problem, minima) - solved.cost) if len(minima) else np.zeros(0)
+    reasons = {}
+    for x, rise in sorted(zip(minima, rises, strict=True), key=lambda pair: -pair[1]):
+        if rise < solved.quantile(LEVEL) ** 2:
+            path = _Path(np.stack([solved.x, x]), np.array([0.0, rise]), True)
+            low, high = _union(solved, None, path, solved.quantile(LEVEL))
+            values = solved.problem.values(x)
+            for j in np.flatnonzero(_misses(solved, low, high)):
+                text = f"a minimum of chi-square {rise:+.2g} has {values[j]:.4g}"
+                reasons[solved.names[j]] = text
+    return reasons
+
+
+def _misses(solved, low, high):
+    """Return True for elements with an error bar that misses a considerable part of low ... high, in x."""
+    reach = solved.quantile(LEVEL) * solved.uncertainty.deviation
+    with np.errstate(invalid="ignore"):
+        return np.maximum(solved.x - reach - low, high - solved.x - reach) > _TOLERATED * reach
+
+
+def _rank(solved, i):
+    """Return a key that sorts parameters at a bound first, and those that are not identified last."""
+    return (solved.withheld[solved.names[i]].startswith("not identified"), i)
+
+
+def without_bars(known: Uncertainty, names: tuple[str, ...], reasons: dict[str, str]) -> Uncertainty:
+    """Return the uncertainty with further error bars withheld, for `reasons` by name."""
+    hidden, both = np.array([name in reasons for name in names]), reasons | known.withheld
+    covariance, correlation = np.array(known.covariance), np.array(known.correlation)
+    for array in (covariance, correlation):
+        array[hidden, :] = array[:, hidden] = np.nan
+    return known._replace(
+        deviation=np.where(hidden, np.nan, known.deviation),
+        covariance=covariance,
+        correlation=correlation,
+        withheld={name: both[name] for name in names if name in both},
+    )
+
+
+def _places(solved, i):
+    """Return the x below and above the solution at which element i is held, nearest first."""
+    problem, x = solved.problem, float(solved.x[i])
+    constants = problem.numbers.constants
+    if problem.variables.kinds[i] == "Bounded":
+        low, width = np.asarray(constants.low[i]), np.asarray(constants.width[i])
+        places = to_x("Bounded", low, width, low + width * np.array(_PLACES))
+    elif sides := [side for k, side, _ in edges(problem.variables, constants, solved.x) if k == i]:
+        places = np.concatenate([x + np.array(_AWAY) * (1 if one == "lower" else -1) for one in sides])
+    elif solved.uncertainty.stretch[i] != 1:
+        places = problem.start[i] + np.log(_FROM_ZERO)
+    else:
+        places = x + np.array([*_STEPS, *(-step for step in _STEPS)])
+    # Places are moved into the order that the scene requires.
+    there = np.tile(np.asarray(solved.x, float), (len(places), 1))
+    there[:, i] = places
+    known = problem.variables, constants
+    moving = np.ones_like(there)
+    places = np.unique(each_fit(x_of, *known, each_fit(z_of, *known, there, moving), moving)[:, i])
+    places = places[np.abs(places - x) > _NEAREST]
+    return np.sort(places[places < x])[::-1], np.sort(places[places > x])
+
+
+def _follow(solved, i, clock, batch):
+    """Return the `_Path` along element i, or None if not a single fit ended."""
+    sides = [_one_side(solved, i, places, clock, batch) for places in _places(solved, i)]
+    points = [(np.asarray(solved.x, float), 0.0)] + [point for side, _ in sides for point in side]
+    if len(points) == 1:
+        return None
+    points.sort(key=lambda point: point[0][i])
+    x, rise = (np.array(part) for part in zip(*points, strict=True))
+    return _Path(x, rise, all(complete for _, complete in sides))
+
+
+def _one_side(solved, i, places, clock, batch):
+    """Return (x, rise of chi-square) with element i held at each place, and False if time ended."""
+    problem, threshold = solved.problem, solved.quantile(LEVEL) ** 2
+    dtype = problem.start.dtype
+    targets = problem.targets._replace(moving=(np.arange(solved.x.size) != i).astype(dtype))
+    targets = type(targets)(*(np.asarray(part)[None] for part in targets))
+    before, here, points = None, np.asarray(solved.x, float), []
+    for place in places:
+        if clock.late:
+            return points, False
+        start = here.copy()
+        if before is not None:
+            start += np.clip((place - here[i]) / (here[i] - before[i]) * (here - before), -1.0, 1.0)
+        start[i] = place
+        runs = run_fits(NEAR_MINIMUM, problem, start[None].astype(dtype), targets, _MOST, clock.check, batch)
+        rise = 2 * (float(runs.cost[0]) - solved.cost)
+        if was_interrupted(runs.status[0]):
+            clock.end = -np.inf  # by time, or from the keyboard
+            return points, False
+        if not np.isfinite(rise):
+            return points, False
+        # A fit that ran out of steps gives an upper limit of the rise.
+        before, here = here, np.asarray(runs.x[0], float)
+        points.append((here, rise))
+        if rise > threshold:
+            break
+    return points, True
+
+
+def _at_bound(solved, i, where, path):
+    """Return the `AtBound` of element i, with intervals of parameters whose error bar misses a part."""
+    q, names = solved.quantile(LEVEL), solved.names
+    low, high = _union(solved, i, path, q)
+    missed, bare = _misses(solved, low, high), ~np.isfinite(solved.uncertainty.deviation)
+    bare &= (high - low < _WIDE) & (np.arange(solved.x.size) != i)
+    values = solved.problem.values(np.stack([low, high]))
+    held = solved.problem.values(path.x)[:, i]
+    return AtBound(
+        name=names[i],
+        value=float(solved.problem.values(solved.x)[i]),
+        where=where,
+        held=tuple(held.tolist()),
+        rises=tuple(path.rise.tolist()),
+        interval=(float(values[0, i]), float(values[1, i])),
+        complete=path.complete,
+        intervals={
+            names[j]: (float(values[0, j]), float(values[1, j])) for j in np.flatnonzero(missed | bare)
+        },
+    )
+
+
+def _union(solved, i, path, q):
+    """Return the ends in x of the intervals of all parameters, as in the module's docstring.
+
+    Element i is held along the path; None: the path consists of minima.
+    """
+    of = padded(solved.problem)
+    accepted = np.flatnonzero(path.rise < q**2)
+    _, slopes = evaluate_rows(
+        of.structure, of.numbers, path.x[accepted].astype(solved.problem.start.dtype), slopes=True
+    )
+    low, high = np.full(solved.x.size, np.inf), np.full(solved.x.size, -np.inf)
+    others = np.arange(solved.x.size) != i
+    for k, slope in zip(accepted, slopes, strict=True):
+        reach = np.zeros(solved.x.size)
+        reach[others] = _deviations(errors_of_slopes(of, slope)[:, others])
+        reach *= np.sqrt(q**2 - max(path.rise[k], 0.0))
+        low, high = np.minimum(low, path.x[k] - reach), np.maximum(high, path.x[k] + reach)
+    # Between an accepted and a rejected solution the root of the rise is nearly linear.
+    for k in accepted:
+        for n in (k - 1, k + 1):
+            if i is not None and 0 <= n < len(path.rise) and path.rise[n] >= q**2:
+                first, second = np.sqrt(np.maximum(path.rise[[k, n]], 0.0))
+                end = path.x[k] + (q - first) / (second - first) * (path.x[n] - path.x[k])
+                low, high = np.minimum(low, end), np.maximum(high, end)
+    return low, high
+
+
+def _deviations(jacobian):
+    """Return standard deviations of x, at most `OPEN`."""
+    _, s, Vt = np.linalg.svd(jacobian, full_matrices=False)
+    length = 1 / np.maximum(s, 1 / OPEN)
+    return np.sqrt(((Vt.T * length) ** 2).sum(axis=1))
+
+
+def _correlated(known, i):
+    """Return the elements with error bars that are correlated with element i, which has none."""
+    size = np.sqrt(np.diag(known.spread))
+    correlation = np.abs(known.spread[i] / (size[i] * size))
+    return [j for j in np.flatnonzero(correlation > _CORRELATED) if np.isfinite(known.deviation[j])]
+
+
+def _unknown(solved, i, where, others):
+    value = float(solved.problem.values(solved.x)[i])
+    nothing = {solved.names[j]: (np.nan, np.nan) for j in others}
+    return AtBound(solved.names[i], value, where, (value,), (0.0,), (np.nan, np.nan), False, nothing)

@@ -1,0 +1,144 @@
+"""Error bars of parameters that are correlated with one at a bound, against refits by scipy."""
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+import fitting
+import rubberfric as rf
+from fitting import Bounded, ModulusData, Positive
+from fitting.uncertainty.intervals import quantile
+
+OMEGA = np.geomspace(0.3, 30.0, 8)
+TRUTH = {"E_inf": 1.5e6, "E": 6e6, "tau": 0.5}
+ERROR = 0.04
+LOW, HIGH = 2e6, 2e7
+NAMES = [f"upper.material.{name}" for name in ("E_inf", "E", "tau")]
+
+
+def model(E_inf, E, tau, omega=OMEGA):
+    """ln E' and ln E'' of one Maxwell element and a spring."""
+    z = omega * tau
+    return np.log(np.concatenate([E_inf + E * z**2 / (1 + z**2), E * z / (1 + z**2)]))
+
+
+def measured(seed=1):
+    noise = ERROR * np.random.default_rng(seed).standard_normal(2 * OMEGA.size)
+    return model(**TRUTH) + noise
+
+
+def data(y):
+    storage, loss = np.exp(y).reshape(2, -1)
+    return ModulusData(OMEGA, storage, loss, relative=ERROR, body="upper", check_units=False)
+
+
+def scene(E_inf=4e6, E=6e6, tau=0.5):
+    return rf.Scene(rf.Body(rf.Rigid()), rf.Body(rf.Prony(E_inf, [E], [tau])))
+
+
+FREE = {NAMES[0]: Bounded(LOW, HIGH), f"{NAMES[1]}[0]": Positive(), f"{NAMES[2]}[0]": Positive()}
+
+
+def refitted(y, k, value, bounds=(LOW, HIGH), omega=OMEGA, error=ERROR):
+    """Chi-square with parameter k held at a value, E_inf within its bounds, by scipy."""
+    others = [i for i in range(3) if i != k]
+    low, high = np.log([bounds[0], 1e3, 1e-4]), np.log([bounds[1], 1e11, 1e4])
+
+    def rows(free):
+        p = np.empty(3)
+        p[k], p[others] = np.log(value), free
+        return (model(*np.exp(p), omega) - y) / error
+
+    start = np.clip(np.log([3e6, 6e6, 0.5])[others], low[others] + 1e-6, high[others] - 1e-6)
+    return 2 * least_squares(rows, start, bounds=(low[others], high[others]), xtol=1e-12, ftol=1e-12).cost
+
+
+def ends_by_scipy(y, k, lowest, value, **setting):
+    """Profile likelihood interval of parameter k by bisection."""
+    ends = []
+    for sign in (-1, 1):
+        near, far = 0.0, 4.0
+        for _ in range(30):
+            middle = 0.5 * (near + far)
+            inside = refitted(y, k, value * np.exp(sign * middle), **setting) - lowest < quantile(0.95) ** 2
+            near, far = (middle, far) if inside else (near, middle)
+        ends.append(value * np.exp(sign * near))
+    return ends
+
+
+@pytest.fixture(scope="module")
+def at_bound():
+    """E_inf ends at its lower bound, which is above the truth."""
+    return fitting.fit(scene(), data(measured()), FREE)
+
+
+def test_the_interval_is_that_of_refits(at_bound):
+    """The fit is at the bound, where it should be. Its union of intervals equals the profile likelihood."""
+    assert at_bound.success and at_bound.withheld[NAMES[0]] == "at its lower bound 2e+06"
+    y = measured()
+    best = least_squares(
+        lambda p: (model(LOW, *np.exp(p)) - y) / ERROR, np.log([6e6, 0.5]), xtol=1e-12, ftol=1e-12
+    )
+    np.testing.assert_allclose(at_bound.chisqr, 2 * best.cost, rtol=1e-4)
+    (found,) = at_bound.bounds
+    assert found.name == NAMES[0] and found.complete and found.where.startswith("at its lower bound")
+    # The rises along the bounded parameter.
+    for value, rise in zip(found.held[1:], found.rises[1:], strict=True):
+        assert rise == pytest.approx(refitted(y, 0, value) - at_bound.chisqr, abs=2e-3)
+    for k, name in ((1, f"{NAMES[1]}[0]"), (2, f"{NAMES[2]}[0]")):
+        low, high = ends_by_scipy(y, k, at_bound.chisqr, at_bound[name].value)
+        covered = found.intervals.get(name)
+        if covered is None:  # the error bar covers the interval to a fifth of itself
+            i = at_bound.names.index(name)
+            covered = tuple(end[i] for end in at_bound.interval())
+            half = 0.5 * np.log(covered[1] / covered[0])
+            assert np.log(covered[0] / low) < 0.25 * half and np.log(high / covered[1]) < 0.25 * half
+        else:
+            # Half an interval is at most 5 % off, because rows are nonlinear in the logarithms.
+            np.testing.assert_allclose(np.log(covered), np.log([low, high]), atol=0.05 * np.log(high / low))
+
+
+WIDE = {NAMES[0]: Bounded(1e3, 5e6), f"{NAMES[1]}[0]": Positive(), f"{NAMES[2]}[0]": Positive()}
+FAST = np.geomspace(20.0, 200.0, 8)
+
+
+def open_data():
+    """Only high frequencies, where E_inf and E are nearly the same, and E_inf has no lower limit."""
+    y = model(**TRUTH, omega=FAST) + 0.05 * np.random.default_rng(3).standard_normal(16)
+    return y, ModulusData(FAST, *np.exp(y).reshape(2, -1), relative=0.05, body="upper", check_units=False)
+
+
+def test_error_bars_that_hold_at_the_bound_only_are_withheld(tmp_path):
+    """E_inf is open between its bounds. The intervals of E and tau are those of refits by scipy."""
+    y, measured_data = open_data()
+    found = fitting.fit(scene(E_inf=1e5), measured_data, WIDE)
+    names = [f"{NAMES[1]}[0]", f"{NAMES[2]}[0]"]
+    assert found.success and all(name in found.withheld for name in (NAMES[0], *names))
+    first = found.bounds[0]
+    assert first.name == NAMES[0] and first.interval[1] > TRUTH["E_inf"]
+    setting = {"bounds": (1e3, 5e6), "omega": FAST, "error": 0.05}
+    for k, name in ((1, names[0]), (2, names[1])):
+        ends = ends_by_scipy(y, k, found.chisqr, found[name].value, **setting)
+        assert ends[0] < list(TRUTH.values())[k] < ends[1]
+        # Places between the held values are left out, and rows are not quite linear.
+        np.testing.assert_allclose(
+            np.log(first.intervals[name]), np.log(ends), atol=0.008 * np.log(ends[1] / ends[0])
+        )
+    text = found.report()
+    assert "[[Bounds]]" in text and "95 % intervals by profile likelihood" in text
+    assert np.isnan(found[names[0]].stderr) and np.isnan(found.interval()[0]).all()
+    found.save(tmp_path / "fit.h5")
+    again = fitting.FitResult.load(tmp_path / "fit.h5")
+    assert again.bounds == found.bounds and again.further == found.further and again.report() == text
+    off = fitting.fit(scene(E_inf=1e5), measured_data, WIDE, further_time=0.0)
+    assert off.bounds == () and off.further is None and "[[Bounds]]" not in off.report()
+
+
+def test_another_minimum_of_the_same_cost_withholds_the_error_bar():
+    """E'' at one frequency is the same for omega tau = 3 and 1/3."""
+    one = ModulusData([1.0], [4e6], [0.3 * 6e6], [1e12], [3e4], body="upper", check_units=False)
+    found = fitting.fit(scene(tau=1.5), one, {f"{NAMES[2]}[0]": Positive()}, starts=8)
+    assert found[f"{NAMES[2]}[0]"].value == pytest.approx(3.0, rel=1e-3) or found[
+        f"{NAMES[2]}[0]"
+    ].value == pytest.approx(1 / 3, rel=1e-3)
+    assert "a minimum of chi-square" in found.withheld[f"{NAMES[2]}[0]"]

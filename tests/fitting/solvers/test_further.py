@@ -1,0 +1,97 @@
+"""Further starts of fits with faults, implausible values, and the contact line of the fitted scene."""
+
+import numpy as np
+import pytest
+
+import fitting
+import rubberfric as rf
+from fitting import AreaData, Bounded, Positive
+from fitting.parameters.plausible import implausible
+
+QUADRATURE = rf.Quadrature(order=8, panels=4, angular_order=8)
+H, Q1, H_RMS = (f"lower.spectrum.{name}" for name in ("hurst", "q1", "h_rms"))
+RUBBER = rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])
+TRUTH = rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 4e4, 0.8, 1e-4)), rf.Body(RUBBER))
+V = np.logspace(-4, 1, 8)
+FREE = {H_RMS: Positive(), Q1: Positive()}
+
+
+def data(scene=TRUTH):
+    area = np.asarray(rf.solve(scene, V, 5e5, quadrature=QUADRATURE, quantities=("area",)).area)
+    noise = np.exp(0.03 * np.random.default_rng(0).standard_normal(V.size))
+    return AreaData(V, area * noise, pressure=5e5, relative=0.03, check_units=False)
+
+
+def fit(start, **options):
+    return fitting.fit(start, data(), FREE, quadrature=QUADRATURE, **options)
+
+
+@pytest.fixture(scope="module")
+def smooth():
+    """From a smooth surface, which is in full contact, no step lowers the cost."""
+    return TRUTH.replace(H_RMS, 1e-8)
+
+
+@pytest.fixture(scope="module")
+def known():
+    return fit(TRUTH)
+
+
+def test_a_fit_without_faults_has_no_further_starts(known):
+    assert known.success and known.further is None and known.bounds == ()
+
+
+def test_further_starts_find_the_minimum(smooth, known):
+    """The first fit is stuck. The further starts are random, so that they need the decades to the truth."""
+    first = fit(smooth, further_time=0.0)
+    assert first.further is None and first.chisqr > 100 * known.chisqr
+    found = fit(smooth, decades=4.0)
+    assert found.success and found.cost == pytest.approx(known.cost, rel=1e-6)
+    assert found.further.before == pytest.approx(first.cost, rel=1e-6) and found.further.count <= 8
+    assert found.further.after == pytest.approx(found.cost, rel=1e-6) and not found.further.timed_out
+    (line,) = (one for one in found.report().splitlines() if "lowered the cost from" in one)
+    assert f"{found.further.count} further start" in line
+    assert any("tried because at first " in one for one in found.report().splitlines())
+
+
+def test_time_ends_the_further_starts(smooth):
+    found = fit(smooth, further_time=1e-9)
+    assert found.further.timed_out and found.further.count == 0
+    assert "0 further starts found no lower minimum; time ended (further_time)" in found.report()
+
+
+def test_several_starts_are_enough(smooth):
+    """A user who asks for several starts gets these and no others."""
+    assert fit(smooth, starts=2, further_time=1e-9).further is None
+
+
+@pytest.mark.parametrize("value", [-1.0, np.nan, "long"])
+def test_further_time_is_checked(value):
+    with pytest.raises(ValueError, match=r"^further_time = .*: must be a number of seconds >= 0$"):
+        fit(TRUTH, further_time=value)
+
+
+def test_implausible_values_are_named():
+    names = ["shear.tau_f0", H_RMS, "R20.upper.material.young", "upper.material.E[3]", H]
+    found = implausible(names, np.array([1.3e9, 0.8, 11.0, 1.0, 0.8]))
+    assert found == {names[0]: (1e2, 1e9), names[1]: (1e-10, 0.05), names[2]: (1e3, 1e11)}
+    # One value that the data want, far outside: heights and wavelengths a million times larger.
+    rough = {"lower.spectrum.h_rms": 0.1 * TRUTH.lower.spectrum.h_rms * 1e4}
+    rough |= {
+        f"lower.spectrum.{name}": getattr(TRUTH.lower.spectrum, name) / 1e3 for name in ("q0", "qr", "q1")
+    }
+    scene = TRUTH.replace({name: float(value) for name, value in rough.items()})
+    one = fitting.fit(scene, data(scene), {H_RMS: Positive()}, quadrature=QUADRATURE, further_time=1e-9)
+    assert f"IMPLAUSIBLE: {H_RMS} = {one.values[0]:.3g} m, outside 1e-10 ... 0.05" in one.report()
+    assert f"{H_RMS} = {one.values[0]:.3g} is outside 1e-10 ... 0.05" in one.further.reasons
+
+
+def test_the_contact_line_is_of_the_fitted_scene():
+    """The start has H = 0.8, with known errors, and the fit ends at H = 0.35, without."""
+    truth = TRUTH.replace(H, 0.35)
+    start = TRUTH.replace(H, 0.8)
+    assert rf.analysis.theory_error(start) is not None and rf.analysis.theory_error(truth) is None
+    found = fitting.fit(start, data(truth), {H: Bounded(0.1, 1.0)}, quadrature=QUADRATURE)
+    assert found.values[0] == pytest.approx(0.35, abs=0.05)
+    (line,) = (one for one in found.report().splitlines() if "contact  " in one)
+    assert line.endswith("theory as in the paper, of unknown error in such scenes")
