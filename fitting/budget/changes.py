@@ -26,8 +26,12 @@ from fitting.parameters.priors import Gaussian, Prior, is_fixed
 from fitting.parameters.scenes import by_name, field_of, find, owner_of, scene_paths
 from fitting.solvers.problem import CURVE_QUANTITIES, Problem
 
-# Wavevectors of a spectrum that move up and down, so that q0 <= qr <= q1 holds.
-_UP, _DOWN = ("qr", "q1"), ("q0",)
+# Wavevectors of a spectrum that move up.
+_UP = "qr", "q1"
+
+# Wavevectors that move down, so that q0 <= qr <= q1 holds.
+_DOWN = ("q0",)
+
 # Change of the Hurst exponent for a roughness error of 10 %.
 _HURST = 0.5
 

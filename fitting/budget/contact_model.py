@@ -28,8 +28,13 @@ from rubberfric.base import quick_jit
 from rubberfric.scene import takes_temperature
 
 _LAW = "boundary_elements"
-# Amplitude of the error of the law if `theory_error` has none, and half-width of 90 % in standard deviations.
-_UNKNOWN, _NINETY = 0.1, 1.645
+
+# Amplitude of the error of the law if `theory_error` has none.
+_UNKNOWN = 0.1
+
+# Half-width of a 90 % range in standard deviations.
+_NINETY = 1.645
+
 _PARTS = ("heating", "softening", "adhesion", "correlation")
 
 

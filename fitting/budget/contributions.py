@@ -32,12 +32,21 @@ from fitting.solvers.residuals import in_errors, loss_of, padded
 from fitting.uncertainty.covariance import OPEN, Uncertainty, linearised, weighted_rows
 from rubberfric.base import quick_jit
 
-# Sources of one change have a sign; several changes are added as squares.
-CONTACT, NUMERICAL = "contact model", "numerical"
+# Name of the contribution of the contact model.
+CONTACT = "contact model"
+
+# Name of the contribution of the quadrature.
+NUMERICAL = "numerical"
+
 # Shift over standard error above which a contribution is mentioned.
 MENTIONED = 1.0
-# Largest number of steps. A step must be shorter than this part of the one before, in standard errors.
-_STEPS, _SHORTER = 4, 0.5
+
+# Largest number of steps.
+_STEPS = 4
+
+# Largest ratio of the lengths of a step and the step before, in standard errors.
+_SHORTER = 0.5
+
 # Length of a step that is negligible, in standard errors.
 _NEGLIGIBLE = 1e-3
 

@@ -9,7 +9,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-_MODULUS, _WAVEVECTOR = (1e3, 1e11), (1.0, 1e11)
+# Moduli [Pa], from a gel to a glass.
+_MODULUS = 1e3, 1e11
+
+# Wavevectors [1/m], from metres to atoms.
+_WAVEVECTOR = 1.0, 1e11
+
 # By the last step of a key path: lowest and highest plausible value.
 _RANGES = {
     **dict.fromkeys(("E_inf", "young", "G_inf"), _MODULUS),

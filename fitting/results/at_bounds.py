@@ -31,13 +31,26 @@ from fitting.uncertainty.covariance import OPEN, Uncertainty
 from fitting.uncertainty.intervals import SolvedProblem
 
 LEVEL = 0.95
-# Values at which a parameter is held: relative positions between its bounds, steps in x from a neighbour,
-# factors of the start if it was driven towards zero, and steps in x from the solution otherwise.
+# Values at which a parameter with two bounds is held, as shares of the distance between the bounds.
 _PLACES = (0.01, 0.06, 0.2, 0.35, 0.5, 0.65, 0.8, 0.94, 0.99)
-_AWAY, _FROM_ZERO, _STEPS = (0.1, 0.5, 1.5, 3.0), (1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0), (0.5, 1.5, 3.0, 6.0, 10.0)
-_NEAREST = 0.01  # least distance of a place from the solution, in x
-# Largest number of parameters that are followed, and of steps of each fit.
-_FOLLOWED, _MOST = 4, 8
+
+# Values of a parameter at a neighbour in an order, as steps in x from the neighbour.
+_AWAY = (0.1, 0.5, 1.5, 3.0)
+
+# Values of a parameter that was driven towards zero, as factors of its start.
+_FROM_ZERO = (1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0)
+
+# Values of any other parameter, as steps in x from the solution.
+_STEPS = (0.5, 1.5, 3.0, 6.0, 10.0)
+
+# Least distance of such a value from the solution, in x.
+_NEAREST = 0.01
+
+# Largest number of parameters that are followed.
+_FOLLOWED = 4
+
+# Largest number of steps of each fit.
+_MOST = 8
 # Intervals that are wider than this, in x, are not listed.
 _WIDE = 10.0
 # Part of half an error bar by which the interval may exceed it.

@@ -20,8 +20,14 @@ from fitting.solvers.problem import Problem
 from fitting.solvers.runs import Runs
 from fitting.solvers.search import random_starts
 
-# Number of random points, of fits, and of fits that must reach the lowest minimum.
-_DRAWN, _FITS, _AGREE = 64, 8, 3
+# Number of random points.
+_DRAWN = 64
+
+# Largest number of fits, from the points with the lowest costs.
+_FITS = 8
+
+# Number of fits that must reach the lowest minimum.
+_AGREE = 3
 
 
 class FurtherStarts(NamedTuple):

@@ -23,9 +23,20 @@ from jax.scipy.special import erf
 
 from rubberfric.base.quadrature import gauss
 
-# P = 1 to the last bit below the first (x > 6), P < 1e-8 above the last: G = gamma g + const.
-_LOWEST, _HIGHEST = math.log(1 / 144), math.log(1e16)
-_PANELS, _ORDER, _ENTRIES = 60, 10, 513
+# ln g below which P = 1 to the last bit (x > 6).
+_LOWEST = math.log(1 / 144)
+
+# ln g above which P < 1e-8, so that G = gamma g + const.
+_HIGHEST = math.log(1e16)
+
+# Panels of the integral over ln g.
+_PANELS = 60
+
+# Gauss nodes of a panel.
+_ORDER = 10
+
+# Entries of the table.
+_ENTRIES = 513
 
 
 class CorrectionTable(NamedTuple):

@@ -42,14 +42,23 @@ from rubberfric.theory.area.partial_contact import (
     energy_factor,
 )
 
-# Number of loads, evenly spaced in their logarithm, that bracket the first solution, and nodes per interval.
-_LOADS, _LUMP = 24, 24
+# Number of loads, evenly spaced in their logarithm, that bracket the first solution.
+_LOADS = 24
+
+# Nodes that are joined to two nodes while the first solution is bracketed.
+_LUMP = 24
 
 # x of all the roughness in full contact: 1 - P = 1e-29.
 _FULL = 8.0
 
-# For the work of separation: smallest x, number of loads tried, and number of refinements about the best.
-_LIGHT, _TRIED, _ROUNDS = 1e-4, 32, 6
+# Smallest x among the loads tried for the work of separation.
+_LIGHT = 1e-4
+
+# Number of these loads.
+_TRIED = 32
+
+# Number of refinements about the best of these loads.
+_ROUNDS = 6
 
 
 class Unloading(NamedTuple):

@@ -46,11 +46,17 @@ from rubberfric.theory.area.partial_contact import (
 )
 from rubberfric.theory.area.separations import LossTable, cubic, loss_factor, loss_weight, spread
 
-# Loads tried to bracket the first solution, evenly spaced in ln p, and the nodes used for them.
-_LOADS, _FEW = 12, (8, 8)
+# Number of loads, evenly spaced in ln p, that bracket the first solution.
+_LOADS = 12
 
-# Outer and inner nodes per node of a contact panel.
-_OUTER, _INNER = 3, 2
+# Outer and inner nodes for these loads.
+_FEW = 8, 8
+
+# Outer nodes per node of a contact panel.
+_OUTER = 3
+
+# Inner nodes per node of a contact panel.
+_INNER = 2
 
 # G below which hardly any area has left contact (1 - P = 1e-14).
 _FIRST = 0.0085

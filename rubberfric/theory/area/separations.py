@@ -33,11 +33,20 @@ from rubberfric.theory.area.partial_contact import TWO_OVER_ROOT_PI, contact_fra
 # X above which no area can leave contact (1 - P = 2e-17, float32: 1e-7) and c would overflow.
 _NOTHING_LOST = 6.0
 
-# Number of terms of the asymptotic series of erfcx above the border, where its error is 1e-15.
-_BORDER, _TERMS = 8.0, 14
+# Argument above which erfcx is its asymptotic series.
+_BORDER = 8.0
 
-# Entries of the table of k, from x = 1e-6 to 5.4, where k is 1e-12 of its maximum.
-_LOWEST, _STEP, _ENTRIES = -14.0, 0.01, 1570
+# Number of terms of this series: its error at the border is 1e-15.
+_TERMS = 14
+
+# ln x of the first entry of the table of k, x = 1e-6.
+_LOWEST = -14.0
+
+# Step of the table in ln x.
+_STEP = 0.01
+
+# Number of entries, up to x = 5.4, where k is 1e-12 of its maximum.
+_ENTRIES = 1570
 
 
 def loss_factor(X: jax.Array) -> jax.Array:
