@@ -362,7 +362,7 @@ def _separations(scene, prepared, surfaces, densities, q, quadrature, points):
     both = SurfaceTemperatures(*temperature * 2)
     density = sum(one(velocity, both) for one in densities)
     # dP / d ln q from the exact density of G. G may be 0; x^2 = 1 / (4 G) is clipped at 27^2.
-    slope = -TWO_OVER_ROOT_PI * jnp.exp(-x * x) * 2 * x**3 * (ratio**2 * density / 2)
+    slope = -TWO_OVER_ROOT_PI * jnp.exp(-x * x) * 2 * x**3 * (0.5 * ratio**2 * density)
 
     def beyond(log_step, load_step, q, mean_pressure):
         cut = [surface._replace(law=_beyond(surface.law, q * jnp.exp(log_step))) for surface in surfaces]

@@ -290,13 +290,13 @@ def apply_vertical_shift(modulus: jax.Array, shift: Shift | None, temperature: A
 
 def series_modulus(series: Series, omega: jax.Array) -> jax.Array:
     """Return the complex value of a Prony series at omega, which may have any shape and sign."""
-    return _series_value(*series, omega)
+    return _series_value(*map(jnp.asarray, series), omega)
 
 
 @jax.custom_jvp
 def _series_value(rest, weight, tau, omega):
     # Term by term: XLA makes one pass of it, which takes half as long as a sum over an axis.
-    storage, loss = rest, jnp.zeros_like(omega)
+    storage, loss = rest, jnp.zeros(omega.shape, rest.dtype)
     for k in range(tau.shape[0]):
         a = clip_for_square(omega * tau[k])
         term = weight[k] * (a / (1 + a * a))

@@ -36,7 +36,6 @@ from rubberfric.base.checks import (
     is_concrete,
 )
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.roughness.spectra import power_law_of
 from rubberfric.scene.scene import Scene, layers_vary, optional_parts, rough_surfaces
 
 # Number of panels of the shortest roughness.
@@ -197,9 +196,8 @@ def extent_of(scene: Scene, pressure: ArrayLike) -> Extent:
     """Return the `Extent` of a scene with concrete numbers; the length is 0 if all is smooth."""
     # Also within `jit`, where the operations on concrete numbers would be traced.
     with jax.ensure_compile_time_eval():
-        laws = [power_law_of(spectrum) for spectrum, _ in rough_surfaces(scene)]
         solids = [body.material for body in (scene.lower, scene.upper) if body.material.deforms]
-        moduli = [float(_glassy(solid)) for solid in solids]
+        laws, moduli = _evaluated([spectrum for spectrum, _ in rough_surfaces(scene)], solids)
     if not laws:
         return Extent(0.0, -math.inf, -math.inf)
     ends, rises, steepest = [], 0.0, 0.0
@@ -211,7 +209,7 @@ def extent_of(scene: Scene, pressure: ArrayLike) -> Extent:
         rises += 0.5 * float(np.sum(np.clip(exponent, 0.0, 2.0) * np.diff(log_q)))
         first = float(np.max((0.5 * log_value + log_q)[log_q <= log_q[0] + 1.0]))
         steepest = max(steepest, math.sqrt(float(law.height2)) * math.exp(min(first, 300.0)))
-    stress, log_pressure = steepest * min(moduli), np.log(np.asarray(pressure, float))
+    stress, log_pressure = steepest * float(min(moduli)), np.log(np.asarray(pressure, float))
     loads = -math.inf, -math.inf
     if stress > 0:
         low, high = np.min(log_pressure, initial=math.inf), np.max(log_pressure, initial=-math.inf)
@@ -221,8 +219,9 @@ def extent_of(scene: Scene, pressure: ArrayLike) -> Extent:
 
 # Jitted, so that a call compiles once instead of once per operation.
 @jax.jit
-def _glassy(material):
-    return material.glassy_reduced()
+def _evaluated(spectra, solids):
+    """Return the power laws of the spectra, and the glassy moduli E_r of the solids."""
+    return [one.power_law() for one in spectra], [one.glassy_reduced() for one in solids]
 
 
 _stopped = jax.jit(jax.lax.stop_gradient)

@@ -91,7 +91,7 @@ class Contact(NamedTuple):
     def separation(self) -> jax.Array:
         """Return the mean separation [m], of shape (points,)."""
         density = total(terms.densities["mean_storage"] for terms in self.terms)
-        weight = separation_weight(self.x, self.gamma) / 2
+        weight = 0.5 * separation_weight(self.x, self.gamma)
         u = self.modulus_over_pressure * jnp.sum(weight * density, (0, 2))  # (A18)
         return u if self.lift is None else u + self.lift
 
@@ -150,10 +150,10 @@ class Roughness(NamedTuple):
             # If only the whole integral is needed, each contribution has its own panels.
             panels = [jnp.sum(one, 0, keepdims=True) for one in panels]
         # At light loads the derivative by modulus**2 would underflow in single precision.
-        G_panels, G = modulus * (modulus * (total(panels) / 2)), None  # (A11)
+        G_panels, G = modulus * (modulus * (0.5 * total(panels))), None  # (A11)
         if within:
             column = modulus[:, None]
-            G = _sum_before(G_panels)[..., None] + column * (column * (total(within) / 2))  # (A11)
+            G = _sum_before(G_panels)[..., None] + column * (column * (0.5 * total(within)))  # (A11)
             known = True if self.approximate else G > _NO_CONTACT_LOST
             G = jnp.where(G < 0, jnp.where(known, 0.0, jnp.nan), G)
         return Contact(terms, modulus, G_panels, G, self.gamma, self.correction)

@@ -257,7 +257,8 @@ def test_weights_of_storage_and_loss():
     assert both.rms_storage > 3 * alone.rms_storage and alone.rms_loss == pytest.approx(np.log(1.5), rel=0.2)
     assert "weights: E' 1, E'' 0" in alone.report()
     twice = fit_prony(spoiled, weights=(2, 2))
-    np.testing.assert_allclose(twice.stderr, both.stderr, rtol=1e-9)
+    # The two iterations end 1e-9 apart.
+    np.testing.assert_allclose(twice.stderr, both.stderr, rtol=1e-7)
     nearly = fit_prony(spoiled, weights=(1, 1e-9))
     np.testing.assert_allclose(nearly.values, alone.values, rtol=0.05)
     with pytest.raises(ValueError, match=r"must be equal for `\.fit`"):

@@ -201,7 +201,7 @@ def test_a_scene_without_conditions_has_default_ones(call, scene_file, tmp_path)
     result = rf.io.load_result(tmp_path / "bare.h5")
     v, p, T = result.conditions
     assert (v.size, float(p[0]), float(T[0])) == (29, 2e5, 293.15)
-    expected = rf.friction(result.scene, v, p[0], T[0])
+    expected = rf.solve(result.scene, v, p[0], T[0]).friction
     np.testing.assert_allclose(result.solution.friction[0, 0], expected, rtol=1e-12)
 
 
