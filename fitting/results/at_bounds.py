@@ -158,7 +158,7 @@ def _misses(solved, low, high):
 
 
 def _rank(solved, i):
-    """Return a key that sorts parameters at a bound first, and those that are not identified last."""
+    """Return a key that sorts parameters at a bound before unidentified parameters."""
     return (solved.withheld[solved.names[i]].startswith("not identified"), i)
 
 
