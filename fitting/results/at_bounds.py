@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fitting.parameters.plausible import implausible
 from fitting.parameters.variables import to_x
 from fitting.solvers.evaluation import costs_at, errors_of_slopes, evaluate_rows
 from fitting.solvers.levenberg_marquardt import NEAR_MINIMUM
@@ -170,7 +171,7 @@ def _misses(solved, low, high):
 
 
 def _rank(solved, i):
-    """Return a key that sorts parameters at a bound first, and those that are not identified last."""
+    """Return a key that sorts parameters at a bound before unidentified parameters."""
     return (solved.withheld[solved.names[i]].startswith("not identified"), i)
 
 
@@ -208,6 +209,12 @@ def _places(solved, i):
     moving = np.ones_like(there)
     places = np.unique(each_fit(x_of, *known, each_fit(z_of, *known, there, moving), moving)[:, i])
     places = places[np.abs(places - x) > _NEAREST]
+    # Implausible values are not of interest, except between the solution and plausible values.
+    there = np.tile(np.asarray(solved.x, float), (len(places) + 1, 1))
+    there[:-1, i] = places
+    name, values = solved.names[i], problem.values(there)[:, i]
+    bad = np.array([bool(implausible([name], np.array([value]))) for value in values])
+    places = places if bad[-1] else places[~bad[:-1]]
     return np.sort(places[places < x])[::-1], np.sort(places[places > x])
 
 

@@ -166,7 +166,7 @@ def confirm_minimum(
                 break
         if end is before:
             break
-    if succeeded(end.status) and end.status != PERFECT and is_high(problem, end.cost):
+    if succeeded(end.status) and end.status != PERFECT and is_high(problem, float(end.cost)):
         spent += 1
         if not _moves(problem, end.x):
             end = end._replace(status=UNMOVED)

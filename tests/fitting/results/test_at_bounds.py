@@ -109,7 +109,7 @@ def open_data():
 
 
 def test_error_bars_that_hold_at_the_bound_only_are_withheld(tmp_path):
-    """E_inf is open between its bounds. The intervals of E and tau are those of refits by scipy."""
+    """E_inf is open between its bounds. The intervals of E and tau agree with refits by scipy."""
     y, measured_data = open_data()
     found = fitting.fit(scene(E_inf=1e5), measured_data, WIDE)
     names = [f"{NAMES[1]}[0]", f"{NAMES[2]}[0]"]

@@ -317,12 +317,15 @@ def test_two_parameters_that_enter_as_a_product():
     exact = np.asarray(rf.friction(DRY, VELOCITY, 1e3, quadrature=QUADRATURE))
     data = FrictionData(VELOCITY, exact, pressure=1e3, relative=0.03)
     free = {"shear.tau_f0": Positive(), "upper.material.young": Positive(), "shear.c": Positive()}
-    result = fit(DRY, data, free, quadrature=QUADRATURE)
+    result = fit(DRY, data, free, quadrature=QUADRATURE, further_time=0.0)
     (direction,) = result.unidentified
     assert direction.text.startswith("shear.tau_f0 * λ, upper.material.young * λ: ")
     assert "contact shear depends only on tau_f0 times the contact area" in direction.text
     assert set(result.withheld) == {"shear.tau_f0", "upper.material.young"}
     assert 0 < result.stderr[2] < 0.01
+    # A rubber that is a thousand times softer is in full contact, where another c fits.
+    followed = fit(DRY, data, free, quadrature=QUADRATURE)
+    assert set(followed.withheld) == {*result.withheld, "shear.c"} and len(followed.bounds) == 2
     every_gap_is_explained(result)
 
 

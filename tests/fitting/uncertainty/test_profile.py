@@ -34,7 +34,8 @@ def twin(seed):
     errors = np.full(OMEGA.size, sigma)
     data = fitting.ModulusData(OMEGA, *np.split(measured, 2), errors, errors, check_units=False)
     start = rf.Prony(BASE, [1e6], [taus[random.integers(2)]])
-    return data, fitting.fit(rf.Scene(ROAD, rf.Body(start)), data, ONE, quadrature=rf.Quadrature())
+    scene, quadrature = rf.Scene(ROAD, rf.Body(start)), rf.Quadrature()
+    return data, fitting.fit(scene, data, ONE, quadrature=quadrature, further_time=0.0)
 
 
 def exact_chisqr(data, log_tau):
