@@ -198,7 +198,8 @@ def largest_error(
     which, i = divmod(int(np.argmax(shares)), len(names))
     one = known[which]
     by = _relative(one.shift[i], values[i])
-    by = by if one.signed else by.replace("+", "+-")
+    if not one.signed and values[i]:
+        by = f"+-{100 * abs(one.shift[i] / values[i]):.2g} %"
     count = f"{times:.0f}" if times >= 10 else f"{times:.2g}"
     count += f" standard error{'s' * (count != '1')}"
     if one.source != CONTACT:
