@@ -91,6 +91,7 @@ def fit(
     starts : number of starts; the first has the values of the scene, the others are random (see `decades`)
     key : jax.random.key for random starts, or None for key(0)
     prior : dict of key path -> Gaussian, Smooth, Sum or Correlated, or None
+        A Gaussian on a fixed number states its error for `FitResult.budget`.
         The result of another fit can be a prior: prior=fit_prony(data).as_prior("lower") | {...}.
     callback : called as callback(step, cost) after every step, or None
     loss, loss_width : "linear", "huber", "soft_l1" or "cauchy", and its width in standard errors

@@ -63,8 +63,8 @@ def changes(problem: Problem, sizes: Sizes, prior: Mapping[str, Prior]) -> Itera
     for path, one in stated.items():
         yield from fixed.stated(path, one)
     yield from fixed.moduli(sizes.moduli)
-    yield from fixed.roughness(sizes.roughness)
-    if sizes.gamma > 0:
+    if any(block.quantity in CURVE_QUANTITIES for block in problem.structure.blocks):
+        yield from fixed.roughness(sizes.roughness)
         yield from fixed.gamma(sizes.gamma)
 
 
@@ -150,7 +150,8 @@ class _Fixed:
             every = [i for leaves in stiff.values() for i in leaves]
             to = {i: (self.open[i], size * self.leaves[i][self.open[i]]) for i in every}
             if any(self.open[i].any() for i in to) and size > 0:
-                names = ", ".join(dict.fromkeys(name.rpartition(".")[2] for name in stiff))
+                fixed = [name for name, leaves in stiff.items() if self.open[leaves[0]].any()]
+                names = ", ".join(dict.fromkeys(name.rpartition(".")[2] for name in fixed))
                 yield self._changed("moduli", f"{names} of {label} x {1 + size:g}", to)
 
     def roughness(self, size):
@@ -184,7 +185,7 @@ class _Fixed:
             i = self.paths.index(f"{name}.gamma" if name else "gamma")
             if self.open[i].any() and scene.contact_model == "paper":
                 to[i] = ((), size if self.leaves[i] + size <= 1 else -size)
-        if to:
+        if to and size > 0:
             yield self._changed("gamma", f"gamma {next(iter(to.values()))[1]:+g}", to)
 
     def _changed(self, source, text, to):
@@ -203,7 +204,7 @@ class _Fixed:
 
         Equal parts of several scenes, such as a common road, are one body.
         """
-        found: dict[tuple, tuple[str, dict[str, list[int]]]] = {}
+        found: dict[tuple, tuple[list[str], dict[str, list[int]]]] = {}
         for scene in by_name(self.scene) if self.several else ("",):
             for side in ("lower", "upper"):
                 own = {}
@@ -215,10 +216,12 @@ class _Fixed:
                 if not own:
                     continue
                 key = (side, *((path, self.leaves[i].tobytes()) for path, i in own.items()))
-                _, numbers = found.setdefault(key, (f"{scene}.{side}".lstrip("."), {}))
+                labels, numbers = found.setdefault(key, ([], {}))
+                labels.append(f"{scene}.{side}".lstrip("."))
                 for path, i in own.items():
                     numbers.setdefault(path, []).append(i)
-        yield from found.values()
+        for labels, numbers in found.values():
+            yield " and ".join(labels), numbers
 
     def _alike(self, leaf):
         own = self.paths[leaf].partition(".")[2]

@@ -114,7 +114,10 @@ def rows_by_law(problem: Problem, x: np.ndarray) -> RowsByLaw:
         raise NoLawError("no friction or area is fitted")
     if any(scenes[block.scene].contact_model == _LAW for block in blocks):
         raise NoLawError("a scene already uses the law")
-    laws = {name: law_scene(scenes[name]) for name in dict.fromkeys(block.scene for block in blocks)}
+    try:
+        laws = {name: law_scene(scenes[name]) for name in dict.fromkeys(block.scene for block in blocks)}
+    except ValueError as error:  # a fit may end at numbers that the constructors refuse
+        raise NoLawError(str(error)) from None
     for block, conditions in zip(of.structure.blocks, of.numbers.conditions, strict=True):
         if block.quantity not in CURVE_QUANTITIES:
             continue

@@ -47,6 +47,9 @@ _STEPS = 4
 # Largest ratio of the lengths of a step and the step before, in standard errors.
 _SHORTER = 0.5
 
+# Ratios beyond which a change is described by a factor.
+_FACTORS = 0.1, 2.0
+
 # Length of a step that is negligible, in standard errors.
 _NEGLIGIBLE = 1e-3
 
@@ -204,9 +207,11 @@ def largest_error(
         return ""
     which, i = divmod(int(np.argmax(shares)), len(names))
     one = known[which]
-    by = f"{100 * one.shift[i] / values[i]:+.2g} %" if values[i] else f"{one.shift[i]:+.2g}"
-    by = by if one.signed else by.replace("+", "+-")
-    count = f"{times:.2g} standard error{'s' * (f'{times:.2g}' != '1')}"
+    by = _relative(one.shift[i], values[i])
+    if not one.signed and values[i]:
+        by = f"+-{100 * abs(one.shift[i] / values[i]):.2g} %"
+    count = f"{times:.0f}" if times >= 10 else f"{times:.2g}"
+    count += f" standard error{'s' * (count != '1')}"
     if one.source != CONTACT:
         return f"an error of {one.source} ({one.text}) moves {names[i]} by {by} ({count})"
     advice = [] if one.without else ['fit with contact_model="boundary_elements"']
@@ -215,3 +220,12 @@ def largest_error(
         advice.append("add fitting.Discrepancy()")
     said = f"the theory's error moves {names[i]} by {by} ({count}), as boundary elements say"
     return f"{said}: {', or '.join(advice)}" if advice else said
+
+
+def _relative(shift, value):
+    """Return the change of a value as text, in per cent or as a factor."""
+    if not value:
+        return f"{shift:+.2g}"
+    if not _FACTORS[0] < 1 + shift / value < _FACTORS[1]:
+        return f"a factor of about {1 + shift / value:.2g}"
+    return f"{100 * shift / value:+.2g} %"

@@ -9,7 +9,9 @@ from support.scenes.fits import AFFINE, FAST, ROAD, SHIFTED
 
 import fitting
 import rubberfric as rf
+from fitting.budget.changes import Sizes, changes
 from fitting.budget.contact_model import law_scene
+from fitting.budget.contributions import Contribution, largest_error
 
 V, T, P, ERROR = np.geomspace(1e-5, 1e0, 9), 303.15, 2e5, 0.03
 H, E = "lower.spectrum.h_rms", "upper.material.E"
@@ -190,6 +192,34 @@ def test_the_sentence(fit, budget):
     assert "moduli" in stated.largest or "gamma" in stated.largest or "theory" in stated.largest
 
 
+def test_words_for_the_largest_error():
+    """Only signed differences to the law and stated errors count; large changes are factors."""
+    names, values, stderr = ("a.E", "a.tau"), np.array([2.0, 10.0]), np.array([0.2, np.nan])
+    contact = Contribution("contact model", "law", np.array([-0.8, np.nan]), True)
+    default = Contribution("moduli", "E of upper x 1.1", np.array([5.0, 0.0]), True)
+    given = Contribution("gamma", "gamma + 0.1", np.array([-7.0, 0.0]), False, stated=True)
+    data = [data_of()]
+    for found, expected in (
+        (
+            [contact],
+            "the theory's error moves a.E by -40 % (4 standard errors), as boundary elements say: fit",
+        ),
+        ([default], ""),
+        ([contact._replace(shift=np.array([0.1, 0.1]))], ""),
+        ([contact._replace(shift=np.array([18.0, 0.1]))], "moves a.E by a factor of about 10 (90 standard"),
+        (
+            [contact, default, given],
+            "an error of gamma (gamma + 0.1) moves a.E by +-3.5e+02 % (35",
+        ),
+    ):
+        text = largest_error(names, values, stderr, found, data, True, False)
+        assert text.startswith(expected) or (expected and expected in text), text
+    text = largest_error(names, values, stderr, [contact._replace(without=("heating",))], data, True, False)
+    assert text.endswith("as boundary elements say: add fitting.Discrepancy()")
+    text = largest_error(names, values, stderr, [contact], data, False, False)
+    assert text.endswith('say: fit with contact_model="boundary_elements"')
+
+
 def test_scenes_that_the_law_does_not_allow():
     shear = rf.ContactShear(5e6, 0.1, 6e-3)
     heated = dataclasses.replace(SCENE, heating=rf.Heating(0.2, 2e6, 1.0, 1e-3), shear=shear)
@@ -203,6 +233,18 @@ def test_scenes_that_the_law_does_not_allow():
     found = law_scene(both)
     assert found.without == ("upper.spectrum",) and not found.law.area_correction
     assert found.theory.area_correction
+
+
+def test_equal_bodies_of_several_scenes_change_together():
+    """A road that two rubbers share has one error. Values of one scene change as in the other."""
+    other = SCENE.replace("upper.material.E_inf", 4e6)
+    free = {"*.lower.spectrum.h_rms": fitting.Positive()}
+    data = {name: data_of() for name in ("a", "b")}
+    problem = fitting.fit({"a": SCENE, "b": other}, data, free, quadrature=FAST).problem
+    found = [(one.source, one.text) for one in changes(problem, Sizes(), {})]
+    assert ("roughness", "q1 of a.lower and b.lower x 1.1") in found
+    assert ("moduli", "E_inf, E of a.upper x 1.1") in found
+    assert ("moduli", "E_inf, E of b.upper x 1.1") in found
 
 
 def test_fixed_numbers_with_an_error(fit):
