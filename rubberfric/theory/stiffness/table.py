@@ -31,14 +31,14 @@ from rubberfric.theory.stiffness.kinds import constant_shares, kinds_of, mixed, 
 from rubberfric.theory.structure import RequiredMeans, RoughSurface
 
 # Steps of the grid per finest detail of E over ln omega.
-PER_DETAIL = 6
+PER_DETAIL = 4
 
-# Step for a relaxation spectrum, whose singularities are pi/2 from the real axis of ln omega: error 1e-13.
-# It is 3e-11 for a step of 0.15.
-STEP = 0.1
+# Step for a relaxation spectrum, whose singularities are pi/2 from the real axis of ln omega: the friction of
+# two rubbers has an error of 2e-13. It is 4e-12 for a step of 0.15.
+STEP = 0.125
 
-# Length of the grid for a relaxation spectrum in ln omega: relaxation times over 38 decades.
-_LONGEST = 120.0
+# Length of the grid for a relaxation spectrum in ln omega: relaxation times over 31 decades.
+_LONGEST = 104.0
 
 # If relaxation times span more, the grid begins at this ln omega or at the slowest time, and slower terms are
 # relaxed: 1e-26 rad/s are never reached.
