@@ -11,18 +11,20 @@ solid,
 
 .. math:: \Lambda = \max_j \ln\frac{E_r\,q_{0j}^2 \sqrt{C_j(q_{0j})}}{\sigma_0}
 
-(of a table the largest value within the first e-fold). P falls from 1 within
-:math:`\ln(q/q_0) \sim e^{-2\Lambda}`. The third property is the finest detail of the
-moduli over the frequency. Materials and spectra give these properties by their public methods, so the rule
-holds for a user's own ones. `tests/benchmarks/test_settings_table.py` prints the errors over L and Lambda.
+(of a table the largest value within the first e-fold; E_r of a slab includes its factor at q0). P falls from
+1 within :math:`\ln(q/q_0) \sim e^{-2\Lambda}`. The third property is the finest detail of the moduli over the
+frequency. Materials and spectra give these properties by their public methods, so the rule holds for a user's
+own ones. `tests/benchmarks/test_settings_table.py` prints the errors over L and Lambda.
 `tests/rubberfric/scene/test_settings.py` tests random scenes of all kinds.
 """
 
 import dataclasses
+import functools
 import math
 from typing import NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
@@ -36,6 +38,7 @@ from rubberfric.base.checks import (
     is_concrete,
 )
 from rubberfric.base.quadrature import Quadrature
+from rubberfric.materials.material import poisson_of
 from rubberfric.scene.scene import Scene, layers_vary, optional_parts, rough_surfaces
 
 # Number of panels of the shortest roughness.
@@ -47,8 +50,8 @@ _PER_FOLD = 0.65
 # Panels per unit of L where F_j depends on q itself. It may fall by 1e9 within an e-fold of a coating.
 _PER_FOLD_OF_LAYERS = 0.85
 
-# Panels per unit of L for the boundary-element law, whose nodes of the circle depend on the panels.
-_PER_FOLD_OF_LAW = 1.0
+# Smallest number of panels for the boundary-element law, whose nodes of the circle depend on the panels.
+_LEAST_OF_LAW = 12
 
 # Panels per unit of L for a modulus with a finer detail than relaxation spectra have. `Quadrature.resolving`
 # adds more.
@@ -135,7 +138,7 @@ def _setting(scene, extent, separation):
     materials = [one for body in bodies for one in (body.material, body.below) if one is not None]
     detailed = any(one.relaxes and one.detail is not None for one in materials)
     law = scene.contact_model != "paper"
-    rates = {_PER_FOLD_OF_LAYERS: layered, _PER_FOLD_OF_LAW: law, _PER_FOLD_OF_DETAIL: detailed}
+    rates = {_PER_FOLD_OF_LAYERS: layered, _PER_FOLD_OF_DETAIL: detailed}
     rate = max((rate for rate, applies in rates.items() if applies), default=_PER_FOLD)
     iterated = bool(parts & {"heating", "adhesion"}) or law
     more = _MORE if len(rough) > 1 or layered or iterated else 0.0
@@ -143,6 +146,7 @@ def _setting(scene, extent, separation):
         share = (_LIGHT - extent.heaviest) / _TRANSITION
         more = max(more, _MORE_FOR_SEPARATION * min(max(share, 0.0), 1.0))
     panels = _FIRST + rate * extent.length + more
+    panels = max(panels, _LEAST_OF_LAW) if law else panels
     # The innermost graded panel has a width of about 4.5^(-2 graded), against e^(-2 Lambda); the nodes in it
     # are close to its beginning, so half of it suffices.
     graded = 0.5 * extent.lightest + 0.5
@@ -196,20 +200,20 @@ def extent_of(scene: Scene, pressure: ArrayLike) -> Extent:
     """Return the `Extent` of a scene with concrete numbers; the length is 0 if all is smooth."""
     # Also within `jit`, where the operations on concrete numbers would be traced.
     with jax.ensure_compile_time_eval():
-        solids = [body.material for body in (scene.lower, scene.upper) if body.material.deforms]
-        laws, moduli = _evaluated([spectrum for spectrum, _ in rough_surfaces(scene)], solids)
+        bodies = [body for body in (scene.lower, scene.upper) if body.material.deforms]
+        laws, moduli = _evaluated([spectrum for spectrum, _ in rough_surfaces(scene)], bodies)
     if not laws:
         return Extent(0.0, -math.inf, -math.inf)
     ends, rises, steepest = [], 0.0, 0.0
-    for law in laws:
+    for law, modulus in zip(laws, moduli, strict=True):
         log_q, log_value, exponent = (
             np.asarray(x, float) for x in (np.log(law.q), law.log_value, law.exponent)
         )
         ends += [log_q[0], log_q[-1]]
         rises += 0.5 * float(np.sum(np.clip(exponent, 0.0, 2.0) * np.diff(log_q)))
         first = float(np.max((0.5 * log_value + log_q)[log_q <= log_q[0] + 1.0]))
-        steepest = max(steepest, math.sqrt(float(law.height2)) * math.exp(min(first, 300.0)))
-    stress, log_pressure = steepest * float(min(moduli)), np.log(np.asarray(pressure, float))
+        steepest = max(steepest, float(modulus) * math.sqrt(float(law.height2)) * math.exp(min(first, 300.0)))
+    stress, log_pressure = steepest, np.log(np.asarray(pressure, float))
     loads = -math.inf, -math.inf
     if stress > 0:
         low, high = np.min(log_pressure, initial=math.inf), np.max(log_pressure, initial=-math.inf)
@@ -219,9 +223,18 @@ def extent_of(scene: Scene, pressure: ArrayLike) -> Extent:
 
 # Jitted, so that a call compiles once instead of once per operation.
 @jax.jit
-def _evaluated(spectra, solids):
-    """Return the power laws of the spectra, and the glassy moduli E_r of the solids."""
-    return [one.power_law() for one in spectra], [one.glassy_reduced() for one in solids]
+def _evaluated(spectra, bodies):
+    """Return the power law of each spectrum, and the glassy modulus of the softer body at its beginning."""
+    laws, moduli = [one.power_law() for one in spectra], []
+    for law in laws:
+        of_bodies = []
+        for body in bodies:
+            modulus = body.material.glassy_reduced()
+            if body.layer is not None and body.layer.multiplies:
+                modulus = modulus * body.layer.stiffening(poisson_of(body.material), law.q[0])
+            of_bodies.append(modulus)
+        moduli.append(functools.reduce(jnp.minimum, of_bodies))
+    return laws, moduli
 
 
 _stopped = jax.jit(jax.lax.stop_gradient)

@@ -288,9 +288,10 @@ def test_heated_tables_are_good_to_1e_8_but_for_a_few():
     setting = settings.most_common(1)[0][0]
     scenes = [at for at in drawn if default_quadrature(*at) == setting]
     exact = [np.asarray(values(*at, fine)) for at in scenes]
-    assert len(scenes) > 30 and np.isfinite(exact).all()
+    # Where temperatures do not converge, values are NaN.
+    assert len(scenes) > 30 and np.isnan(exact).mean() < 0.02
     pairs = zip(scenes, exact, strict=True)
-    error = np.array([np.max(np.abs(values(*at, setting) / e - 1)) for at, e in pairs])
+    error = np.array([np.nanmax(np.abs(values(*at, setting) / e - 1)) for at, e in pairs])
     print(f"\n{len(scenes)} heated tables to {error.max():.1e}, {np.mean(error > 1e-8):.1%} above 1e-8")
     assert error.max() < 3e-7 and np.mean(error > 1e-8) < 0.02 and np.mean(error > 1e-9) < 0.1
 
