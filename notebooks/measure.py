@@ -53,6 +53,7 @@ MEASUREMENTS = {
     "settings": benchmark("settings_table"),
     "law": f"TABLE=notebooks/law_table.md {pytest(LAW, 'slow')}",
     "fits_of_boundary_elements": pytest("fitting/uncertainty/test_coverage.py", "slow"),
+    "wrong_models": pytest("fitting/budget/test_wrong_models.py", "slow"),
     "molecular_dynamics": pytest("rubberfric/theory/area/test_molecular_dynamics.py"),
     "master_curves": pytest("fitting/characterise/test_public_sweeps.py"),
     "prony_series": pytest("fitting/characterise/test_public_series.py"),

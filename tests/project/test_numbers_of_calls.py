@@ -172,7 +172,7 @@ STRICT = {
 }
 
 
-@pytest.mark.parametrize("dtype", [None, np.float32, np.float64])
+@pytest.mark.parametrize("dtype", [None, np.float32, pytest.param(np.float64, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", STRICT)
 def test_strict_promotion_of_dtypes(name, dtype):
     given = STRICT[name] if dtype is None else as_arrays(STRICT[name], dtype)

@@ -171,6 +171,7 @@ def solved(ratio=2.0, angle=0.4, **changes):
     return np.asarray(value(arguments(PLAIN | {"psd2": psd} | changes)))
 
 
+@pytest.mark.slow
 def test_no_stretch_is_isotropic():
     isotropic = {k: v for k, v in PLAIN["psd2"].items() if k not in ("ratio", "angle", "harmonics")}
     exact = np.asarray(value(arguments(PLAIN | {"psd2": isotropic})))

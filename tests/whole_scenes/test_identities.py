@@ -185,6 +185,7 @@ def test_two_roughnesses_over_velocity():
     assert (np.diff(A) < 0).all() and (np.diff(u) > 0).all() and (mu > 0).all()
 
 
+@pytest.mark.slow
 def test_gamma_and_S_in_G():
     """Light load: mu ~ gamma sqrt(C_0) with S outside G, sqrt(gamma C_0) with S in G; gamma = 1 is S = 1."""
 

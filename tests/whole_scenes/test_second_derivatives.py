@@ -121,6 +121,7 @@ def test_all_second_derivatives(name):
     np.testing.assert_allclose(forward, _differences(function, count), rtol=1e-5, atol=atol)
 
 
+@pytest.mark.slow
 def test_second_derivatives_at_rest():
     function, count = _function(*SCENES["rest"], COARSE, ("area", "friction"))
     forward = jax.jit(jax.hessian(function))(jnp.zeros(count))

@@ -33,9 +33,9 @@ from rubberfric.theory.structure import RequiredMeans, RoughSurface
 # Steps of the grid per finest detail of E over ln omega.
 PER_DETAIL = 4
 
-# Step for a relaxation spectrum, whose singularities are pi/2 from the real axis of ln omega: the friction of
-# two rubbers has an error of 2e-13. It is 4e-12 for a step of 0.15.
-STEP = 0.125
+# Step for a relaxation spectrum, whose singularities are pi/2 from the real axis of ln omega: error 1e-13.
+# It is 3e-11 for a step of 0.15.
+STEP = 0.1
 
 # Length of the grid for a relaxation spectrum in ln omega: relaxation times over 31 decades.
 _LONGEST = 104.0

@@ -428,6 +428,7 @@ def area_data(scene):
     return AreaData(v, area * noise, pressure=5e5, relative=0.03, check_units=False)
 
 
+@pytest.mark.slow
 def test_in_full_contact_nothing_is_called_reached():
     """All parameters give full contact. No step lowers the cost, because it is constant."""
     truth = rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 1e5, 0.8, 1e-4)), rf.Body(PRONY))

@@ -73,6 +73,7 @@ def test_longer_times_are_a_faster_motion(quantity):
     np.testing.assert_allclose(s["times"] - s["v0"], s["v"], atol=1e-10)
 
 
+@pytest.mark.slow
 @each_quantity
 def test_all_lengths_times_one_factor_move_only_the_separation(quantity):
     s = sums(quantity)

@@ -72,6 +72,7 @@ def test_errors_are_differences_from_brute_force():
     assert min(found().rows[1].errors[:3]) > 1e-7
 
 
+@pytest.mark.slow
 def test_rows_of_a_sweep():
     middle, coarse, single, rough, fine = found().rows
     methods = [(row.method, row.dtype) for row in found().rows]

@@ -126,6 +126,7 @@ STICKY = rf.Scene(
 NARROW = rf.Quadrature(order=6, panels=3, graded=8, ratio=4.5, angular_order=6)
 
 
+@pytest.mark.slow
 def test_gradients_with_long_range_adhesion():
     slope = jax.jit(
         jax.grad(lambda scene: jnp.log(rf.contact_area(scene, 0.0, jnp.float32(2e4), quadrature=NARROW)))

@@ -208,6 +208,7 @@ def overlapping_updates(function, *arguments):
     return found
 
 
+@pytest.mark.slow
 def test_no_array_is_updated_with_a_slice_of_itself():
     """The pattern of github.com/openxla/xla/issues/49176, for which XLA computes wrong numbers on CPUs."""
     assert overlapping_updates(lambda x: x.at[1:].set(x[:-1]).reshape(1, -1), VELOCITY)

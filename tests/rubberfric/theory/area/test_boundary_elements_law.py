@@ -245,6 +245,7 @@ def test_contact_shear_acts_on_the_area():
     )
 
 
+@pytest.mark.slow
 def test_other_solids():
     """A smooth rigid solid on rough rubber is at rest; a table of the modulus and a spring in series."""
     at_rest = rf.Scene(rf.Body(RUBBER, ROAD), rf.Body(rf.Rigid()), contact_model="boundary_elements")
@@ -398,6 +399,7 @@ def test_extreme_loads_are_finite(pressure):
     assert all(np.all(np.isfinite(x)) for x in jax.tree.leaves(found))
 
 
+@pytest.mark.slow
 def test_derivatives_without_a_plateau():
     """With qr = q0 some panels have no width, and nodes lie at q0, where F = 0."""
 

@@ -28,6 +28,7 @@ def friction(one, velocity=VELOCITY):
 ON_ROAD = scene((RIGID, ROAD), (rubber(),))
 
 
+@pytest.mark.slow
 def test_values_are_those_of_the_program():
     """A plain call, closed over in jit, under a derivative by v, and in vmap."""
     traced = jax.jit(friction)(ON_ROAD)

@@ -24,6 +24,9 @@ SERIES = {
     "one term": (1e6, [1e9], [1e-2]),
     "thirty decades": (1e6, np.geomspace(1e10, 1e5, 31), np.logspace(-18, 12, 31)),
 }
+FEW_SERIES = [
+    pytest.param(name, marks=[pytest.mark.slow] * (name in ("four terms", "equal times"))) for name in SERIES
+]
 QV = np.concatenate([np.logspace(-10, 10, 21), [-3.0]])
 
 
@@ -82,7 +85,7 @@ def test_closed_form(name):
     np.testing.assert_allclose(found, exact_means(modulus_of(name), QV)[:3], rtol=1e-12)
 
 
-@pytest.mark.parametrize("name", SERIES)
+@pytest.mark.parametrize("name", FEW_SERIES)
 def test_table_in_series_with_a_spring(name):
     """Springs that are softer than E(0), as stiff as the glass, and between."""
     for spring in (1e-3, 40.0, 1e4):
@@ -92,7 +95,7 @@ def test_table_in_series_with_a_spring(name):
         np.testing.assert_allclose(found, exact, rtol=2e-10, err_msg=str(spring))
 
 
-@pytest.mark.parametrize("name", SERIES)
+@pytest.mark.parametrize("name", FEW_SERIES)
 def test_table_of_a_softened_solid(name):
     """<F'^2> and <F''^2> have separate factors."""
     q = 2e4
@@ -124,7 +127,11 @@ MANY = np.logspace(-4, 3, 40)
 
 
 @pytest.mark.parametrize("v", [FEW, MANY], ids=["at points", "on a grid"])
-@pytest.mark.parametrize("spectrum", [ROAD, GROOVES, TURNING], ids=["isotropic", "grooved", "turning"])
+@pytest.mark.parametrize(
+    "spectrum",
+    [ROAD, pytest.param(GROOVES, marks=pytest.mark.slow), TURNING],
+    ids=["isotropic", "grooved", "turning"],
+)
 def test_by_node(v, spectrum):
     """A coating of two rubbers, whose stiffness is written down in complex numbers."""
     q, d = 700.0, 2e-3
@@ -180,7 +187,7 @@ def test_softened_in_series(v):
     ],
     ids=["closed form", "table", "grooves", "softened", "softened in series", "coating"],
 )
-@pytest.mark.parametrize("points", [3, 40])
+@pytest.mark.parametrize("points", [3, pytest.param(40, marks=pytest.mark.slow)])
 def test_at_rest(scene, points):
     """At v = 0 the loss vanishes, and its derivative is the slope of the line through 0."""
     surface, q = rough_surfaces_of(scene)[0], jnp.full((1, 1), 500.0)
