@@ -44,7 +44,7 @@ from rubberfric.scene.scene import Scene, layers_vary, optional_parts, rough_sur
 # Number of panels of the shortest roughness.
 _FIRST = 0.75
 
-# Panels per unit of L: an e-fold takes half a panel of 12 nodes.
+# Panels per unit of L: an e-fold takes two thirds of a panel of 12 nodes.
 _PER_FOLD = 0.65
 
 # Panels per unit of L where F_j depends on q itself. It may fall by 1e9 within an e-fold of a coating.
@@ -57,7 +57,7 @@ _LEAST_OF_LAW = 12
 # adds more.
 _PER_FOLD_OF_DETAIL = 1.0
 
-# Factor of the last number in heated scenes, whose temperatures depend on the details at all wavevectors.
+# Factor of these panels in heated scenes, whose temperatures depend on the details at all wavevectors.
 _HEATED_DETAIL = 1.5
 
 # Additional panels for two spectra, for layers, and for parts of a scene whose contact is iterated.
@@ -66,10 +66,10 @@ _MORE = 1.8
 # Additional panels for the separation at heavy loads, where it is a small part of the roughness.
 _MORE_FOR_SEPARATION = 3.5
 
-# Lambda above which the separation needs no more panels than the area, and width of the transition.
+# Lambda above which the separation needs no more panels than the area.
 _LIGHT = 6.0
 
-# Width of the transition from heavy to light loads.
+# Width in Lambda of the transition from heavy to light loads.
 _TRANSITION = 8.0
 
 # Numbers of panels. The rule rounds up to one of a few, so that similar scenes share a compiled function.
@@ -141,9 +141,9 @@ def _setting(scene, extent, separation):
     materials = [one for body in bodies for one in (body.material, body.below) if one is not None]
     detailed = any(one.relaxes and one.detail is not None for one in materials)
     law = scene.contact_model != "paper"
-    rates = {_PER_FOLD_OF_LAYERS: layered, _PER_FOLD_OF_DETAIL: detailed}
-    rate = max((rate for rate, applies in rates.items() if applies), default=_PER_FOLD)
-    rate *= _HEATED_DETAIL if detailed and "heating" in parts else 1.0
+    rate = _PER_FOLD_OF_LAYERS if layered else _PER_FOLD
+    if detailed:
+        rate = _PER_FOLD_OF_DETAIL * (_HEATED_DETAIL if "heating" in parts else 1.0)
     iterated = bool(parts & {"heating", "adhesion"}) or law
     more = _MORE if len(rough) > 1 or layered or iterated else 0.0
     if separation:
@@ -208,7 +208,7 @@ def extent_of(scene: Scene, pressure: ArrayLike) -> Extent:
         laws, moduli = _evaluated([spectrum for spectrum, _ in rough_surfaces(scene)], bodies)
     if not laws:
         return Extent(0.0, -math.inf, -math.inf)
-    ends, rises, steepest = [], 0.0, 0.0
+    ends, rises, stress = [], 0.0, 0.0
     for law, modulus in zip(laws, moduli, strict=True):
         log_q, log_value, exponent = (
             np.asarray(x, float) for x in (np.log(law.q), law.log_value, law.exponent)
@@ -216,8 +216,8 @@ def extent_of(scene: Scene, pressure: ArrayLike) -> Extent:
         ends += [log_q[0], log_q[-1]]
         rises += 0.5 * float(np.sum(np.clip(exponent, 0.0, 2.0) * np.diff(log_q)))
         first = float(np.max((0.5 * log_value + log_q)[log_q <= log_q[0] + 1.0]))
-        steepest = max(steepest, float(modulus) * math.sqrt(float(law.height2)) * math.exp(min(first, 300.0)))
-    stress, log_pressure = steepest, np.log(np.asarray(pressure, float))
+        stress = max(stress, float(modulus) * math.sqrt(float(law.height2)) * math.exp(min(first, 300.0)))
+    log_pressure = np.log(np.asarray(pressure, float))
     loads = -math.inf, -math.inf
     if stress > 0:
         low, high = np.min(log_pressure, initial=math.inf), np.max(log_pressure, initial=-math.inf)
