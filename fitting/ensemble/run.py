@@ -1,4 +1,4 @@
-"""Ensembles: thousands of fits in one compiled function over devices and processes, with checkpoints.
+"""Ensembles: thousands of fits over devices and processes, with checkpoints.
 
 A checkpoint contains the state of a run, from which it continues with identical results::
 
@@ -24,14 +24,21 @@ import jax
 import numpy as np
 from jax.experimental import multihost_utils
 
-from fitting.ensemble.batches import advance_members, blank_iterate, make_batch
 from fitting.ensemble.members import EnsembleResult, Members
+from fitting.solvers.devices import Devices, mesh_of
 from fitting.solvers.options import check_options
 from fitting.solvers.runs import Progress
+from fitting.solvers.steps import Engine, make_engine
 from rubberfric.base import VERSION, StrPath, check_writable, shown, write_durably
 from rubberfric.io import hdf5
 
 _FORMAT = "rubberfric ensemble checkpoint"
+
+# Largest number of members in the batch of a processor, large enough to hide the work of the host.
+IN_TURN = 32
+
+# Largest number of members in the batch of an accelerator.
+VECTORISED = 1024
 
 
 def write_checkpoint(path: StrPath, fingerprint: str, progress: Progress) -> None:
@@ -169,26 +176,26 @@ def run_ensemble(
     record = _Record(members, checkpoint, every, together)
     record.begin(resume)
     progress, most = record.progress, members.max_steps
-    before, began, interrupted = progress.seconds, time.monotonic(), False
-    tell = callback or (lambda *_: None)
-    compiled = None
+    interrupted, size, peak = False, 0, 0
+
+    def tell() -> None:
+        if callback is not None:
+            callback(len(members) - int(progress.unfinished(most).sum()), len(members))
+
     try:
-        tell(len(members) - int(progress.unfinished(most).sum()), len(members))
+        tell()
         if progress.unfinished(most).any():
-            compiled = make_batch(members, devices, batch, vectorised, max_memory)
-            began = time.monotonic()
-            for which, stepping in progress.schedule(most, compiled.count):
-                program = compiled.step if stepping else compiled.start
-                new = advance_members(compiled, program, members, progress.iterate, which)
-                progress.keep(which, new, stepping, before + time.monotonic() - began)
+            engine, peak = largest_batch(members, devices, batch, vectorised, max_memory)
+            size = engine.size
+            for _ in progress.advance(engine, record.targets, most):
                 record.write_if_due()
-                tell(len(members) - int(progress.unfinished(most).sum()), len(members))
+                tell()
     except KeyboardInterrupt:
         if together:  # the others wait for this process
             raise
         interrupted = True
     record.write()
-    runs = progress.ends(members.problem, members.targets.moving, interrupted)
+    runs = progress.ends(members.problem, record.targets.moving, interrupted)
     return EnsembleResult(
         kind=members.kind,
         names=members.names,
@@ -196,9 +203,43 @@ def run_ensemble(
         **runs._asdict(),
         seconds=progress.seconds,
         devices=len(devices),
-        batch=0 if compiled is None else compiled.size,
-        peak=0 if compiled is None else compiled.peak,
+        batch=size,
+        peak=peak,
     )
+
+
+def largest_batch(
+    members: Members,
+    devices: Sequence[jax.Device],  # pyright: ignore[reportInvalidTypeForm]: a class
+    size: int | None = None,
+    vectorised: bool | None = None,
+    max_memory: float = 2**30,
+) -> tuple[Engine, int]:
+    """Return the engine with the largest batch that fits into memory, and the memory of a device [B].
+
+    See `run_ensemble` for the arguments. Raise ValueError if a step does not fit into `max_memory`.
+    """
+    vectorised = devices[0].platform != "cpu" if vectorised is None else vectorised
+    mesh = mesh_of(devices)
+    tried = size or min(VECTORISED if vectorised else IN_TURN, -(-len(members) // len(devices)))
+    while True:
+        on = Devices(mesh, vectorised, tried, many=True)
+        engine, targets = _engine(members, tried, on)
+        rows = slice(engine.count)
+        peak = engine.memory(jax.tree.map(lambda a, at=rows: a[at], targets), members.starts[rows])
+        if peak <= max_memory:
+            return engine, peak
+        if tried == 1 or size:
+            raise ValueError(
+                f"max_memory = {max_memory}: a step of a batch of {tried} takes {peak} bytes on each device;"
+                " raise max_memory to at least this number"
+            )
+        tried = max(1, min(tried - 1, int(tried * max_memory / peak)))
+
+
+def _engine(members, size, devices=None):
+    """Return the engine for batches of `size` members on each device, and the targets of all members."""
+    return make_engine(members.solver, members.problem, members.targets, len(members), size, devices)
 
 
 class _Record:
@@ -208,7 +249,8 @@ class _Record:
         self.path, self.every, self.together = path, every, together
         self.writes = jax.process_index() == 0 or not together
         self.fingerprint = members.fingerprint() if path is not None else ""
-        self.progress = Progress.blank(blank_iterate(members))
+        engine, self.targets = _engine(members, 1)
+        self.progress = Progress.blank(engine.blank(self.targets, members.starts))
         self.written, self.in_file = time.monotonic(), 0
 
     def begin(self, resume):

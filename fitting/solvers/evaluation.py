@@ -1,13 +1,12 @@
 """Predictions of a problem and their derivatives, compiled once for a whole fit.
 
 One compiled function serves trial steps, starts, derivatives, error bars, bands and figures, or two if
-derivatives use reverse mode. The function takes up to `PLACES` points x and computes only the given points,
-one after the other, with derivatives along the requested directions. The steps compile quickly and are
-separate functions (`fitting.solvers.levenberg_marquardt`).
+derivatives use reverse mode. The function takes several points x (`fitting.solvers.devices`), and computes
+derivatives along the requested directions. The steps compile quickly and are separate functions
+(`fitting.solvers.steps`).
 """
 
 import functools
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -15,6 +14,7 @@ import numpy as np
 
 from fitting.parameters.scenes import by_name
 from fitting.parameters.variables import Array
+from fitting.solvers.devices import Devices, default_device, over_fits
 from fitting.solvers.problem import CURVE_QUANTITIES, FitStructure, Numbers, Problem
 from fitting.solvers.residuals import (
     Padded,
@@ -28,92 +28,76 @@ from fitting.solvers.residuals import (
 from rubberfric.analysis import uses_forward_mode
 from rubberfric.base import quick_jit
 
-# Number of x in one call of a compiled function.
-PLACES = 8
 # Up to this number of calls, a compiled function takes less time than another compilation.
 CALLS = 100
 
 
 def evaluate_rows(
-    structure: FitStructure, numbers: Numbers, x: Array, slopes: bool = False
+    structure: FitStructure, numbers: Numbers, x: Array, slopes: bool = False, on: Devices | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Evaluate `fitting.solvers.residuals.rows_of` at every row of x, with derivatives if `slopes`.
 
     `structure` and `numbers` are `padded`, so that other problems share the compiled function. For x of the
     shape (k, size), the results have the shapes (k, rows) and (k, rows, size), or (k, rows, 0) without
-    derivatives.
+    derivatives. If `on` is None, JAX's default device is used.
     """
-    x, rows, found = np.asarray(x), [], []
-    name = "along" if _by_forward_mode(structure, numbers) else "both" if slopes else "rows"
-    for first in range(0, len(x), PLACES):
-        here = x[first : first + PLACES]
-        places = np.concatenate([here, np.repeat(here[-1:], PLACES - len(here), 0)])
-        values, derivatives = _PROGRAMS[name](
-            structure, numbers, places, len(here), x.shape[1] if slopes else 0
-        )
-        rows.append(np.asarray(values)[: len(here)])
-        found.append(np.asarray(derivatives)[: len(here), :, : x.shape[1] if slopes else 0])
-    return np.concatenate(rows), np.concatenate(found)
+    x, on = np.asarray(x), default_device() if on is None else on
+    evaluated, columns = _evaluated(structure, slopes), x.shape[1] if slopes else 0
+    rows, derivatives, most = [], [], on.places * on.count
+    for first in range(0, len(x), most):
+        values, by_x = evaluated.of_some(on, structure, (numbers, columns), x[first : first + most])
+        rows.append(values)
+        derivatives.append(by_x[:, :, :columns])
+    return np.concatenate(rows), np.concatenate(derivatives)
 
 
-def _by_forward_mode(structure, numbers):
+def memory_of_evaluation(structure: FitStructure, numbers: Numbers, x: np.ndarray, on: Devices) -> int:
+    """Return the memory of a device for predictions and derivatives at the rows of x [B]."""
+    here = np.resize(x, (on.places * on.count, x.shape[1]))
+    return _evaluated(structure, True).memory(on, structure, (numbers, x.shape[1]), here)
+
+
+def _evaluated(structure, slopes):
+    """Return the compiled function for predictions, with derivatives if `slopes`."""
+    if _by_forward_mode(structure):
+        return _along
+    return _both if slopes else _rows
+
+
+@functools.lru_cache(maxsize=64)  # steps ask many times
+def _by_forward_mode(structure):
     """Return True if all derivatives use forward mode, so that one function serves all calls."""
-    scenes = by_name(jax.tree.unflatten(structure.variables.tree, numbers.constants.leaves))
+    tree = structure.variables.tree
+    scenes = by_name(jax.tree.unflatten(tree, [0.0] * tree.num_leaves))  # the numbers do not matter
     return all(
         block.quantity not in CURVE_QUANTITIES or uses_forward_mode(scenes[block.scene])
         for block in structure.blocks
     )
 
 
-def rows(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
+@over_fits()
+def _rows(structure, shared, x):
     """Return the result of `rows_of` at one x, and an array of shape (rows, 0) instead of derivatives."""
-    del directions
-    values = rows_of(structure, numbers, x)
+    values = rows_of(structure, shared[0], x)
     return values, jnp.zeros((values.size, 0), x.dtype)
 
 
-def both(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
+@over_fits()
+def _both(structure, shared, x):
     """Return the result of `rows_of` at one x and the derivatives, by the mode that suits each block."""
-    del directions
-    return rows_and_slopes(structure, numbers, x)
+    return rows_and_slopes(structure, shared[0], x)
 
 
-def along(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
-    """Return the result of `rows_of` at one x, and derivatives by the first `directions` elements of x."""
+@over_fits()
+def _along(structure, shared, x):
+    """Return the result of `rows_of` at one x, and derivatives by its first elements."""
+    numbers, directions = shared
     values, push = jax.linearize(lambda x: rows_of(structure, numbers, x), x)
 
     def add(k, slopes):
         return slopes.at[:, k].set(push(jnp.zeros_like(x).at[k].set(1.0)))
 
     return values, jax.lax.fori_loop(0, directions, add, jnp.zeros((values.size, x.size), x.dtype))
-
-
-def _at_places(kind):
-    """Return a function that evaluates `kind` at the first `count` of several x.
-
-    A processor evaluates one point after the other. An accelerator evaluates all points at once.
-    """
-    traced = jax.jit(kind, static_argnums=0)  # traced only once
-
-    def evaluated(structure, numbers, x, count, directions):
-        one = functools.partial(traced, structure, numbers)
-        if jax.default_backend() != "cpu":
-            return jax.vmap(lambda x: one(x, directions))(x)
-        blank = jax.tree.map(
-            lambda a: jnp.zeros((len(x), *a.shape), a.dtype), jax.eval_shape(one, x[0], directions)
-        )
-
-        def put(i, found):
-            return jax.tree.map(lambda all_of, new: all_of.at[i].set(new), found, one(x[i], directions))
-
-        return jax.lax.fori_loop(0, count, put, blank)
-
-    evaluated.__name__ = f"evaluated_{kind.__name__}"
-    return evaluated
-
-
-# Compiled functions of (structure, numbers, x, how many of x, along how many directions).
-_PROGRAMS = {kind.__name__: quick_jit(static_argnums=(0,))(_at_places(kind)) for kind in (rows, both, along)}
 
 
 # Not with NumPy: where the model is not finite, padded rows divide infinity by infinity.

@@ -1,4 +1,4 @@
-"""First-order solvers from optax, with the same methods `init` and `step` as `LevenbergMarquardt`.
+"""First-order solvers from optax, which take their steps in one compiled function.
 
 They serve for comparison, and for problems with more parameters than residuals. Levenberg-Marquardt is much
 faster for curves.
@@ -11,7 +11,8 @@ from typing import Any, ClassVar
 import jax
 import jax.numpy as jnp
 
-from fitting.solvers.objective import Iterate, Objective, first_iterate, status_after, unless_done
+from fitting.parameters.variables import Array
+from fitting.solvers.objective import Iterate, Objective, status_after, unless_done
 
 
 class FirstOrder(abc.ABC):
@@ -26,11 +27,13 @@ class FirstOrder(abc.ABC):
     def optimiser(self) -> Any:
         """Return the gradient transformation of optax."""
 
-    def init(self, objective: Objective, x: jax.Array) -> Iterate:
-        """Return the iterate at a start vector x."""
-        # `own` contains the present x, which may be worse than the best x so far, the state of the
-        # transformation, and the number of steps since the cost last fell by more than the tolerance.
-        return first_iterate(objective.cost(x), x, (x, self.optimiser().init(x), jnp.asarray(0)))
+    def own(self, x: Array) -> tuple[Array, Any, jax.Array]:
+        """Return the first `own` of an `Iterate` for several fits, at x of shape (fits, size).
+
+        It contains the present x, which may be worse than the best x so far, the state of the transformation,
+        and the number of steps since the cost last fell by more than the tolerance.
+        """
+        return x, jax.vmap(self.optimiser().init)(x), jnp.zeros(len(x), int)
 
     def step(self, objective: Objective, iterate: Iterate) -> Iterate:
         """Return the iterate after one step."""

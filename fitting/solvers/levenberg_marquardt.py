@@ -30,10 +30,6 @@ from fitting.solvers.objective import (
     SQUARES,
     Iterate,
     Loss,
-    Objective,
-    Residuals,
-    ResidualsAndJacobian,
-    first_iterate,
     status_after,
     unless_done,
 )
@@ -65,50 +61,14 @@ class LevenbergMarquardt:
     tolerance: float = 1e-9
     damping: float = 1e-3
 
-    def init(self, objective: Objective, x: jax.Array) -> Iterate:
-        """Return the iterate at a start vector x."""
-        return first_iterate(objective.cost(x), x, jnp.asarray(self.damping, x.dtype))
-
-    def step(self, objective: Objective, iterate: Iterate) -> Iterate:
-        """Return the iterate after one step."""
-        residuals, both, loss, rounding, _ = objective
-        return step(residuals, both, iterate, loss, tolerance=self.tolerance, rounding=rounding)
+    def own(self, x: np.ndarray) -> np.ndarray:
+        """Return the damping of the first step of each fit, as `own` of an `Iterate`. x is (fits, size)."""
+        return np.full(len(x), self.damping, x.dtype)
 
 
 # For fits that start near their minimum, as in a bootstrap: a quarter fewer steps than with the damping for
 # distant starts.
 NEAR_MINIMUM = LevenbergMarquardt(damping=1e-7)
-
-
-def step(
-    residuals: Residuals,
-    residuals_and_jacobian: ResidualsAndJacobian,
-    iterate: Iterate,
-    loss: Loss = SQUARES,
-    *,
-    tolerance: float = 1e-9,
-    rounding: ArrayLike = 0.0,
-    longest: float = LONGEST_STEP,
-) -> Iterate:
-    """Return the iterate after one step for least squares or a robust loss, inside jit and vmap.
-
-    Parameters
-    ----------
-    residuals, residuals_and_jacobian : functions of x, as in `Objective`
-    iterate : the first one with `own` = lambda / (largest singular value)^2, or from the last step
-        If the fit has ended, this iterate is returned.
-    rounding : cost due to rounding, below which the data are fitted exactly
-    longest : largest allowed change of any x, because the linear model fails for larger changes
-    """
-    x = jnp.asarray(iterate.x)
-    plan = plan_step(*residuals_and_jacobian(x), iterate, loss, longest)
-
-    def evaluated(trial):
-        return after_evaluation(plan, trial, residuals(x + trial.move), iterate, loss)
-
-    # A loop, so that the model is compiled once for all evaluations.
-    trial = jax.lax.while_loop(lambda trial: ~trial.done, evaluated, first_trial(plan))
-    return accept(plan, trial, iterate, tolerance=tolerance, rounding=rounding, longest=longest)
 
 
 class Plan(NamedTuple):

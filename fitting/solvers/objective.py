@@ -80,22 +80,13 @@ class Loss(NamedTuple):
 
 SQUARES = Loss()
 
-Residuals = Callable[[jax.Array], jax.Array]
-ResidualsAndJacobian = Callable[[jax.Array], tuple[jax.Array, jax.Array]]
-
 
 class Objective(NamedTuple):
-    """Functions of x that a solver needs, where x has the shape (size,)."""
+    """What a first-order solver needs, where x has the shape (size,)."""
 
-    residuals: Residuals  # shape (rows,)
-    residuals_and_jacobian: ResidualsAndJacobian  # shapes (rows,) and (rows, size); 0 for fixed elements of x
-    loss: Loss
+    cost: Callable[[jax.Array], jax.Array]
     rounding: jax.Array  # cost due to rounding; smaller costs have no meaning
     moving: Array  # shape (size,), 0 for fixed elements of x, else 1
-
-    def cost(self, x: jax.Array) -> jax.Array:
-        """Return the loss at x."""
-        return self.loss.cost(self.residuals(x))
 
 
 RUNNING, CONVERGED, PERFECT, STALLED, OUT_OF_STEPS, NOT_FINITE, INTERRUPTED, PRECISE, UNMOVED = range(9)
@@ -127,13 +118,6 @@ class Iterate(NamedTuple):
     nfev: Array  # number of evaluations of the residuals, or of the cost
     njev: Array  # number of evaluations of the Jacobian, or of the gradient
     own: Any  # arrays of the solver
-
-
-def first_iterate(cost: jax.Array, x: jax.Array, own: Any) -> Iterate:
-    """Return the iterate before the first step, where `own` is the internal state of the solver."""
-    status = jnp.where(jnp.isfinite(cost), RUNNING, NOT_FINITE)
-    zero = jnp.asarray(0)
-    return Iterate(x, cost, status, zero + 1, zero, own)
 
 
 def unless_done(before: Iterate, after: Iterate) -> Iterate:

@@ -27,34 +27,19 @@ from rubberfric.base import Kind, PhysicalObject, fields_of, recurring_length
 from rubberfric.roughness import log_power_spectrum
 
 
-def objective(structure: FitStructure, numbers: Numbers, targets: Targets) -> Objective:
-    """Return the `Objective` of a problem: residuals and Jacobian as functions of x, and the loss."""
-    return Objective(
-        lambda x: residuals(structure, numbers, targets, x),
-        lambda x: residuals_and_jacobian(structure, numbers, targets, x),
-        loss_of(structure, numbers),
-        rounding(structure, targets),
-        targets.moving,
-    )
+def cost(structure: FitStructure, numbers: Numbers, targets: Targets, x: jax.Array) -> jax.Array:
+    """Return the cost of a problem at x of shape (size,)."""
+    return loss_of(structure, numbers).cost(residuals(structure, numbers, targets, x))
 
 
 def solver_objective(structure: FitStructure, numbers: Numbers, targets: Targets) -> Objective:
-    """Return `objective` in the variables z of solvers. See `fitting.solvers.ordered`."""
-    plain, variables = objective(structure, numbers, targets), structure.variables
-    if not variables.order:
-        return plain
+    """Return the cost in the variables z of solvers. See `fitting.solvers.ordered`."""
 
-    def to(z: jax.Array) -> jax.Array:
-        return jnp.asarray(x_of(variables, numbers.constants, z, targets.moving))
+    def cost_at(z: jax.Array) -> jax.Array:
+        x = x_of(structure.variables, numbers.constants, jnp.asarray(z), targets.moving)
+        return cost(structure, numbers, targets, jnp.asarray(x))
 
-    def both(z: jax.Array) -> tuple[jax.Array, jax.Array]:
-        x, slopes = forward(to, z)
-        rows, jacobian = plain.residuals_and_jacobian(x)
-        return rows, jacobian @ slopes * targets.moving
-
-    return plain._replace(
-        residuals=lambda z: plain.residuals(to(jnp.asarray(z))), residuals_and_jacobian=both
-    )
+    return Objective(cost_at, rounding(structure, targets), targets.moving)
 
 
 def loss_of(structure: FitStructure, numbers: Numbers) -> Loss:
@@ -154,14 +139,6 @@ def slopes_in_errors(structure: FitStructure, numbers: Numbers, targets: Targets
 def residuals(structure: FitStructure, numbers: Numbers, targets: Targets, x: jax.Array) -> jax.Array:
     """Return the residuals of data, priors and smoothing at x, in units of the errors."""
     return in_errors(structure, numbers, targets, rows_of(structure, numbers, x))
-
-
-def residuals_and_jacobian(
-    structure: FitStructure, numbers: Numbers, targets: Targets, x: jax.Array
-) -> tuple[jax.Array, jax.Array]:
-    """Return `residuals` and the Jacobian, an array of shape (rows, size), 0 for fixed elements of x."""
-    rows, slopes = rows_and_slopes(structure, numbers, x)
-    return in_errors(structure, numbers, targets, rows), slopes_in_errors(structure, numbers, targets, slopes)
 
 
 def _whitened(numbers, rows):

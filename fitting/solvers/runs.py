@@ -3,13 +3,10 @@
 Fits that differ in their start, their data or their fixed elements run in small batches. When a fit ends,
 another one takes its place, so that no fit waits for the slowest. `Progress` keeps the state of all fits and
 chooses the next ones, here and in ensembles (`fitting.ensemble.run`).
-
-For least squares, the model and the step are separate compiled functions, because the model takes most of the
-compilation time. A step of Levenberg-Marquardt evaluates the residuals several times.
 """
 
 import dataclasses
-import functools
+import time
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -17,29 +14,13 @@ import jax
 import numpy as np
 
 from fitting.parameters.variables import Array
-from fitting.solvers.evaluation import evaluate_rows
-from fitting.solvers.levenberg_marquardt import (
-    LevenbergMarquardt,
-    accept,
-    after_evaluation,
-    first_trial,
-    plan_step,
-)
-from fitting.solvers.objective import (
-    CONVERGED,
-    INTERRUPTED,
-    NEGLIGIBLE,
-    NOT_FINITE,
-    OUT_OF_STEPS,
-    RUNNING,
-    Iterate,
-)
+from fitting.solvers.objective import INTERRUPTED, OUT_OF_STEPS, RUNNING, Iterate
 from fitting.solvers.options import Solver
-from fitting.solvers.ordered import each_fit, put_on_bounds, slopes_of_x, x_of, z_of
-from fitting.solvers.problem import FitStructure, Numbers, Problem, Targets
-from fitting.solvers.residuals import in_errors, loss_of, padded, rounding, slopes_in_errors, solver_objective
-from rubberfric.base import quick_jit
+from fitting.solvers.ordered import each_fit, x_of
+from fitting.solvers.problem import Problem, Targets
+from fitting.solvers.steps import Engine, make_engine
 
+# Number of fits in a batch. More fits of one run wait for the slowest one at the end.
 FIT_BATCH = 4
 
 Callback = Callable[[int, float], object]
@@ -78,35 +59,33 @@ class Progress:
         """Return True for fits that have neither ended nor taken `max_steps` steps."""
         return ~self.begun | ((self.iterate.status == RUNNING) & (self.steps < max_steps))
 
-    def schedule(self, max_steps: int, batch: int) -> Iterator[tuple[np.ndarray, bool]]:
-        """Yield the indices of at most `batch` fits to advance next, and True for a step, False for a start.
+    def advance(self, engine: Engine, targets: Targets, max_steps: int) -> Iterator[bool]:
+        """Advance all fits in batches. After each batch, yield True if it took a step, False for starts.
 
-        The caller passes the new iterates to `keep` before the next iteration.
+        `targets` have one entry for each fit.
         """
+        before, began = self.seconds, time.monotonic()
         while (left := self.unfinished(max_steps)).any():
             running, fresh = np.flatnonzero(left & self.begun), np.flatnonzero(~self.begun)
-            stepping = running.size >= batch or not fresh.size
-            yield (running if stepping else fresh)[:batch], stepping
-
-    def keep(self, which: np.ndarray, iterate: Iterate, stepped: bool, seconds: float = 0.0) -> None:
-        """Store the new iterates of the fits `which`."""
-        self.pending = which, iterate, self.steps[which] + stepped, seconds
-        self.take_in()
+            stepping = running.size >= engine.count or not fresh.size
+            which = (running if stepping else fresh)[: engine.count]
+            here, iterate = jax.tree.map(lambda a, at=which: a[at], (targets, self.iterate))
+            new = engine.step(here, iterate) if stepping else engine.start(here, iterate)
+            self.pending = which, new, self.steps[which] + stepping, before + time.monotonic() - began
+            self.take_in()
+            yield stepping
 
     def take_in(self) -> None:
         """Copy the pending rows. After an interrupt, the next call copies them again."""
         if self.pending is None:
             return
         which, iterate, steps, seconds = self.pending
-        if self.iterate.own is None:
-            own = jax.tree.map(lambda a: np.zeros((len(self.steps), *a.shape[1:]), a.dtype), iterate.own)
-            self.iterate = self.iterate._replace(own=own)
         for old, new in zip(jax.tree.leaves(self.iterate), jax.tree.leaves(iterate), strict=True):
             old[which] = new
         self.steps[which], self.begun[which], self.seconds = steps, True, seconds
         self.pending = None
 
-    def ends(self, problem: Problem, moving: Any, interrupted: bool) -> Runs:
+    def ends(self, problem: Problem, moving: Array, interrupted: bool) -> Runs:
         """Return the results; fits that run still have the status INTERRUPTED or OUT_OF_STEPS."""
         iterate, late = self.iterate, INTERRUPTED if interrupted else OUT_OF_STEPS
         moving = np.broadcast_to(moving, np.shape(iterate.x))
@@ -143,26 +122,12 @@ def run_fits(
         Each batch size needs its own compilation.
     """
     targets = jax.tree.map(lambda a: a[None], problem.targets) if targets is None else targets
-    structure, numbers, targets, _ = padded(problem, targets)
-    starts = np.asarray(starts)
-    fits, max_steps = len(starts), max_steps or solver.max_steps
-    targets = jax.tree.map(lambda a: np.broadcast_to(a, (fits, *a.shape[1:])), targets)
-    batch = batch or min(FIT_BATCH, fits)
-    moving: np.ndarray = np.asarray(targets.moving)  # pyright: ignore[reportOptionalMemberAccess]
-    z, zero = each_fit(z_of, structure.variables, numbers.constants, starts, moving), np.zeros(fits, int)
-    cost = np.full(fits, np.inf, z.dtype)
-    progress = Progress.blank(Iterate(z.copy(), cost, zero + RUNNING, zero.copy(), zero.copy(), None))
-    total, interrupted = 0, False
+    starts, max_steps = np.asarray(starts), max_steps or solver.max_steps
+    size = batch or min(FIT_BATCH, len(starts))
+    engine, targets = make_engine(solver, problem, targets, len(starts), size)
+    progress, total, interrupted = Progress.blank(engine.blank(targets, starts)), 0, False
     try:
-        for which, stepping in progress.schedule(max_steps, batch):
-            places = np.resize(which, batch)
-            here, iterate = jax.tree.map(lambda a, at=places: a[at], (targets, progress.iterate))
-            if stepping:
-                status = np.where(np.arange(batch) < which.size, iterate.status, CONVERGED)
-                new = advance(solver, structure, numbers, here, iterate._replace(status=status))
-            else:
-                new = start(solver, structure, numbers, here, iterate.x)
-            progress.keep(which, jax.tree.map(lambda a, n=which.size: np.asarray(a)[:n], new), stepping)
+        for stepping in progress.advance(engine, targets, max_steps):
             total += stepping
             if stepping and callback is not None:
                 cost = progress.iterate.cost
@@ -170,129 +135,5 @@ def run_fits(
     except KeyboardInterrupt:
         progress.take_in()
         interrupted = True
-    runs = progress.ends(problem._replace(structure=structure, numbers=numbers), moving, interrupted)
+    runs = progress.ends(problem, targets.moving, interrupted)
     return runs._replace(status=np.where(progress.begun, runs.status, RUNNING))
-
-
-def start(solver: Solver, structure: FitStructure, numbers: Numbers, targets: Targets, x: Array) -> Iterate:
-    """Return the iterates at the start vectors x. `targets` and x have a leading axis of fits."""
-    if not isinstance(solver, LevenbergMarquardt):
-        return _by_solver("init", solver, structure, numbers, targets, x)
-    problem, x = (structure, numbers, targets), np.asarray(x)
-    costs = np.asarray(_costs(*problem, _evaluated(*problem, x)[0]))
-    status, one = np.where(np.isfinite(costs), RUNNING, NOT_FINITE), np.ones(len(x), int)
-    return Iterate(x, costs, status, one, 0 * one, np.full(len(x), solver.damping, x.dtype))
-
-
-def advance(
-    solver: Solver, structure: FitStructure, numbers: Numbers, targets: Targets, iterate: Iterate
-) -> Iterate:
-    """Take one step of each running fit, and return the new iterates."""
-    if not isinstance(solver, LevenbergMarquardt):
-        return _by_solver("step", solver, structure, numbers, targets, iterate)
-    problem = structure, numbers, targets
-    if not np.any(np.asarray(iterate.status) == RUNNING):
-        return iterate
-    after = _levenberg_marquardt_step(solver, *problem, iterate)
-    return _at_bounds(solver, *problem, iterate, after) if structure.variables.order else after
-
-
-@functools.partial(jax.jit, static_argnums=(0, 1, 2))
-def _by_solver(name, solver, structure, numbers, targets, state):
-    def one(targets, state):
-        return getattr(solver, name)(solver_objective(structure, numbers, targets), state)
-
-    return jax.vmap(one)(targets, state)
-
-
-def _over_fits(function):
-    """Compile a function with a leading axis of fits in all arguments except `structure` and `numbers`."""
-
-    @quick_jit(static_argnums=(0,))
-    @functools.wraps(function)
-    def several(structure, numbers, *arguments):
-        return jax.vmap(functools.partial(function, structure, numbers))(*arguments)
-
-    return several
-
-
-@_over_fits
-def _costs(structure, numbers, targets, rows):
-    return loss_of(structure, numbers).cost(in_errors(structure, numbers, targets, rows))
-
-
-@_over_fits
-def _plan_step(structure, numbers, targets, iterate, rows, slopes):
-    plain = in_errors(structure, numbers, targets, rows)
-    jacobian = slopes_in_errors(structure, numbers, targets, slopes)
-    plan = plan_step(plain, jacobian, iterate, loss_of(structure, numbers))
-    return plan, first_trial(plan)
-
-
-@_over_fits
-def _after_evaluation(structure, numbers, targets, iterate, plan, trial, rows):
-    ahead = in_errors(structure, numbers, targets, rows)
-    return after_evaluation(plan, trial, ahead, iterate, loss_of(structure, numbers))
-
-
-@_over_fits
-def _accept(structure, _, targets, iterate, plan, trial, tolerance):
-    return accept(plan, trial, iterate, tolerance=tolerance, rounding=rounding(structure, targets))
-
-
-def _levenberg_marquardt_step(solver, structure, numbers, targets, iterate):
-    """Take one step of each running fit, with one Jacobian and several evaluations of the residuals."""
-    problem, x = (structure, numbers, targets), np.asarray(iterate.x)
-    running = np.asarray(iterate.status) == RUNNING
-    rows_and_slopes = _evaluated(*problem, x, np.flatnonzero(running), slopes=True)
-    plan, trial = _plan_step(*problem, iterate, *rows_and_slopes)
-    while (which := np.flatnonzero(running & ~np.asarray(trial.done))).size:
-        rows, _ = _evaluated(*problem, x + np.asarray(trial.move), which)
-        trial = _after_evaluation(*problem, iterate, plan, trial, rows)
-    return _accept(*problem, iterate, plan, trial, np.full(len(x), solver.tolerance, x.dtype))
-
-
-def _at_bounds(solver, structure, numbers, targets, before, after):
-    """Take other steps from x with elements near a bound on it, and return the iterates of lower cost.
-
-    The second step is for fits that the first left above the cost of `after`. Elements stay on the bound as
-    well if the cost is higher by far less than a negligible gain. Otherwise they approach the bound by ever
-    smaller steps.
-    """
-    problem, x = (structure, numbers, targets), np.array(after.x)
-    for i in np.flatnonzero(np.asarray(after.status) == RUNNING):
-        known = structure.variables, numbers.constants, np.asarray(before.x)[i], x[i]
-        x[i] = put_on_bounds(*known, np.asarray(targets.moving)[i])
-    tried = (x != np.asarray(after.x)).any(1)
-    if not tried.any():
-        return after
-    costs = _costs(*problem, _evaluated(*problem, x)[0])
-    status = np.where(tried & np.isfinite(costs), after.status, CONVERGED)
-    if not np.any(status == RUNNING):
-        return after
-    there = after._replace(x=x, cost=costs, status=status, nfev=after.nfev + 1, njev=after.njev + 1)
-    after = Iterate(*map(np.array, after))
-    highest = after.cost + 0.01 * NEGLIGIBLE * np.maximum(1.0, after.cost)
-    for _ in range(2):
-        there = _levenberg_marquardt_step(solver, *problem, there)
-        lower = tried & (np.asarray(there.cost) < highest)
-        if np.all(lower | (status != RUNNING)):
-            break
-    for old, new in zip(after, there, strict=True):
-        old[lower] = np.asarray(new)[lower]
-    return after
-
-
-def _evaluated(structure, numbers, targets, z, which=None, slopes=False):
-    """Return the predicted rows of the fits `which` and the derivatives with respect to z, 0 for others."""
-    variables, constants, z = structure.variables, numbers.constants, np.asarray(z)
-    which = np.arange(len(z)) if which is None else which
-    known = variables, constants, z[which], np.asarray(targets.moving)[which]
-    rows, by_x = evaluate_rows(structure, numbers, each_fit(x_of, *known), slopes)
-    if slopes and variables.order:
-        by_x = by_x @ each_fit(slopes_of_x, *known)
-    found = []
-    for part in (rows, by_x):
-        found.append(np.zeros((len(z), *part.shape[1:]), part.dtype))
-        found[-1][which] = part
-    return found

@@ -26,7 +26,7 @@ from fitting.parameters.scenes import find, path_over
 from fitting.parameters.variables import Array
 from fitting.solvers.options import check_options
 from fitting.solvers.problem import FitStructure, Numbers, Problem, Targets
-from fitting.solvers.residuals import objective, padded
+from fitting.solvers.residuals import cost, padded
 from fitting.uncertainty.covariance import OPEN
 from fitting.uncertainty.intervals import SolvedProblem
 from rubberfric.base import shown
@@ -118,7 +118,7 @@ def density_at(
     structure: FitStructure, flat: str, numbers: Numbers, targets: Targets, x: jax.Array
 ) -> jax.Array:
     """Return the log density from the parts of a problem, for use inside other compiled functions."""
-    density = -objective(structure, numbers, targets).cost(x)
+    density = -cost(structure, numbers, targets, x)
     if flat == "x":
         return density
     return density + _log_slopes(structure.variables, numbers.constants.width, x)

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 from support.ensembles.twin import FREE, GUESS, TRUTH, twin
+from support.jacobians import residuals_and_jacobian
 from support.scenes.curves import numpy_friction
 
 import rubberfric as rf
@@ -26,8 +27,8 @@ from fitting.solvers.first_order import LBFGS, Adam
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.objective import RUNNING
 from fitting.solvers.problem import make_problem
-from fitting.solvers.residuals import residuals, residuals_and_jacobian
-from fitting.solvers.runs import advance, start
+from fitting.solvers.residuals import residuals
+from fitting.solvers.steps import make_engine
 from fitting.uncertainty.covariance import uncertainty
 
 pytestmark = pytest.mark.benchmark
@@ -47,17 +48,16 @@ def near(problem):
 
 def trace(solver, problem, budget):
     """(seconds, x, cost) after every step of a solver, compiled beforehand."""
-    one = jax.tree.map(lambda a: jnp.asarray(a)[None], problem.targets)
-    at = (solver, problem.structure, problem.numbers, one)
-    state = start(*at, problem.start[None])
-    jax.block_until_ready(advance(*at, state))
+    engine, targets = make_engine(solver, problem, None, 1, 1)
+    blank = engine.blank(targets, problem.start[None])
+    engine.step(targets, engine.start(targets, blank))
     points, begin = [], time.perf_counter()
-    state = start(*at, problem.start[None])
+    state = engine.start(targets, blank)
     while time.perf_counter() - begin < budget:
         points.append((time.perf_counter() - begin, np.asarray(state.x[0]), float(state.cost[0])))
         if int(state.status[0]) != RUNNING or len(points) > solver.max_steps:
             break
-        state = jax.block_until_ready(advance(*at, state))
+        state = engine.step(targets, state)
     return points
 
 

@@ -1,6 +1,7 @@
 """Ensembles: the same numbers on any devices and processes, through kills and full disks."""
 
 import dataclasses
+import functools
 import os
 import random
 import re
@@ -21,7 +22,7 @@ from support.ensembles import ensemble_cases as cases
 from support.folders import PYTHONPATH
 
 import fitting
-from fitting.ensemble.batches import make_batch
+from fitting.ensemble.run import largest_batch
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.objective import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
 from fitting.solvers.runs import run_fits
@@ -176,26 +177,26 @@ def test_two_processes_do_not_change_a_bit(tmp_path, members, whole):
 def test_a_second_ensemble_compiles_no_fit(members):
     with compilations() as compiled:
         fitting.run_ensemble(members, batch=3)
-        assert "of_a_device" in " ".join(map(str, compiled))
+        assert "several_accept" in " ".join(map(str, compiled))
         compiled.clear()
         fitting.run_ensemble(members, batch=3)
-    assert "of_a_device" not in " ".join(map(str, compiled))
+    assert "several" not in " ".join(map(str, compiled))
 
 
 # --- memory
 
 
 def test_a_batch_is_as_large_as_memory_holds(members):
-    device = jax.devices()[:1]
-    many = make_batch(members, device, vectorised=True)
+    sized = functools.partial(largest_batch, members, jax.devices()[:1])
+    many, most = sized(vectorised=True)
     assert many.count == 17
-    few = make_batch(members, device, vectorised=True, max_memory=many.peak // 3)
-    assert 1 <= few.count <= 6 and few.peak <= many.peak // 3
-    # One after the other they need little more than one.
-    serial = make_batch(members, device, vectorised=False)
-    assert serial.count == 17 and serial.peak < 0.5 * many.peak
-    result = fitting.run_ensemble(members, vectorised=True, max_memory=many.peak // 3)
-    assert result.peak == few.peak and result.batch == few.count
+    few, peak = sized(vectorised=True, max_memory=most // 3)
+    assert 1 <= few.count <= 6 and peak <= most // 3
+    # One after the other they share the memory of intermediate results.
+    serial, in_turn = sized(vectorised=False)
+    assert serial.count == 17 and in_turn < 0.75 * most
+    result = fitting.run_ensemble(members, vectorised=True, max_memory=most // 3)
+    assert result.peak == peak and result.batch == few.count
 
 
 def test_too_little_memory_is_refused_before_a_step(members):

@@ -18,7 +18,7 @@ from fitting.parameters.variables import free_parameters, to_scene
 from fitting.solvers import objective as losses
 from fitting.solvers.objective import LOSS_WIDTHS
 from fitting.solvers.problem import make_problem
-from fitting.solvers.residuals import objective, residuals
+from fitting.solvers.residuals import loss_of, residuals
 from rubberfric.scene.scene import cast
 
 TAU = np.array([1e-7, 1e-4, 1e-5, 1e-1])  # neither in order nor evenly spaced
@@ -226,7 +226,7 @@ def test_robust_losses_leave_priors_quadratic():
     assert found[-1] == pytest.approx(np.log(1e-3) / 0.01, rel=1e-12)
     width = LOSS_WIDTHS["cauchy"]
     expected = 0.5 * (width**2 * np.sum(np.log1p((found[:-1] / width) ** 2)) + found[-1] ** 2)
-    loss = objective(problem.structure, problem.numbers, problem.targets).loss
+    loss = loss_of(problem.structure, problem.numbers)
     assert float(loss.cost(found)) == pytest.approx(expected, rel=1e-14)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import optimistix
 import pytest
 from scipy.optimize import least_squares
+from support.jacobians import residuals_and_jacobian
 from support.scenes.fits import FAST as QUADRATURE
 from support.scenes.fits import ROAD, E
 
@@ -19,7 +20,7 @@ from fitting.solvers.first_order import LBFGS, Adam
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.objective import CONVERGED, INTERRUPTED, LOSS_WIDTHS, NOT_FINITE, OUT_OF_STEPS, PERFECT
 from fitting.solvers.problem import make_problem
-from fitting.solvers.residuals import residuals, residuals_and_jacobian
+from fitting.solvers.residuals import residuals
 from fitting.solvers.runs import run_fits
 from fitting.solvers.search import random_starts
 

@@ -5,9 +5,10 @@ import pytest
 from support.scenes.fits import E_INF, ROAD, E
 
 import fitting
-import fitting.solvers.runs as runs_module
 import rubberfric as rf
 from fitting import Gaussian, ModulusData, Positive, fit
+from fitting.solvers.objective import NOT_FINITE
+from fitting.solvers.steps import Engine
 
 SCENE = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])))
 OMEGA = np.logspace(0, 7, 8)
@@ -27,7 +28,7 @@ def interrupt_start(monkeypatch):
     """Return a function that raises KeyboardInterrupt in the n-th evaluation of a start, counted from 1."""
 
     def interrupt(n):
-        calls, start = [], runs_module.start
+        calls, start = [], Engine.start
 
         def stopped(*arguments):
             calls.append(None)
@@ -35,7 +36,7 @@ def interrupt_start(monkeypatch):
                 raise KeyboardInterrupt
             return start(*arguments)
 
-        monkeypatch.setattr(runs_module, "start", stopped)
+        monkeypatch.setattr(Engine, "start", stopped)
         return calls
 
     return interrupt
@@ -55,16 +56,14 @@ def test_if_the_starts_so_far_are_not_finite(monkeypatch):
     """Nothing is known about the starts that were not evaluated."""
     calls = []
 
-    def start(solver, structure, numbers, targets, x):
-        del solver, structure, numbers, targets
+    def start(engine, targets, iterate):
+        del engine, targets
         calls.append(None)
         if len(calls) == 2:
             raise KeyboardInterrupt
-        count = np.ones(len(x), int)
-        nothing = np.full(len(x), np.inf)
-        return runs_module.Iterate(x, nothing, count * runs_module.NOT_FINITE, count, 0 * count, nothing)
+        return iterate._replace(status=iterate.status * 0 + NOT_FINITE, nfev=iterate.nfev + 1)
 
-    monkeypatch.setattr(runs_module, "start", start)
+    monkeypatch.setattr(Engine, "start", start)
     with pytest.raises(KeyboardInterrupt):
         fit(SCENE, moduli(), FREE, starts=6)
     assert len(calls) == 2

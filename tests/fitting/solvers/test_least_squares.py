@@ -28,11 +28,12 @@ from support.oracles.least_squares import (
 
 from fitting.solvers.levenberg_marquardt import (
     CORRECTIONS,
+    LONGEST_STEP,
     STIFFEST,
+    accept,
     after_evaluation,
     first_trial,
     plan_step,
-    step,
 )
 from fitting.solvers.objective import (
     CONVERGED,
@@ -44,8 +45,8 @@ from fitting.solvers.objective import (
     RUNNING,
     SQUARES,
     STALLED,
+    Iterate,
     Loss,
-    first_iterate,
 )
 
 # Most Jacobians, with one to twelve evaluations of the residuals each.
@@ -69,10 +70,26 @@ def both(residuals):
 
 
 def started(residuals, x, loss=SQUARES):
-    def begin(x):
-        return first_iterate(loss.cost(residuals(x)), x, jnp.asarray(1e-3))
+    begin = jax.jit(functools.partial(first_iterate, residuals, loss=loss, damping=1e-3))
+    return begin(np.asarray(x, float))
 
-    return jax.jit(begin)(np.asarray(x, float))
+
+def first_iterate(residuals, x, loss, damping):
+    zero = jnp.asarray(0)
+    return Iterate(x, loss.cost(residuals(x)), zero + RUNNING, zero + 1, zero, jnp.asarray(damping))
+
+
+def step(
+    residuals, with_jacobian, iterate, loss=SQUARES, *, tolerance=1e-9, rounding=0.0, longest=LONGEST_STEP
+):
+    """Take one step, as `fitting.solvers.steps` does for several fits."""
+    plan = plan_step(*with_jacobian(iterate.x), iterate, loss, longest)
+
+    def evaluated(trial):
+        return after_evaluation(plan, trial, residuals(iterate.x + trial.move), iterate, loss)
+
+    trial = jax.lax.while_loop(lambda trial: ~trial.done, evaluated, first_trial(plan))
+    return accept(plan, trial, iterate, tolerance=tolerance, rounding=rounding, longest=longest)
 
 
 def one_step(residuals, with_jacobian=None):
@@ -185,7 +202,6 @@ def test_ends():
     assert iterate.status == STALLED and iterate.x[0] == 0 and iterate.own == STIFFEST
     after = step_from(iterate)
     assert all(np.all(a == b) for a, b in zip(after, iterate, strict=True))  # it is unchanged
-    assert started(lambda x: jnp.log(x), [-1.0]).status == NOT_FINITE
     unknown = one_step(lambda x: x, lambda x: (x, jnp.array([[jnp.nan]])))
     infinite = unknown(started(lambda x: x, [1.0]))
     assert infinite.status == NOT_FINITE and infinite.x[0] == 1.0
@@ -196,7 +212,7 @@ def test_vmap_is_a_loop():
 
     def two(x):
         one = functools.partial(step, rosenbrock, both(rosenbrock))
-        return one(one(first_iterate(SQUARES.cost(rosenbrock(x)), x, jnp.asarray(1e-3))))
+        return one(one(first_iterate(rosenbrock, x, SQUARES, 1e-3)))
 
     together = jax.jit(jax.vmap(two))(starts)
     for i, x in enumerate(starts):
@@ -246,7 +262,7 @@ def test_corrections_are_steps_of_broyden(loss):
 
     x = jnp.asarray([-0.5, 0.4, 1.0])
     r, J = both(residuals)(x)
-    iterate = first_iterate(loss.cost(r), x, jnp.asarray(1.0))
+    iterate = first_iterate(residuals, x, loss, 1.0)
     plan = plan_step(r, J, iterate, loss)
     of_rows, factor = loss.factors(r)
     J = factor[:, None] * J

@@ -4,12 +4,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.jacobians import residuals_and_jacobian
 from support.scenes.common import RIGID, ROAD, SHEAR, WLF
 
 import fitting
 import rubberfric as rf
 from fitting.solvers.problem import make_problem
-from fitting.solvers.residuals import residuals, residuals_and_jacobian
+from fitting.solvers.residuals import residuals
 from rubberfric.analysis import jacobian as jacobian_module
 from rubberfric.analysis.jacobian import BLOCK, linearise_tree, value_and_jacobian
 from rubberfric.scene.scene import cast

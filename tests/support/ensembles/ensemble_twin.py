@@ -24,10 +24,11 @@ if __name__ == "__main__":
     sys.path[:0] = [str(Path(__file__).resolve().parents[i]) for i in (3, 2)]
 
 from support.ensembles.twin import FREE, TRUTH, twin  # noqa: E402
+from support.jacobians import residuals_and_jacobian  # noqa: E402
 
 import fitting  # noqa: E402
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt  # noqa: E402
-from fitting.solvers.residuals import residuals, residuals_and_jacobian  # noqa: E402
+from fitting.solvers.residuals import residuals  # noqa: E402
 from fitting.solvers.runs import run_fits  # noqa: E402
 
 
@@ -79,7 +80,7 @@ def loop(count):
 def parts(count):
     """Seconds per member of Jacobian, residuals and decomposition, `count` to each device, all devices busy.
 
-    On a CPU one member after the other, otherwise one batch, as in `fitting.ensemble.batches`.
+    On a CPU one member after the other, otherwise one batch, as in `fitting.solvers.devices`.
     """
     members = bootstrap(1)
     problem, devices = members.problem, jax.devices()

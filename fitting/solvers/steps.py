@@ -1,0 +1,197 @@
+"""Starts and steps of several fits of one structure, the same for single fits and ensembles.
+
+For least squares, the model and the step are separate compiled functions, because the model takes most of the
+compilation time. A step of Levenberg-Marquardt evaluates the residuals several times.
+"""
+
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from fitting.solvers.devices import Devices, default_device, over_fits
+from fitting.solvers.evaluation import evaluate_rows, memory_of_evaluation
+from fitting.solvers.levenberg_marquardt import (
+    LevenbergMarquardt,
+    accept,
+    after_evaluation,
+    first_trial,
+    plan_step,
+)
+from fitting.solvers.objective import CONVERGED, NEGLIGIBLE, NOT_FINITE, RUNNING, Iterate
+from fitting.solvers.options import Solver
+from fitting.solvers.ordered import each_fit, put_on_bounds, slopes_of_x, x_of, z_of
+from fitting.solvers.problem import FitStructure, Numbers, Problem, Targets
+from fitting.solvers.residuals import in_errors, loss_of, padded, rounding, slopes_in_errors, solver_objective
+
+
+class Engine(NamedTuple):
+    """Starts and steps of fits that share a solver, a structure and its numbers.
+
+    Attributes
+    ----------
+    solver : Solver
+    structure, numbers : of the problem, see `fitting.solvers.residuals.padded`
+    size : largest number of fits of a device in one batch
+    devices : Devices on which the fits run
+    """
+
+    solver: Solver
+    structure: FitStructure
+    numbers: Numbers
+    size: int
+    devices: Devices
+
+    @property
+    def count(self) -> int:
+        """Largest number of fits in one batch."""
+        return self.size * self.devices.count
+
+    def blank(self, targets: Targets, starts: np.ndarray) -> Iterate:
+        """Return the iterates of fits before the evaluation of their starts, shape (fits, size)."""
+        fits, x = len(starts), np.asarray(starts)
+        z = each_fit(z_of, self.structure.variables, self.numbers.constants, x.copy(), targets.moving)
+        own = jax.tree.map(np.array, self.solver.own(z))
+        count = np.zeros(fits, int)
+        return Iterate(z, np.full(fits, np.inf, z.dtype), count + RUNNING, count.copy(), count.copy(), own)
+
+    def start(self, targets: Targets, iterate: Iterate) -> Iterate:
+        """Evaluate the cost at the starts of at most `count` fits, and return the new iterates."""
+        rows, _ = self._evaluated(targets, iterate.x)
+        cost = np.asarray(self._call(_costs, *self._full((targets, rows))))[: len(iterate.x)]
+        status = np.where(np.isfinite(cost), RUNNING, NOT_FINITE)
+        return iterate._replace(cost=cost, status=status, nfev=iterate.nfev + 1)
+
+    def step(self, targets: Targets, iterate: Iterate) -> Iterate:
+        """Take one step of each running fit, at most `count`, and return the new iterates."""
+        if not np.any(iterate.status == RUNNING):
+            return iterate
+        fits = len(iterate.x)
+        targets, iterate = self._full((targets, iterate))
+        iterate.status[fits:] = CONVERGED
+        if not isinstance(self.solver, LevenbergMarquardt):
+            static = self.solver, self.structure
+            after = _step_of_solver(self.devices, static, self.numbers, targets, iterate)
+        else:
+            after = self._levenberg_marquardt_step(targets, iterate)
+            if self.structure.variables.order:
+                after = self._at_bounds(targets, iterate, after)
+        return jax.tree.map(lambda a: np.asarray(a)[:fits], after)
+
+    def memory(self, targets: Targets, starts: np.ndarray) -> int:
+        """Return the memory of a device for a step [B], after compilation of its largest function."""
+        if isinstance(self.solver, LevenbergMarquardt):
+            return memory_of_evaluation(self.structure, self.numbers, starts, self.devices)
+        iterate = self.blank(targets, starts)
+        static, given = (self.solver, self.structure), self._full((targets, iterate))
+        return _step_of_solver.memory(self.devices, static, self.numbers, *given)
+
+    def _full(self, tree):
+        """Repeat rows of the arrays of a pytree, so that their number is `count`."""
+        return jax.tree.map(lambda a: a[np.resize(np.arange(len(a)), self.count)], tree)
+
+    def _call(self, function, *arguments):
+        return function(self.devices, self.structure, self.numbers, *arguments)
+
+    def _evaluated(self, targets, z, which=None, slopes=False):
+        """Return predicted rows of the fits `which`, and their derivatives by z, with 0 for other fits."""
+        which = np.arange(len(z)) if which is None else which
+        variables = self.structure.variables
+        at = variables, self.numbers.constants, z[which], targets.moving[which]
+        rows, by_x = evaluate_rows(self.structure, self.numbers, each_fit(x_of, *at), slopes, self.devices)
+        if slopes and variables.order:
+            by_x = by_x @ each_fit(slopes_of_x, *at)
+        full = [np.zeros((len(z), *part.shape[1:]), part.dtype) for part in (rows, by_x)]
+        full[0][which], full[1][which] = rows, by_x
+        return full
+
+    def _levenberg_marquardt_step(self, targets, iterate):
+        """Take one step of each running fit, with one Jacobian and several evaluations of the residuals."""
+        x, running = np.asarray(iterate.x), np.asarray(iterate.status) == RUNNING
+        rows_and_slopes = self._evaluated(targets, x, np.flatnonzero(running), slopes=True)
+        plan, trial = self._call(_plan_step, targets, iterate, *rows_and_slopes)
+        while (which := np.flatnonzero(running & ~np.asarray(trial.done))).size:
+            rows, _ = self._evaluated(targets, x + np.asarray(trial.move), which)
+            trial = self._call(_after_evaluation, targets, iterate, plan, trial, rows)
+        tolerance = np.full(len(x), self.solver.tolerance, x.dtype)
+        return self._call(_accept, targets, iterate, plan, trial, tolerance)
+
+    def _at_bounds(self, targets, before, after):
+        """Take other steps from x with elements near a bound on it, and return the iterates of lower cost.
+
+        The second step is for fits that the first left above the cost of `after`. Elements stay on the bound
+        as well if the cost is higher by far less than a negligible gain. Otherwise they approach the bound by
+        ever smaller steps.
+        """
+        after, variables = jax.tree.map(np.array, after), self.structure.variables
+        x = after.x.copy()
+        for i in np.flatnonzero(after.status == RUNNING):
+            x[i] = put_on_bounds(variables, self.numbers.constants, before.x[i], x[i], targets.moving[i])
+        tried = (x != after.x).any(1)
+        if not tried.any():
+            return after
+        costs = np.asarray(self._call(_costs, targets, self._evaluated(targets, x)[0]))
+        status = np.where(tried & np.isfinite(costs), after.status, CONVERGED)
+        if not np.any(status == RUNNING):
+            return after
+        there = after._replace(x=x, cost=costs, status=status, nfev=after.nfev + 1, njev=after.njev + 1)
+        highest = after.cost + 0.01 * NEGLIGIBLE * np.maximum(1.0, after.cost)
+        for _ in range(2):
+            there = self._levenberg_marquardt_step(targets, there)
+            lower = tried & (np.asarray(there.cost) < highest)
+            if np.all(lower | (status != RUNNING)):
+                break
+        for old, new in zip(after, there, strict=True):
+            old[lower] = np.asarray(new)[lower]
+        return after
+
+
+def make_engine(
+    solver: Solver,
+    problem: Problem,
+    targets: Targets | None,
+    fits: int,
+    size: int,
+    devices: Devices | None = None,
+) -> tuple[Engine, Targets]:
+    """Return the engine of a problem for batches of `size` fits on each device, and the targets of all fits.
+
+    `targets` have a leading axis, which has one entry for each fit or one entry for all. If `targets` or
+    `devices` are None, the targets of the problem or JAX's default device are used.
+    """
+    devices = default_device() if devices is None else devices
+    targets = jax.tree.map(lambda a: a[None], problem.targets) if targets is None else targets
+    of = padded(problem, targets)
+    full = jax.tree.map(lambda a: np.broadcast_to(a, (fits, *a.shape[1:])), of.targets)
+    return Engine(solver, of.structure, devices.everywhere(of.numbers), size, devices), full
+
+
+@over_fits(is_short=True)
+def _costs(structure, numbers, targets, rows):
+    return loss_of(structure, numbers).cost(in_errors(structure, numbers, targets, rows))
+
+
+@over_fits(is_short=True)
+def _plan_step(structure, numbers, targets, iterate, rows, slopes):
+    plain = in_errors(structure, numbers, targets, rows)
+    jacobian = slopes_in_errors(structure, numbers, targets, slopes)
+    plan = plan_step(plain, jacobian, iterate, loss_of(structure, numbers))
+    return plan, first_trial(plan)
+
+
+@over_fits(is_short=True)
+def _after_evaluation(structure, numbers, targets, iterate, plan, trial, rows):
+    ahead = in_errors(structure, numbers, targets, rows)
+    return after_evaluation(plan, trial, ahead, iterate, loss_of(structure, numbers))
+
+
+@over_fits(is_short=True)
+def _accept(structure, _, targets, iterate, plan, trial, tolerance):
+    return accept(plan, trial, iterate, tolerance=tolerance, rounding=rounding(structure, targets))
+
+
+@over_fits()
+def _step_of_solver(static, numbers, targets, iterate):
+    """Take one step of a first-order solver."""
+    solver, structure = static
+    return solver.step(solver_objective(structure, numbers, targets), iterate)
