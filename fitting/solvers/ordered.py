@@ -12,7 +12,7 @@ has z = x. Only the solvers use z.
 """
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -26,9 +26,11 @@ from fitting.parameters.variables import Array, Constants, Variables, from_x, sl
 _SHARP = 12.0
 # A start value at its bound, where no step would move it, is moved inside by this distance in x.
 INSIDE = 0.05
-# An element nearer to its bound than `_NEAR` in x is tried on the bound, which is `_FAR` beyond it in z.
-# Steps alone would converge slowly, because the residuals depend less and less on z there.
-_NEAR, _FAR = 0.2, 30.0
+# An element nearer to its bound than this in x is tried on the bound. Steps alone would converge slowly,
+# because the residuals depend less and less on z there.
+_NEAR = 0.2
+# Distance in z beyond a bound at which x equals the bound to rounding.
+_FAR = 30.0
 # A number counts as equal to its neighbour if their relative difference is below this.
 AT_EDGE = 1e-4
 # Rounding error of a value and its x, divided by the spacing of floating-point numbers. Bounds are moved
@@ -96,7 +98,7 @@ def _steps(variables: Variables) -> tuple[_Step, ...]:
 
 
 class _Bounds(NamedTuple):
-    """Lower bound a and upper bound b of the x of an element, as yielded by `_Walk`."""
+    """Lower bound a and upper bound b of the x of an element."""
 
     element: int
     source: _Bound | None  # the bound below
@@ -104,52 +106,58 @@ class _Bounds(NamedTuple):
     b: Any
 
 
-class _Walk:
-    """Iterator over the bounds of the elements of x.
+class _Order:
+    """Bounds of the elements of x that must be in order, for solver variables or start values `values`."""
 
-    The caller must store the x of an element in the attribute `x` before the next iteration, because bounds
-    of later elements depend on it.
-    """
-
-    def __init__(self, variables: Variables, constants: Constants, given: Array, moving: Array):
-        self.xp: Any = np if isinstance(given, np.ndarray) else jnp
+    def __init__(self, variables: Variables, constants: Constants, values: Array, moving: Array):
+        self.xp: Any = np if isinstance(values, np.ndarray) else jnp
         self.constants = jax.tree.map(np.asarray, constants) if self.xp is np else constants
-        self.moving = moving
-        self.steps, self.x = _steps(variables), {}
-        self.kinds = variables.kinds
-        margin = _ROUNDING * float(jnp.finfo(given.dtype).eps)
+        self.values, self.moving = values, moving
+        self.steps, self.kinds = _steps(variables), variables.kinds
+        self.margin = _ROUNDING * float(jnp.finfo(values.dtype).eps)
         # Bounds from above are fixed numbers, and the upper bounds of free neighbours above.
-        top: dict[int, Any] = {}
+        self.top: dict[int, Any] = {}
         # Number of free elements in the longest chain above; each needs a margin.
         self.above: dict[int, int] = {}
         for step in reversed(self.steps):
             limits = [self._range(step.element)[1]]
             for bound in step.above:
-                value = self._value(bound, given)
-                if bound.element is not None and bound.element in top:
+                value = self._value(bound, values)
+                if bound.element is not None and bound.element in self.top:
                     chain = max(self.above.get(step.element, 0), 1 + self.above[bound.element])
                     self.above[step.element] = chain
-                    value = self._times(bound, top[bound.element])
-                    value = self.xp.where(moving[bound.element], value, self._value(bound, given))
+                    value = self.times(bound, self.top[bound.element])
+                    value = self.xp.where(moving[bound.element], value, self._value(bound, values))
                 limits.append(value)
             self.above.setdefault(step.element, 0)
-            top[step.element] = functools.reduce(self.xp.minimum, limits)
-        self.top, self.margin = top, margin
+            self.top[step.element] = functools.reduce(self.xp.minimum, limits)
 
-    def __iter__(self) -> Iterator[_Bounds]:
-        xp = self.xp
+    def placed(self, place: Callable[[_Bounds, dict[int, Any]], Any]) -> dict[int, Any]:
+        """Return the x of all elements in order, where `place` returns the x of each element that moves.
+
+        Elements are placed after their free neighbours below, whose x bound them. `place` receives the bounds
+        of an element and the x so far.
+        """
+        x: dict[int, Any] = {}
         for step in self.steps:
-            i, source, low = step.element, None, None
-            for bound in step.below:
-                value = self._value(bound, self.x)
-                if xp is np and (low is None or value > low):
-                    source = bound
-                low = value if low is None else xp.maximum(low, value)
-            a = -np.inf if low is None else self._inverse(i, low)
-            b = self._inverse(i, self.top[i])
-            # A margin for rounding, so that no value crosses its bound.
-            a, b = a + self._clear(a), b - (1 + 2 * self.above[i]) * self._clear(b)
-            yield _Bounds(i, source, a, b)
+            bounds, own = self._bounds(step, x), self.values[step.element]
+            if self.xp is jnp:
+                x[step.element] = jnp.where(self.moving[step.element], place(bounds, x), own)
+            else:
+                x[step.element] = place(bounds, x) if self.moving[step.element] else own
+        return x
+
+    def _bounds(self, step, x):
+        xp, i, source, low = self.xp, step.element, None, None
+        for bound in step.below:
+            value = self._value(bound, x)
+            if xp is np and (low is None or value > low):
+                source = bound
+            low = value if low is None else xp.maximum(low, value)
+        a = -np.inf if low is None else self._inverse(i, low)
+        b = self._inverse(i, self.top[i])
+        # A margin for rounding, so that no value crosses its bound.
+        return _Bounds(i, source, a + self._clear(a), b - (1 + 2 * self.above[i]) * self._clear(b))
 
     def _clear(self, end):
         finite = self.xp.isfinite(end)
@@ -160,7 +168,8 @@ class _Walk:
             return self.constants.low[i], self.constants.low[i] + self.constants.width[i]
         return (0.0 if self.kinds[i] == "Positive" else -np.inf), np.inf
 
-    def _times(self, bound, value):
+    def times(self, bound: _Bound, value: Any) -> Any:
+        """Convert a value of the element that is a bound to the bound of the other element."""
         ratios, xp = self.constants.ratios, self.xp
         theirs, own = (1.0 if r is None else xp.asarray(ratios[r[0]])[r[1]] for r in bound.ratios)
         return value * theirs / own
@@ -168,9 +177,9 @@ class _Walk:
     def _value(self, bound, x):
         """Return the value of a bound, where `x` contains the x of the element that is the bound."""
         if bound.element is None:
-            return self._times(bound, self.xp.asarray(bound.end.value(self.constants.leaves)))
+            return self.times(bound, self.xp.asarray(bound.end.value(self.constants.leaves)))
         j = bound.element
-        return self._times(bound, from_x(self.kinds[j], self.constants.low[j], self.constants.width[j], x[j]))
+        return self.times(bound, from_x(self.kinds[j], self.constants.low[j], self.constants.width[j], x[j]))
 
     def _inverse(self, i, value):
         """Return the x of element `i` at a value, or -inf or inf outside the limits of the rule."""
@@ -191,11 +200,8 @@ def x_of(variables: Variables, constants: Constants, z: Array, moving: Array) ->
     """Return x for the variables z of a solver. `moving` is 0 for fixed elements, and 1 for all others."""
     if not variables.order:
         return z
-    walk = _Walk(variables, constants, z, moving)
-    for i, _, a, b in walk:
-        start_z = _between(walk.xp, a, b, z[i])
-        walk.x[i] = walk.xp.where(moving[i], start_z, z[i])
-    return _put(z, walk.x)
+    order = _Order(variables, constants, z, moving)
+    return _put(z, order.placed(lambda at, _: _between(order.xp, at.a, at.b, z[at.element])))
 
 
 def z_of(variables: Variables, constants: Constants, x: np.ndarray, moving: np.ndarray) -> np.ndarray:
@@ -203,23 +209,23 @@ def z_of(variables: Variables, constants: Constants, x: np.ndarray, moving: np.n
 
     An element outside a bound is reflected at the bound, and an element on a bound is moved inside.
     """
-    walk, z = _Walk(variables, constants, x, moving), {}
-    for i, _, a, b in walk:
-        if not moving[i]:
-            walk.x[i] = z[i] = x[i]
-            continue
-        there = float(x[i])
-        near = min(INSIDE, 0.25 * float(b - a))
+    z = x.copy()
+
+    def place(at, _):
+        i, a, b = at.element, at.a, at.b
+        there, near = float(x[i]), min(INSIDE, 0.25 * float(b - a))
         if np.isfinite(a):
             there = a + (abs(there - a) if abs(there - a) > AT_EDGE else near)
         if np.isfinite(b):
             there = b - (abs(there - b) if abs(there - b) > AT_EDGE else near)
         if not a < there < b:
             there = a + 0.5 * (b - a)
-        walk.x[i] = there
         below, above = (np.log(-np.expm1(_SHARP * t)) for t in (a - there, there - b))
         z[i] = there + (below - above) / _SHARP
-    return _put(x, z)
+        return there
+
+    _Order(variables, constants, x, moving).placed(place)
+    return z
 
 
 def each_fit(
@@ -234,37 +240,40 @@ def each_fit(
 
 def slopes_of_x(variables: Variables, constants: Constants, z: np.ndarray, moving: np.ndarray) -> np.ndarray:
     """Return the derivatives dx / dz, computed with NumPy, as an array of shape (size, size)."""
-    found, width = np.eye(z.size, dtype=z.dtype), np.asarray(constants.width)
-    walk = _Walk(variables, constants, z, moving)
-    for i, source, a, b in walk:
-        if not moving[i]:
-            walk.x[i] = z[i]
-            continue
-        walk.x[i] = _between(np, a, b, z[i])
+    slopes, width = np.eye(z.size, dtype=z.dtype), np.asarray(constants.width)
+    order = _Order(variables, constants, z, moving)
+
+    def place(at, x):
+        i, a, b = at.element, at.a, at.b
         above, near = (1 / (1 + np.exp(np.clip(_SHARP * t, -700, 700))) for t in (a - z[i], b - z[i]))
-        found[i, i] = above - near
-        j = None if source is None else source.element
-        if j is not None and np.isfinite(a):
-            part = [slopes_of(walk.kinds[k], width[k], at) for k, at in ((j, walk.x[j]), (i, a))]
-            found[i] += (1 - above) * walk._times(source, 1.0) * part[0] / part[1] * found[j]
-    return found
+        slopes[i, i] = above - near
+        if at.source is not None and at.source.element is not None and np.isfinite(a):
+            j = at.source.element
+            theirs, own = (slopes_of(order.kinds[k], width[k], there) for k, there in ((j, x[j]), (i, a)))
+            slopes[i] += (1 - above) * order.times(at.source, 1.0) * theirs / own * slopes[j]
+        return _between(np, a, b, z[i])
+
+    order.placed(place)
+    return slopes
 
 
 def put_on_bounds(
     variables: Variables, constants: Constants, before: np.ndarray, z: np.ndarray, moving: np.ndarray
 ) -> np.ndarray:
     """Return z with elements moved onto a bound if they are near it and came closer since `before`."""
-    walk, there = _Walk(variables, constants, z, moving), z.copy()
+    there = z.copy()
     closer = np.sign(np.floor(_SHARP * z) - np.floor(_SHARP * before))
-    for i, _, a, b in walk:
-        walk.x[i] = z[i]
-        if not moving[i]:
-            continue
-        walk.x[i] = _between(np, a, b, z[i])
-        if walk.x[i] - a < _NEAR and a - _FAR < z[i] and closer[i] < 0:
+
+    def place(at, _):
+        i, a, b = at.element, at.a, at.b
+        x = _between(np, a, b, z[i])
+        if x - a < _NEAR and a - _FAR < z[i] and closer[i] < 0:
             there[i] = a - _FAR
-        elif b - walk.x[i] < _NEAR and z[i] < b + _FAR and closer[i] > 0:
+        elif b - x < _NEAR and z[i] < b + _FAR and closer[i] > 0:
             there[i] = b + _FAR
+        return x
+
+    _Order(variables, constants, z, moving).placed(place)
     return there
 
 
