@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from rubberfric.base.atomic import StrPath, is_number, read_text
+from rubberfric.base.atomic import StrPath, as_path, is_number, read_text
 from rubberfric.base.checks import closest, shown, warn_caller
 from rubberfric.io.columns import plain_unit
 from rubberfric.io.exports import headless
@@ -33,7 +33,7 @@ _NO_HEIGHT = 1e30
 # Numbers that often stand for holes, and the largest numbers of 16 bits, at which detectors saturate.
 _USUAL_SENTINELS = frozenset((-999.0, 9999.0, -9999.0, 99999.0, -99999.0, 999999.0, -999999.0))
 _LIMITS = frozenset((-32768.0, -32767.0, 32767.0, 65535.0))
-# A usual number is a hole if it is further from the heights than this share of their range.
+# A usual number is a hole if its distance from the heights exceeds this share of their range.
 _GAP = 0.05
 # Fewer different heights, as of a step, do not tell a hole from a height.
 _LEAST_DIFFERENT = 8
@@ -197,7 +197,7 @@ def read_heights(
 
     Parameters
     ----------
-    path : text file (.csv, .txt, .dat, .xyz, .tsv)
+    path : text file (.csv, .txt, .dat, .xyz, .tsv), or an array in a file of `numpy.save` (.npy)
     spacing : dx = dy, or (dx, dy), of a grid of heights, > 0 [m]
         The rows of the file are along y. None means that the file has the columns x, y and z.
     unit : unit of the numbers in the file, "m", "mm", "um" or "nm"
@@ -215,12 +215,11 @@ def read_heights(
         rows that are not numbers or have different lengths, rows of positions, or more than a quarter of
         holes. The message names the file and the fault.
     """
-    titles, rows = _rows(path, read_text(path, exports=True))
-    count = len(rows[0][1])
+    titles, values = _table(path)
+    count = values.shape[1]
     if spacing is None and count != 3:
         raise ValueError(f"{path}: has {count} columns: must have x, y and z, or be a grid with `spacing`")
     units = _units(path, titles, unit, count, spacing is None)
-    values = _numbers(path, rows)
     if spacing is None:
         if sentinels:
             values[:, 2] = without_sentinels(path, values[:, 2])
@@ -259,6 +258,26 @@ def filled(heights: np.ndarray) -> np.ndarray:
     found = heights.copy()
     found[hole] = scipy.sparse.linalg.spsolve((scipy.sparse.diags(count) - linked).tocsc(), known)
     return found
+
+
+def _table(path):
+    """Return the titles of the columns, [] without titles, and the numbers with NaN for holes."""
+    if as_path(path).suffix.lower() == ".npy":
+        return [], _array(path)
+    titles, rows = _rows(path, read_text(path, exports=True))
+    return titles, _numbers(path, rows)
+
+
+def _array(path):
+    """Read a file of `numpy.save`."""
+    with as_path(path).open("rb") as file:
+        try:
+            values = np.lib.format.read_array(file, allow_pickle=False)
+        except (ValueError, EOFError):  # truncated, another format, or Python objects
+            raise ValueError(f"{path}: cannot be read as an array; write it with numpy.save") from None
+    if values.dtype.kind not in "fiu" or values.ndim != 2 or min(values.shape) < 2:
+        raise ValueError(f"{path}: holds {values.dtype} {values.shape}: must be a grid of real numbers")
+    return values.astype(float)
 
 
 def _rows(path, text):

@@ -77,6 +77,9 @@ def test_options_of_a_map(run, surface):
     assert run(*how, "--table", "--out", "table.toml")[0] == 0
     table = rf.load_scene("table.toml").lower.spectrum
     np.testing.assert_allclose(table.C, data.C, rtol=1e-12)
+    np.save("map.npy", np.round(1e6 * heights[:, :192], 5))
+    assert run("map.npy", *how[1:], "--table", "--out", "array.toml")[0] == 0
+    np.testing.assert_allclose(rf.load_scene("array.toml").lower.spectrum.C, data.C, rtol=1e-9)
     assert run(*how, "--q1", 20 * Q0, "--out", "short.h5")[0] == 0
     assert float(rf.load_scene("short.h5").lower.spectrum.q1) == pytest.approx(20 * Q0)
 

@@ -1,5 +1,7 @@
 """Height maps of instruments: x, y, z, and grids, with holes."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -46,6 +48,48 @@ def test_a_grid_with_holes(tmp_path, heights):
     for i, k in np.argwhere(~known):
         beside = [padded[i, k + 1], padded[i + 2, k + 1], padded[i + 1, k], padded[i + 1, k + 2]]
         np.testing.assert_allclose(found.heights[i, k], np.nanmean(beside), rtol=1e-12)
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32", "int16"])
+def test_an_array(tmp_path, heights, dtype):
+    """Heights in nm, also as x, y and z, are those of the text file."""
+    nm = np.round(1e9 * heights).astype(dtype)
+    np.save(tmp_path / "map.npy", nm)
+    found = rf.io.read_heights(tmp_path / "map.npy", (DX, DY), "nm")
+    np.testing.assert_allclose(found.heights, 1e-9 * nm.astype(float), rtol=1e-12)
+    assert (found.dx, found.dy, found.holes) == (DX, DY, 0.0)
+    x, y = np.meshgrid(1000 * np.arange(4), 2000 * np.arange(3), indexing="ij")
+    np.save(tmp_path / "xyz.npy", np.stack([x, y, nm[:4, :3]], -1).reshape(-1, 3))
+    points = rf.io.read_heights(tmp_path / "xyz.npy", unit="nm")
+    np.testing.assert_allclose(points.heights, found.heights[:4, :3], rtol=1e-12)
+    np.testing.assert_allclose([points.dx, points.dy], [1e-6, 2e-6], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("array", "message"),
+    [
+        (np.zeros(3), "holds float64 (3,): must be a grid of real numbers"),
+        (np.zeros((1, 5)), "holds float64 (1, 5): must be a grid of real numbers"),
+        (np.array([["1", "2"], ["3", "4"]]), "must be a grid of real numbers"),
+        (np.ones((2, 2), complex), "must be a grid of real numbers"),
+        (np.array([[None, 1]]), "cannot be read as an array; write it with numpy.save"),
+    ],
+)
+def test_other_arrays(tmp_path, array, message):
+    np.save(tmp_path / "map.npy", array, allow_pickle=True)
+    with pytest.raises(ValueError, match=re.escape(message)):
+        rf.io.read_heights(tmp_path / "map.npy", 1e-6, "m")
+
+
+def test_other_files_with_the_ending_npy(tmp_path):
+    np.savez(tmp_path / "maps.npz", np.zeros((4, 4)))
+    whole = (tmp_path / "maps.npz").read_bytes()
+    np.save(tmp_path / "map.npy", np.zeros((4, 4)))
+    truncated = (tmp_path / "map.npy").read_bytes()[:-8]
+    for content in (whole, truncated, b"1 2", b""):
+        (tmp_path / "map.npy").write_bytes(content)
+        with pytest.raises(ValueError, match="cannot be read as an array; write it with"):
+            rf.io.read_heights(tmp_path / "map.npy", 1e-6, "m")
 
 
 def test_a_plane_is_filled_exactly():
