@@ -137,3 +137,41 @@ def test_the_computed_scene_says_so(call_main, tmp_path, command, scene, text):
     status, printed, _ = call_main(scene_main, command, tmp_path / "scene.toml")
     assert status == 0
     assert text in printed if text else "roughness" not in printed
+
+
+@pytest.mark.usefixtures("run")
+def test_keys_of_data_in_a_job():
+    """`area`, `frequency` and `block` give the numbers that the tables lack."""
+    Path("forces.csv").write_text("v [mm/s],Fn [N],Ft [N]\n1,100,70\n10,200,160\n")
+    Path("ramp.csv").write_text("T [C],E' [MPa],E'' [MPa]\n-20,300,60\n0,40,12\n20,8,1\n")
+    Path("beside.csv").write_text(
+        "sample A,,,sample B,,\nf,E',E'',f,E',E''\nHz,MPa,MPa,Hz,MPa,MPa\n1,5,1,1,7,2\n10,6,2,10,9,3\n"
+    )
+    Path("job.toml").write_text(
+        """scene = "a_scene.toml"
+[[data]]
+file = "forces.csv"
+area = 1e-3
+temperature = 293.15
+relative = 0.05
+[[data]]
+file = "ramp.csv"
+frequency = 10
+relative = 0.05
+[[data]]
+file = "beside.csv"
+block = 2
+temperature = 293.15
+relative = 0.05
+[free]
+"upper.material.E_inf" = "positive"
+"""
+    )
+    forces, ramp, beside = read_job("job.toml").data
+    np.testing.assert_allclose(forces.pressure, [1e5, 2e5], rtol=1e-12)  # F_n / area
+    np.testing.assert_allclose(forces.friction, [0.7, 0.8], rtol=1e-12)
+    np.testing.assert_allclose(ramp.omega, 20 * np.pi, rtol=1e-12)
+    np.testing.assert_allclose(ramp.temperature, [253.15, 273.15, 293.15], rtol=1e-12)
+    np.testing.assert_allclose(ramp.storage, [3e8, 4e7, 8e6], rtol=1e-12)
+    np.testing.assert_allclose(beside.storage, [7e6, 9e6], rtol=1e-12)
+    np.testing.assert_allclose(beside.loss, [2e6, 3e6], rtol=1e-12)

@@ -245,6 +245,28 @@ def test_a_scene_file_names_the_material(tmp_path):
     assert "name must be one of 'A', 'B'" in refused(tmp_path / "cards.inp", lambda: rf.load_scene(path))
 
 
+@pytest.mark.parametrize(
+    ("key", "C1"),
+    [
+        ("", 8.86),
+        (", shift = false", None),
+        (', shift = { kind = "wlf", C1 = 10, C2 = 90, T_ref = 290 }', 10.0),
+    ],
+)
+def test_the_shift_of_cards_in_a_scene_file(tmp_path, key, C1):
+    """The key replaces the shift of the cards, and false leaves it out."""
+    card = (
+        "*MATERIAL, NAME=A\n*ELASTIC, MODULI=LONG TERM\n3., 0.5\n*VISCOELASTIC, TIME=PRONY\n0.5, 0., 1e-3\n"
+    )
+    (tmp_path / "card.inp").write_text(card + "*TRS, DEFINITION=WLF\n293.15, 8.86, 101.6\n")
+    path = tmp_path / "scene.toml"
+    line = f'lower.material = {{kind = "prony", file = "card.inp", unit_stress = "MPa"{key}}}\n'
+    path.write_text(line + 'upper.material = {kind = "rigid"}\n')
+    material = rf.load_scene(path).lower.material
+    assert float(material.E_inf) == pytest.approx(3e6)
+    assert (None if material.shift is None else float(material.shift.C1)) == C1
+
+
 def test_blank_lines_do_not_slow_the_reader(tmp_path):
     """Recognising the program takes linear time; blank lines used to take quadratic time."""
     path = tmp_path / "cards"
