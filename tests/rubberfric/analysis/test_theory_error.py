@@ -5,7 +5,7 @@ import importlib.util
 import numpy as np
 import pytest
 from support.folders import DATA, ROOT
-from support.scenes.common import RIGID, TREAD, scene
+from support.scenes.common import RIGID, ROAD, TREAD, scene
 
 import rubberfric as rf
 from rubberfric.analysis import theory_error
@@ -62,9 +62,6 @@ def test_the_table_can_be_made_again(script, rows):
     found, _, _ = script.measured(case, row["velocity"], row["pressure"], 256, 4)
     np.testing.assert_allclose(found["friction"].mean(), row["friction"], rtol=1e-3)
     np.testing.assert_allclose(found["area"].mean(), row["area"], rtol=1e-3)
-
-
-ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
 
 
 def test_what_is_covered():

@@ -3,6 +3,7 @@
 import numpy as np
 import scipy.integrate
 import scipy.special
+from support.scenes.common import ROAD
 
 import rubberfric as rf
 from rubberfric.scene.interface import shear_friction
@@ -11,7 +12,6 @@ TAU = 10.0 ** np.arange(-12, 1)
 E = np.array([1.18e9, 8.2e8, 1.82e9, 7.6e8, 1.43e8, 4.5e7, 1.55e7, 6.5e6, 3.6e6, 2.2e6, 1.6e6, 1.1e6, 9.0e5])
 TREAD = rf.Prony(3.6e6, E, TAU, 0.5)
 TRACK = rf.Prony(2.0e6, 0.5 * E, 2.3 * TAU, 0.49)
-ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
 WORN = rf.SelfAffine(150.0, 2000.0, 5.0e4, 0.8, 5e-5)
 ONE = rf.Scene(rf.Body(TREAD), rf.Body(rf.Rigid(), ROAD))
 TWO = rf.Scene(rf.Body(TREAD, WORN), rf.Body(TRACK, ROAD))

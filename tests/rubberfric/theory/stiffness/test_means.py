@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.oracles.angular import angular_means, prony, with_spring
+from support.scenes.common import ROAD
 
 import rubberfric as rf
 from rubberfric.theory.stiffness.means import factors_at, stiffness_means
@@ -12,7 +13,6 @@ from rubberfric.theory.structure import AT_REFERENCE, MeansMethod, RequiredMeans
 
 ALL = RequiredMeans(mean_abs2=True, mean_cos_loss=True, mean_storage=True, mean_sin_loss=True)
 EVEN = RequiredMeans(mean_abs2=True, mean_cos_loss=True, mean_storage=True)
-ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
 GROOVES = rf.Anisotropic(ROAD, 2.0, 0.4, 4)
 SOFTENING = rf.Softening([1e-3, 0.1, 0.5, 1.5], [1.0, 0.7, 0.4, 0.3], [1.0, 0.9, 0.6, 0.5], 0.3)
 SCALE = 1e6
