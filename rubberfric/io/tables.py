@@ -379,5 +379,10 @@ def _check_units(where: str, table: TextTable) -> None:
                 f"{where}: column {title}: is 2 pi / wavelength or 1 / wavelength: must have the unit rad/m"
                 f" or cycles/m, or rad/mm ..., got {unit!r}"
             )
+        if unit == "rpm" and name in ("v", "v_travel"):
+            raise ValueError(
+                f"{where}: column {title}: rpm is a rate of rotation: must be a velocity; multiply it by"
+                " 2 pi r / 60 with the radius r of the track [m], and name the unit m/s"
+            )
         if unit not in known:
             raise ValueError(f"{where}: column {title}: unit {unit!r}: must be one of {', '.join(known)}")

@@ -342,8 +342,14 @@ def test_faulty_traces(tmp_path, old, new, message):
     assert message in refused(path, lambda: rf.io.read_traces(path))
 
 
+@pytest.mark.parametrize("unit", ["rpm", "U/min", "rev/min"])
+def test_a_rate_of_rotation_needs_the_radius(tmp_path, unit):
+    path = put(tmp_path, f"Speed [{unit}],mu\n10,0.6\n20,0.7\n")
+    assert "multiply it by 2 pi r / 60" in refused(path, lambda: read(path, pressure=1e5))
+
+
 def test_unknown_titles_are_answered_with_columns_filled_in(tmp_path):
-    text = "Speed / rpm;Reibwert;Kanal 3;Temperatur\n1/min;-;V;°C\n10;0,6;1,1;20\n20;0,7;1,2;20\n"
+    text = "Speed / lap;Reibwert;Kanal 3;Temperatur\n1/min;-;V;°C\n10;0,6;1,1;20\n20;0,7;1,2;20\n"
     path = put(tmp_path, text)
     said = 'columns=["?", "mu [-]", "?", "T [°C]"]'
     assert said in refused(path, lambda: read(path, pressure=1e5))
