@@ -17,11 +17,12 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from rubberfric.base.atomic import StrPath, as_path, is_number, read_text
+from rubberfric.base.atomic import StrPath, as_path, is_number
 from rubberfric.base.checks import closest, shown, warn_caller
 from rubberfric.io.columns import plain_unit
 from rubberfric.io.exports import headless
 from rubberfric.io.text_tables.lines import above_numbers, has_fields
+from rubberfric.io.text_tables.workbooks import read_export
 
 # A spectrum of interpolated heights is too low. Above this share of holes it says little about the surface.
 MOST_HOLES = 0.25
@@ -67,7 +68,7 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
     ------
     ValueError : no numbers, fewer than two columns, a unit that is not a length, or an invalid number
     """
-    text = read_text(path, exports=True)
+    text = read_export(path)
     found = above_numbers(text)
     if found is None:
         raise ValueError(f"{path}: must have rows with a position and at least one height")
@@ -264,7 +265,7 @@ def _table(path):
     """Return the titles of the columns, [] without titles, and the numbers with NaN for holes."""
     if as_path(path).suffix.lower() == ".npy":
         return [], _array(path)
-    titles, rows = _rows(path, read_text(path, exports=True))
+    titles, rows = _rows(path, read_export(path))
     return titles, _numbers(path, rows)
 
 

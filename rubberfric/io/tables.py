@@ -19,13 +19,14 @@ from typing import Any
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.atomic import StrPath, read_text, write_text
+from rubberfric.base.atomic import StrPath, write_text
 from rubberfric.base.checks import check_choice, closest, listed, shown, warn_caller
 from rubberfric.io.columns import COLUMNS, SET_VALUES, quantities_of
 from rubberfric.io.exports import TextTable, find_table, headless, pick, suggested_columns
 from rubberfric.io.height_maps import read_traces
 from rubberfric.io.text_tables.derived import RELATIONS, plan_for, with_derived, with_travel_speed
 from rubberfric.io.text_tables.own_tables import missing_column, project_rows, project_table
+from rubberfric.io.text_tables.workbooks import read_export
 from rubberfric.roughness.normalisation import density_column, find_normalisation
 
 # Meaning of 1/m in a column "wavenumber".
@@ -85,7 +86,7 @@ def read_table(
         check_choice("bad_rows", bad_rows, BAD_ROWS)
     if isinstance(needed, str) or isinstance(optional, str):
         raise ValueError(f"needed, optional = {shown((needed, optional))}: must be lists of names")
-    text, wanted = read_text(path, exports=True), (*needed, *optional)
+    text, wanted = read_export(path), (*needed, *optional)
     export = _export(path, text, columns, generic or ("E" if poisson is None else "G"), block)
     if export is None:
         _refuse(
@@ -252,7 +253,7 @@ def read_names(
 
     Only the known names are returned for a table of another program.
     """
-    text = read_text(path, exports=True)
+    text = read_export(path)
     export = _export(path, text, columns, generic, block)
     if export is None:
         return project_rows(path, text)[0][0][1]
@@ -270,7 +271,7 @@ def column_hint(path: StrPath) -> str:
         pass
     else:
         return "; heights along lines: rubberfric.io.read_traces reads them"
-    columns = suggested_columns(read_text(path, exports=True))
+    columns = suggested_columns(read_export(path))
     if '"strain [' in columns:
         return '; a strain sweep: rubberfric.io.read_table(path, ["strain", "E_stor", "E_loss"]) reads it'
     advice = 'or name the columns, with "name [unit]" for each ? and "-" for one not read'
