@@ -15,7 +15,15 @@ from support.folders import ROOT
 # Each room imports from those before it; rooms on one floor not from each other.
 FLOORS = {
     "rubberfric": (
-        *({"base"}, {"roughness", "materials"}, {"scene"}, {"theory"}, {"io"}, {"analysis"}, {"plot"}),
+        *(
+            {"base"},
+            {"roughness", "materials"},
+            {"scene"},
+            {"theory"},
+            {"io"},
+            {"analysis", "applications"},
+            {"plot"},
+        ),
         {"commands"},
     ),
     "fitting": (

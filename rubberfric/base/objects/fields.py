@@ -101,6 +101,7 @@ class Child:
     unnamed: str | None
     role: type = object
     optional: bool = False
+    names: tuple[str, ...] = ()  # kinds without fields, whose name the constructor accepts
 
 
 Meaning: TypeAlias = Leaf | Static | Child
@@ -147,7 +148,8 @@ def setting(*, default: Any) -> Any:
 def child(*, hint: str = "", unnamed: str | None = None, default: Any = dataclasses.MISSING) -> Any:
     """Return a field that holds an object of the annotated class or a subclass.
 
-    The annotation "| None" also allows None.
+    The annotation "| None" also allows None. The annotation "| Literal[...]" allows the names of kinds that
+    have no fields, and the constructor makes these objects.
 
     Parameters
     ----------
@@ -175,8 +177,12 @@ def meaning_of(cls: type, field: dataclasses.Field) -> Meaning:
         return Static((False, True) if annotation is bool else tuple(members))
     if isinstance(meaning, Static) and annotation is float:
         return meaning
-    if isinstance(meaning, Child) and len(members) == 1 and isinstance(members[0], type):
-        return dataclasses.replace(meaning, role=members[0], optional=annotation is not members[0])
+    if isinstance(meaning, Child):
+        names = tuple(name for x in members if get_origin(x) is Literal for name in get_args(x))
+        members = [x for x in members if get_origin(x) is not Literal]
+        if len(members) == 1 and isinstance(members[0], type):
+            optional = type(None) in get_args(annotation)
+            return dataclasses.replace(meaning, role=members[0], optional=optional, names=names)
     raise TypeError(
         f"{cls.__name__}.{field.name}: annotated {annotation}: must be Number, OptionalNumber, Vector or "
         "Matrix with leaf(), a Literal, bool or float with static(), a PhysicalObject with child()"

@@ -53,6 +53,9 @@ class PhysicalObject:
         for name, field in fields_of(type(self)).items():
             where, value = f"{type(self).__name__}.{name}", getattr(self, name)
             if isinstance(field, Child):
+                if isinstance(value, str) and value in field.names:
+                    value = next(kind() for kind in kinds(field.role).values() if kind.file_kind == value)
+                    object.__setattr__(self, name, value)
                 _check_child(where, value, field)
             else:
                 object.__setattr__(self, name, checked(where, value, field))
@@ -255,7 +258,8 @@ def _check_class(cls):
 
 def _check_child(where, value, field):
     if not isinstance(value, field.role) and not (value is None and field.optional):
-        allowed = " or ".join([", ".join(kinds(field.role))] + ["None"] * field.optional)
+        names = [repr(name) for name in field.names]
+        allowed = " or ".join([", ".join([*names, *kinds(field.role)])] + ["None"] * field.optional)
         raise ValueError(f"{where} = {shown(value)}: must be {allowed}{field.hint}")
 
 

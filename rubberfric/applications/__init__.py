@@ -1,0 +1,17 @@
+"""Applications of friction and separation: the grip of a patch that slips."""
+
+from rubberfric.base.lazy import lazily
+
+TYPE_CHECKING = False  # for type checkers it is true
+if TYPE_CHECKING:
+    from rubberfric.applications.grip import Grip as Grip
+    from rubberfric.applications.grip import grip as grip
+    from rubberfric.applications.grip import slip_stiffness as slip_stiffness
+    from rubberfric.applications.patch import MeasuredPressure as MeasuredPressure
+    from rubberfric.applications.patch import Parabolic as Parabolic
+    from rubberfric.applications.patch import Patch as Patch
+    from rubberfric.applications.patch import PressureShape as PressureShape
+    from rubberfric.applications.patch import Trapezoid as Trapezoid
+    from rubberfric.applications.patch import Uniform as Uniform
+
+lazily(__name__, __file__, load=True)

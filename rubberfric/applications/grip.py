@@ -1,0 +1,254 @@
+r"""Grip of a patch that slips: the brush model with the friction of a scene.
+
+The patch is a row of elastic elements. An element enters at the leading edge, sticks to the ground, and is
+sheared by the slip until the shear stress reaches the friction. It then slides to the trailing edge,
+
+.. math:: \tau(s) = \begin{cases} k \sigma L s & s < s^* \\ p(s)\,\mu(v_s, p(s), T) & s > s^* \end{cases},
+          \qquad F = L w \int_0^1 \tau\, ds,\qquad M = L^2 w \int_0^1 \tau \left(s - \tfrac12\right) ds
+
+[Fromm 1941; Pacejka, Tire and Vehicle Dynamics, 3rd ed. 2012, chapter 3]. For the slip angle :math:`\alpha`
+and for the slip ratio :math:`\kappa`, at the travelling speed V,
+
+.. math:: \sigma = \tan|\alpha|,\quad v_s = V \sin|\alpha| \qquad\text{or}\qquad
+          \sigma = \frac{|\kappa|}{1 + \kappa},\quad v_s = V |\kappa|
+
+The sliding speed :math:`v_s` is the same along the patch. The stress is continuous at :math:`s^*`, so that
+:math:`s^*` carries no first derivative of F.
+
+The model leaves out the change of the sliding speed along the patch, the deformation of the carcass, camber,
+water, and the temperature that an element gains in earlier turns. The first one changes the force by -2 to +3
+% where friction rises with the speed, and by 6 to 20 % near the peak where it falls. The model was not
+compared with measured slip curves.
+"""
+
+import functools
+import warnings
+from typing import Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from rubberfric.applications.patch import Patch
+from rubberfric.base.checks import UnitWarning, as_array, check_values, is_concrete, shown
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.roughness.moments import safe_root
+from rubberfric.scene.scene import Scene, result_dtype, warn_of_conditions
+from rubberfric.scene.settings import default_quadrature
+from rubberfric.theory import friction
+
+Kind = Literal["angle", "ratio"]
+
+# Number of pressures at which friction is computed, Chebyshev nodes in the root of p. The force then has an
+# error of 1e-8, and of 1e-6 where contact is nearly full. In ln p, ten nodes are needed.
+_PRESSURES = 8
+# Number of Gauss nodes between two kinks of the pressure.
+_NODES = 24
+# Number of even intervals in which the first sliding element is searched.
+_INTERVALS = 64
+# Number of halvings of this interval; 2^-50 of it is below rounding.
+_HALVINGS = 50
+
+
+class Grip(NamedTuple):
+    """Results of `grip`, each of the broadcast shape.
+
+    Attributes
+    ----------
+    force : tangential force, with the sign of the slip [N]
+    coefficient : force / load [-]
+    moment : aligning moment of a side force, with the sign of the slip, or None for a slip ratio [N m]
+    sliding : share of the length that slides [-]
+    """
+
+    force: jax.Array
+    coefficient: jax.Array
+    moment: jax.Array | None
+    sliding: jax.Array
+
+
+def grip(
+    scene: Scene,
+    patch: Patch,
+    slip: ArrayLike,
+    speed: ArrayLike,
+    load: ArrayLike,
+    temperature: ArrayLike | None = None,
+    kind: Kind = "angle",
+    *,
+    quadrature: Quadrature | None = None,
+) -> Grip:
+    """Return the tangential force of a patch that slips on a surface.
+
+    ::
+
+        patch = rf.Patch(length=0.12, width=0.15, stiffness=5e7)
+        alpha = np.radians(np.linspace(0.2, 15, 40))
+        side = rf.grip(scene, patch, alpha, speed=10.0, load=3000.0, temperature=300.0)
+        side.coefficient.max(), side.moment
+
+    Parameters
+    ----------
+    scene : Scene of tread and road
+    patch : Patch
+    slip : slip angle [rad], between -pi/2 and pi/2, or slip ratio [-], > -1
+    speed : travelling speed [m/s], > 0
+    load : normal force on the patch [N], > 0
+    temperature : [K], or None, as in `rubberfric.friction`
+    kind : "angle" or "ratio" (static)
+        A slip ratio is (rolling speed - travelling speed) / travelling speed, negative in braking.
+    quadrature : Quadrature, static, or None, as in `rubberfric.friction`
+
+    Returns
+    -------
+    Grip
+
+    Raises
+    ------
+    ValueError : a slip, speed or load outside its range, an unknown kind, and as `rubberfric.friction`
+    """
+    if kind not in ("angle", "ratio"):
+        raise ValueError(f"kind = {shown(kind)}: must be 'angle' or 'ratio'")
+    if not isinstance(patch, Patch):
+        raise ValueError(f"patch is a {type(patch).__name__}: must be a Patch")
+    slip, speed, load = _conditions(scene, slip, speed, load, kind)
+    sliding_speed = speed * (jnp.sin(jnp.abs(slip)) if kind == "angle" else jnp.abs(slip))
+    mean = load / patch.area
+    pressures = (mean * patch.shape.highest())[..., None] * _pressures(patch, slip.dtype)
+    at = None if temperature is None else jnp.asarray(temperature)[..., None]
+    warn_of_conditions(velocity=speed, pressure=mean, temperature=temperature)
+    if quadrature is None:
+        quadrature = default_quadrature(scene, mean, separation=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnitWarning)  # of low pressures next to the edges
+        mu = friction(scene, sliding_speed[..., None], pressures, at, quadrature=quadrature)
+    return _grip(patch, kind, slip, load, mu)
+
+
+@functools.partial(jax.jit, static_argnums=1)
+def _grip(patch, kind, slip, load, mu):
+    sigma = jnp.tan(slip) if kind == "angle" else slip / (1 + slip)
+    shape = jnp.broadcast_shapes(slip.shape, load.shape, mu.shape[:-1])
+    sigma, load = jnp.broadcast_to(sigma, shape), jnp.broadcast_to(load, shape)
+    one = functools.partial(brush, patch)
+    for _ in shape:
+        one = jax.vmap(one)
+    force, moment, sliding = one(sigma, load / patch.area, jnp.broadcast_to(mu, (*shape, mu.shape[-1])))
+    return Grip(force, force / load, moment if kind == "angle" else None, sliding)
+
+
+def slip_stiffness(patch: Patch) -> jax.Array:
+    r"""Return the slip stiffness dF/d(slip) at zero slip, k L^2 w / 2 [N], per rad or per slip ratio.
+
+    All elements stick at zero slip, so that friction does not matter.
+    """
+    return 0.5 * patch.stiffness * patch.length**2 * patch.width
+
+
+def _conditions(scene, slip, speed, load, kind):
+    dtype = result_dtype(scene, slip, speed, load)
+    slip, speed, load = (as_array(a, dtype) for a in (slip, speed, load))
+    limits = (-np.pi / 2, np.pi / 2) if kind == "angle" else (-1.0, np.inf)
+    if is_concrete(slip):
+        text = "must be between -pi/2 and pi/2; is it in degrees?" if kind == "angle" else "must be > -1"
+        check_values("slip", slip, (text, lambda x: (x > limits[0]) & (x < limits[1])))
+    for name, value in (("speed", speed), ("load", load)):
+        if is_concrete(value):
+            check_values(name, value, ("must be positive", lambda x: x > 0))
+    return slip, speed, load
+
+
+def _chebyshev(count):
+    """Return Chebyshev points z in (-1, 1), and the matrix from values there to Chebyshev coefficients."""
+    angle = (np.arange(count) + 0.5) * np.pi / count
+    matrix = 2.0 / count * np.cos(np.arange(count)[:, None] * angle)
+    matrix[0] *= 0.5
+    return np.cos(angle), matrix
+
+
+def _pressures(patch, dtype):
+    """Return the pressures at which friction is computed, divided by the highest one."""
+    if patch.shape.is_constant:
+        return jnp.ones(1, dtype)
+    z, _ = _chebyshev(_PRESSURES)
+    return jnp.asarray((0.5 * (1 + z)) ** 2, dtype)
+
+
+def _friction_at(mu, relative):
+    """Return friction at pressures `relative` to the highest one, from its values at `_pressures`."""
+    if mu.shape[0] == 1:
+        return mu[0]
+    matrix = jnp.asarray(_chebyshev(mu.shape[0])[1], mu.dtype)
+    coefficients = matrix @ mu
+    z = 2 * safe_root(jnp.maximum(relative, 0.0)) - 1
+    # Clenshaw's recurrence, whose derivatives are finite at both ends.
+    first = second = jnp.zeros_like(z)
+    for c in coefficients[:0:-1]:
+        first, second = c + 2 * z * first - second, first
+    return coefficients[0] + z * first - second
+
+
+def brush(
+    patch: Patch, sigma: jax.Array, mean: jax.Array, mu: jax.Array
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Return the force [N], the moment [N m] and the sliding share of a patch.
+
+    Parameters
+    ----------
+    patch : Patch
+    sigma : slip of the elements [-], a scalar
+    mean : mean pressure [Pa], a scalar
+    mu : friction coefficients at `_pressures`, shape (pressures,)
+    """
+    shape, highest = patch.shape, patch.shape.highest()
+    rise = patch.stiffness * jnp.abs(sigma) * patch.length
+
+    def limit(s):
+        relative = shape.relative(s)
+        return mean * relative * _friction_at(mu, relative / highest)
+
+    start = _first_sliding(lambda s: rise * s - limit(s), sigma.dtype)
+    kinks = jnp.asarray(shape.kinks(), sigma.dtype)
+    t, weight = (jnp.asarray(a, sigma.dtype) for a in _clustered(_NODES))
+    low = jnp.maximum(kinks[:-1], start)[:, None]
+    length = jnp.maximum(kinks[1:], start)[:, None] - low
+    s = low + length * t
+    sliding = jnp.sign(sigma) * weight * length * limit(s)
+    # With the sign of sigma in it, so that the slope at sigma = 0 is right.
+    sticking = patch.stiffness * sigma * patch.length * start**2
+    force = 0.5 * sticking + jnp.sum(sliding)
+    moment = sticking * (start / 3 - 0.25) + jnp.sum(sliding * (s - 0.5))
+    return patch.area * force, patch.area * patch.length * moment, 1 - start
+
+
+def _clustered(count):
+    """Return nodes and weights on (0, 1), for functions of the root of the distance from both ends."""
+    x, w = np.polynomial.legendre.leggauss(count)
+    x, w = 0.5 * (x + 1), 0.5 * w
+    return x * x * (3 - 2 * x), 6 * x * (1 - x) * w
+
+
+def _first_sliding(excess, dtype):
+    """Return the first s at which `excess` exceeds 0, or 1 if none does, with its derivative.
+
+    Only its first derivative is right, which is all that force and moment need up to second order.
+    """
+    grid = jnp.linspace(0.0, 1.0, _INTERVALS + 1, dtype=dtype)
+    still = jax.lax.stop_gradient
+    over = still(jax.vmap(excess)(grid[1:])) > 0
+    k = jnp.argmax(over)
+    slides = jnp.any(over)
+
+    def halve(_, ends):
+        low, high = ends
+        middle = 0.5 * (low + high)
+        above = still(excess(middle)) > 0
+        return jnp.where(above, low, middle), jnp.where(above, middle, high)
+
+    low, high = jax.lax.fori_loop(0, _HALVINGS, halve, (grid[k], grid[k + 1]))
+    s = jnp.where(slides, 0.5 * (low + high), 1.0)
+    inside = slides & (s > 2.0**-_HALVINGS)
+    value, slope = jax.jvp(excess, (s,), (jnp.ones_like(s),))
+    rises = inside & (slope > 0)
+    return s - jnp.where(rises, value - still(value), 0.0) / jnp.where(rises, still(slope), 1.0)
