@@ -22,6 +22,7 @@ from rubberfric.materials.material import Material
 from rubberfric.materials.shifts import Shift, VerticalShift
 from rubberfric.materials.slab import Layer
 from rubberfric.roughness.spectra import Spectrum
+from rubberfric.scene.interface import ShearLaw
 from rubberfric.scene.scene import Body, Scene
 
 HERE = Path(__file__).parent
@@ -33,10 +34,11 @@ PLACES = (
     ("Materials", "material", Material),
     ("Spectra", "spectrum", Spectrum),
     ("Layers", "layer", Layer),
+    ("Contact shear", "shear", ShearLaw),
     ("Shifts with temperature", "shift", Shift),
     ("Vertical shifts", "vertical", VerticalShift),
 )
-OTHERS = ("shear", "heating", "softening", "adhesion", "correlation", "thermal")
+OTHERS = ("heating", "softening", "adhesion", "correlation", "thermal")
 
 
 def document() -> str:

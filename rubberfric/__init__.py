@@ -6,12 +6,15 @@ from rubberfric.base.release import VERSION
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
     from rubberfric import analysis as analysis
+    from rubberfric import applications as applications
     from rubberfric import io as io
     from rubberfric import materials as materials
     from rubberfric import plot as plot
     from rubberfric import roughness as roughness
     from rubberfric.analysis import FrictionMap as FrictionMap
     from rubberfric.analysis import friction_map as friction_map
+    from rubberfric.applications import Patch as Patch
+    from rubberfric.applications import grip as grip
     from rubberfric.base import units as units
     from rubberfric.base.checks import UnitWarning as UnitWarning
     from rubberfric.base.compilation import compilation_cache as compilation_cache

@@ -43,15 +43,34 @@ import jax.numpy as jnp
 from rubberfric.base.checks import NONNEGATIVE, PLAUSIBLE_STRESS, POSITIVE, between
 from rubberfric.base.logarithms import floored_log
 from rubberfric.base.objects.fields import Number, OptionalNumber, child, leaf, static
-from rubberfric.base.objects.physical import PhysicalObject, physical
+from rubberfric.base.objects.physical import Kind, PhysicalObject, physical
 from rubberfric.materials.shifts import Shift, log_vertical
 from rubberfric.roughness.moments import safe_root
 
 _LN_10 = math.log(10.0)  # a NumPy float would widen float32
 
 
+class ShearLaw(Kind):
+    """Base class of the shear stress in the contact area.
+
+    A subclass implements `stress` and may have a field `shift`. The stress depends on velocity and
+    temperature only through a_T' v and the factor b_T' of the shift, and not on the pressure. Heat balance
+    and maps rely on this.
+    """
+
+    # Change with temperature, tau_f = b_T' tau_f(a_T' v).
+    shift: Shift | None = None
+
+    def stress(self, log_speed: jax.Array) -> jax.Array:
+        """Return tau_f [Pa], >= 0, at the reference temperature and log_speed = ln(v / (1 m/s)).
+
+        At rest log_speed is the logarithm of the smallest positive number. The friction is then set to 0.
+        """
+        raise NotImplementedError(f"{type(self).__name__}.stress")
+
+
 @physical
-class ContactShear(PhysicalObject):
+class ContactShear(ShearLaw):
     r"""Shear stress in the contact area, a bell curve over the logarithm of the velocity.
 
     .. math:: \tau_f = \tau_{f0} \exp\left(-c\,[\log_{10}(a_T' v / v_0)]^2\right)
@@ -79,9 +98,13 @@ class ContactShear(PhysicalObject):
     v0: Number = leaf(POSITIVE, unit="m/s")
     shift: Shift | None = child(default=None)
 
+    def stress(self, log_speed: jax.Array) -> jax.Array:
+        """Return tau_f [Pa] at log_speed = ln(v / (1 m/s))."""
+        return self.tau_f0 * _bell(self.c, (log_speed - jnp.log(self.v0)) / _LN_10)
+
 
 def shear_friction(
-    shear: ContactShear,
+    shear: ShearLaw,
     area: jax.Array,
     velocity: jax.Array,
     pressure: jax.Array,
@@ -93,14 +116,14 @@ def shear_friction(
     """
     # At rest the friction has the exact factor sign(v) = 0, which would otherwise multiply ln 0 in the value
     # and 1/0 in derivatives.
-    log_ratio = floored_log(jnp.abs(velocity)) - jnp.log(shear.v0)
+    log_speed = floored_log(jnp.abs(velocity))
     if temperature is not None and shear.shift is not None:
-        log_ratio = log_ratio + shear.shift.log_factor(temperature)
-    largest = shear.tau_f0 * area / pressure
+        log_speed = log_speed + shear.shift.log_factor(temperature)
+    mu = shear.stress(log_speed) * area / pressure
     log_vertical_factor = log_vertical(shear.shift, temperature)
     if log_vertical_factor is not None:
-        largest = largest * jnp.exp(log_vertical_factor)
-    return jnp.sign(velocity) * largest * _bell(shear.c, log_ratio / _LN_10)
+        mu = mu * jnp.exp(log_vertical_factor)
+    return jnp.sign(velocity) * mu
 
 
 @jax.custom_jvp

@@ -30,7 +30,7 @@ from rubberfric.materials.slab import Layer
 from rubberfric.roughness.anisotropy import slope_anisotropy
 from rubberfric.roughness.spectra import Spectrum
 from rubberfric.scene.heating import Heating, ThermalProperties
-from rubberfric.scene.interface import Adhesion, ContactShear, Correlation
+from rubberfric.scene.interface import Adhesion, Correlation, ShearLaw
 from rubberfric.scene.softening import Softening
 
 _Tree = TypeVar("_Tree")
@@ -116,7 +116,7 @@ class Scene(PhysicalObject):
         False. The friction is closer if True, with an error that depends on velocity
         (notebooks/boundary_elements.md). The separation always uses the plain G, because with S in G the
         ratio of separations at two loads would be 9 % too small instead of 1 %.
-    shear : ContactShear or None
+    shear : ContactShear, another `ShearLaw`, or None
         shear stress in the contact area; changes only the friction.
     heating : Heating or None
         frictional heating of the deformable solids, with a temperature for each length scale.
@@ -149,7 +149,7 @@ class Scene(PhysicalObject):
     upper: Body = child()
     gamma: Number = leaf(between(0.0, 1.0), unit="-", default=0.5)
     area_correction: bool = static(default=False)
-    shear: ContactShear | None = child(default=None)
+    shear: ShearLaw | None = child(unnamed="contact_shear", default=None)
     heating: Heating | None = child(default=None)
     softening: Softening | None = child(default=None)
     adhesion: Adhesion | None = child(default=None)

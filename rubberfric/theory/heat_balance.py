@@ -26,7 +26,7 @@ from rubberfric.scene.heating import (
     rise_inside,
     shear_shares,
 )
-from rubberfric.scene.interface import ContactShear, shear_friction
+from rubberfric.scene.interface import ShearLaw, shear_friction
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.contact import Contact, Roughness
 from rubberfric.theory.structure import SurfaceTemperatures
@@ -61,7 +61,7 @@ class Thermal(NamedTuple):
     exciting: tuple[int | None, ...]  # for every deformable solid the contribution that strains it
     # For every contribution the index of the solid that it strains, and of the rough solid.
     solids: tuple[tuple[int | None, int | None], ...]
-    shear: ContactShear | None
+    shear: ShearLaw | None
     coarse: Coarse | None  # None if nothing depends on the temperature
 
 

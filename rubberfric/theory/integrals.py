@@ -16,7 +16,7 @@ from rubberfric.base.compilation import exact_products
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import unscaled
 from rubberfric.roughness.radial_mesh import build_mesh
-from rubberfric.scene.interface import Adhesion, ContactShear, difference, shear_friction
+from rubberfric.scene.interface import Adhesion, ShearLaw, difference, shear_friction
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.softening import knots
 from rubberfric.theory.adhesive_contact import adhesive_contact
@@ -54,7 +54,7 @@ class Prepared(NamedTuple):
     needs: RequiredMeans
     integrated: Roughness | None  # None if no quantity is an integral over it
     thermal: Thermal | None
-    shear: ContactShear | None
+    shear: ShearLaw | None
     adhesion: Adhesion | None
     law: Law | None = None  # gives area and friction instead of the theory
 

@@ -31,8 +31,8 @@ def vogel_fulcher():
     return VogelFulcher
 
 
-def fractional_zener():
-    class FractionalZener(Material):
+def fractional_solid():
+    class FractionalSolid(Material):
         """E = E_inf + E_relaxing s / (1 + s), s = (i omega tau)^alpha."""
 
         E_inf: Number = leaf(POSITIVE, unit="Pa", plausible=PLAUSIBLE_STRESS)
@@ -49,7 +49,7 @@ def fractional_zener():
             s = jnp.exp(self.alpha * (jnp.log(omega * self.tau) + 0.5j * np.pi))
             return self.E_inf + self.E_relaxing * s / (1 + s)
 
-    return FractionalZener
+    return FractionalSolid
 
 
 def havriliak_negami():
@@ -75,7 +75,7 @@ def havriliak_negami():
 
 
 MATERIALS = {
-    "FractionalZener": {"E_inf": 3e6, "E_relaxing": 5e8, "tau": 1e-6, "alpha": 0.5},
+    "FractionalSolid": {"E_inf": 3e6, "E_relaxing": 5e8, "tau": 1e-6, "alpha": 0.5},
     "HavriliakNegami": {"E_inf": 3e6, "E_glassy": 5e8, "tau": 1e-6, "a": 0.5, "b": 0.8},
 }
 SHIFT = {"B": 900.0, "T_0": 170.0, "T_ref": 293.15}
@@ -94,14 +94,14 @@ shift = {{ kind = "vogel_fulcher", {shift} }}
 @pytest.fixture(scope="module")
 def kinds():
     """The new classes by their names, known while these tests run."""
-    made = [physical(cls()) for cls in (vogel_fulcher, fractional_zener, havriliak_negami)]
+    made = [physical(cls()) for cls in (vogel_fulcher, fractional_solid, havriliak_negami)]
     yield {cls.__name__: cls for cls in made}
     for cls in made:
         forget(cls)
 
 
 @pytest.fixture(
-    scope="module", params=[pytest.param("FractionalZener", marks=pytest.mark.slow), "HavriliakNegami"]
+    scope="module", params=[pytest.param("FractionalSolid", marks=pytest.mark.slow), "HavriliakNegami"]
 )
 def scene(request, kinds):
     material = kinds[request.param](**MATERIALS[request.param], shift=kinds["VogelFulcher"](**SHIFT))
@@ -113,7 +113,7 @@ def written(scene):
     name = type(scene.upper.material).__name__
     shift = ", ".join(f"{key} = {value}" for key, value in SHIFT.items())
     numbers = "\n".join(f"{key} = {value}" for key, value in MATERIALS[name].items())
-    kind = {"FractionalZener": "fractional_zener", "HavriliakNegami": "havriliak_negami"}[name]
+    kind = {"FractionalSolid": "fractional_solid", "HavriliakNegami": "havriliak_negami"}[name]
     return TOML.format(kind=kind, shift=shift, numbers=numbers)
 
 
@@ -155,7 +155,7 @@ def test_fields_are_checked(scene):
     name = type(scene.upper.material).__name__
     with pytest.raises(ValueError, match=rf"^upper\.material: {name}\.tau = -1\.0: must be > 0$"):
         scene.replace("upper.material.tau", -1)
-    allowed = "Rigid, Elastic, Prony, PronyShear, TabulatedModulus, FractionalZener, HavriliakNegami"
+    allowed = "Rigid, Elastic, Prony, PronyShear, TabulatedModulus, FractionalSolid, HavriliakNegami"
     with pytest.raises(ValueError, match=rf"^Body\.material = None: must be {allowed}$"):
         rf.Body(None)
     with pytest.raises(ValueError, match=r"must be WLF, Arrhenius, TabulatedShift, VogelFulcher or None$"):
@@ -228,8 +228,8 @@ def test_fit(scene):
 @pytest.mark.slow
 def test_in_a_coating(kinds):
     """The kind that is a Prony series, on an elastic base and under one."""
-    zener = kinds["FractionalZener"](**MATERIALS["FractionalZener"])
-    with pytest.raises(ValueError, match=r"must be Elastic, Prony, FractionalZener \(on a rigid base"):
+    zener = kinds["FractionalSolid"](**MATERIALS["FractionalSolid"])
+    with pytest.raises(ValueError, match=r"must be Elastic, Prony, FractionalSolid \(on a rigid base"):
         rf.Coating(1e-3, rf.Rigid())
     bodies = (
         rf.Body(zener, None, rf.Coating(1e-3, rf.Elastic(1e9, 0.3))),

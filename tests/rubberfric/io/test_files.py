@@ -463,7 +463,7 @@ FAULTS = {
         ("upper.spectrum.file", "no.csv", "upper.spectrum.file = 'no.csv': "),
         ("upper.material.shift.T_ref", 500.0, "upper.material.shift: TabulatedShift.T_ref = 500.0: must be"),
         ("shear", {}, "shear.tau_f0: is missing; must be given"),
-        ("shear.kind", "bell", "shear.kind: unknown key; must be one of tau_f0, c, v0, shift"),
+        ("shear.kind", "bell", "shear.kind = 'bell': must be one of contact_shear"),
         ("run.velocity", {"from": 0, "to": 1, "points": 2}, "run.velocity.from = 0.0: must be > 0"),
         ("run.velocity", {"from": 1, "to": 1, "points": 2}, "run.velocity.to = 1.0: must be > from = 1"),
         ("run.velocity", {"from": 1, "to": 2, "points": 1}, "run.velocity.points = 1: must be an integer"),
