@@ -82,7 +82,7 @@ SQUARES = Loss()
 
 
 class Objective(NamedTuple):
-    """What a first-order solver needs, where x has the shape (size,)."""
+    """Cost of a fit for first-order solvers, where x has the shape (size,)."""
 
     cost: Callable[[jax.Array], jax.Array]
     rounding: jax.Array  # cost due to rounding; smaller costs have no meaning

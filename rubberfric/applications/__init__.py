@@ -4,9 +4,9 @@ from rubberfric.base.lazy import lazily
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
-    from rubberfric.applications.grip import Grip as Grip
-    from rubberfric.applications.grip import grip as grip
-    from rubberfric.applications.grip import slip_stiffness as slip_stiffness
+    from rubberfric.applications.brush_model import Grip as Grip
+    from rubberfric.applications.brush_model import grip as grip
+    from rubberfric.applications.brush_model import slip_stiffness as slip_stiffness
     from rubberfric.applications.patch import MeasuredPressure as MeasuredPressure
     from rubberfric.applications.patch import Parabolic as Parabolic
     from rubberfric.applications.patch import Patch as Patch

@@ -14,7 +14,7 @@ from support.scenes.common import ROAD, SHEAR, SHIFTED_TREAD
 
 import rubberfric as rf
 from rubberfric.applications import MeasuredPressure, Patch, Trapezoid, grip, slip_stiffness
-from rubberfric.applications.grip import brush
+from rubberfric.applications.brush_model import brush
 
 L, W, K, LOAD = 0.12, 0.15, 2e7, 3000.0
 MEAN = LOAD / (L * W)

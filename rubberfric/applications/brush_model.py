@@ -36,7 +36,7 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import safe_root
 from rubberfric.scene.scene import Scene, result_dtype, warn_of_conditions
 from rubberfric.scene.settings import default_quadrature
-from rubberfric.theory import friction
+from rubberfric.theory.model import friction
 
 Kind = Literal["angle", "ratio"]
 
