@@ -24,9 +24,11 @@ from rubberfric.analysis import boundary_element
 from rubberfric.plot import style
 
 FOLDER = Path(__file__).resolve().parent
-TABLE, PAGE = FOLDER / "boundary_elements.csv", FOLDER / "boundary_elements.md"
+TABLE = FOLDER / "boundary_elements.csv"
+PAGE = FOLDER / "boundary_elements.md"
 FIGURE = FOLDER / "figures" / "boundary_elements.png"
 
+# Random surfaces of a case. Their scatter gives the standard error of the mean.
 REALISATIONS = 4
 TOLERANCE = 1e-4  # error of friction 2e-3, at the lightest load 5e-3
 BINS = 6  # of ln q between q0 and q1, for the displacements
@@ -38,9 +40,11 @@ GEOMETRIES = (
     (64, 4, 1, 512),
     (64, 1, 2, 1024),
 )
+# Hurst exponents. Only the first one is computed on the largest grid.
 HURST = (0.8, 0.6, 1.0)
 # Pressure over |E| h' at the middle velocity: A/A0 about 0.3, 3 and 20 %.
 LOADS = (1.5e-3, 1.5e-2, 0.12)
+# Solids with E(0) = 1: a single relaxation time, one time per decade, and no relaxation.
 MATERIALS = {
     "narrow": rf.Prony(1.0, [9.0], [1.0], 0.0),
     "broad": rf.Prony(1.0, 2.0 ** np.arange(8), 10.0 ** -np.arange(8.0), 0.0),
@@ -58,6 +62,7 @@ VARIANTS = {
     for name, inside in (("plain", False), ("inside", True))
     for gamma in (0.45, 0.5)
 }
+# Limits of the intervals of A/A0 in the table.
 AREAS = (0.003, 0.01, 0.03, 0.1, 0.3, 0.8)
 WHAT = """In the theory, the spectral power of the displacement is P S times the spectral power of the
 roughness, at each wavevector up to q1. The factor P S decreases steeply with q. In boundary elements the same

@@ -28,7 +28,8 @@ SCENES = {
     "two_rubbers": "two viscoelastic solids, both rough",
     "thin_layer": "a layer of rubber on a rigid road",
 }
-PRESSURE, TEMPERATURE = 0.15e6, 293.15
+PRESSURE = 0.15e6  # nominal pressure [Pa]
+TEMPERATURE = 293.15  # [K]
 UNIT = (200, 64)  # nodes of the textbook method whose run time is the unit
 
 

@@ -17,6 +17,7 @@ import nbformat
 from PIL import Image  # comes with matplotlib
 
 FOLDER = Path(__file__).resolve().parent
+# Colours of a stored picture. A palette of at most 256 takes one byte per pixel.
 COLOURS = 255
 
 

@@ -34,15 +34,22 @@ from rubberfric.scene import cast
 from rubberfric.theory import model
 
 FOLDER = Path(__file__).resolve().parent
-STORE, PAGE, FIGURE = FOLDER / "growth.json", FOLDER / "growth.md", FOLDER / "figures" / "growth.png"
+STORE = FOLDER / "growth.json"  # measurements by device
+PAGE = FOLDER / "growth.md"
+FIGURE = FOLDER / "figures" / "growth.png"
 
 DEFAULT = rf.Quadrature()
+# Nodes of a quick and less accurate map.
 QUICK = rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)
+# Nodes of the results from which errors are differences.
 FINEST = rf.Quadrature(order=20, panels=24, graded=12, ratio=4.0, angular_order=24)
 SETTINGS = {"default": DEFAULT, "quick": QUICK}
 
+# Numbers of velocities of a friction curve.
 VELOCITIES = (100, 1000, 10_000, 100_000, 1_000_000, 10_000_000)
+# Numbers of terms of a Prony series.
 TERMS = (1, 3, 10, 30, 100, 300)
+# Numbers of fits of an ensemble.
 MEMBERS = (1, 10, 100, 1000, 10_000, 100_000)
 # Velocities, pressures, temperatures.
 SHAPES = ((1000, 1, 1000), (1000, 3, 334), (500, 20, 100), (100, 100, 100))

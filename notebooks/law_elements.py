@@ -42,7 +42,9 @@ from rubberfric.analysis import boundary_element
 
 TABLE = Path(__file__).resolve().parent / "law_elements.csv"
 
+# Bins of ln q between q0 and q1 of the displacements. One more bin is above q1.
 BINS = 6
+# Tolerance of the boundary elements, as in boundary_elements.py.
 TOLERANCE = 1e-4
 SURFACES = 4, 8  # least and largest number
 INPUTS = (
@@ -215,6 +217,7 @@ def drawn_others(part, count, seed):
         yield case | {"velocity": v, "pressure": stiff * float(erfinv(area)) * np.sqrt(0.3)}
 
 
+# q1/q0 of drawn cases; values that occur twice are drawn twice as often.
 _RATIOS = 4, 5, 6, 8, 8, 10, 12, 16, 16, 24, 32, 32, 48, 64
 KINDS = "half-space", "slab", "two rough", "anisotropic", "large", "other material"
 PARTS = "fit", "test", "fresh"

@@ -27,11 +27,16 @@ from rubberfric.plot import style
 _COUNTED = 0.25
 # Data are inconsistent if the probability of their contradiction is below this.
 _CHANCE = 0.01
+# Most contradictions that are reported, the most significant ones first.
 _WORST = 3
-# Relaxation times per decade, which fit a power law to 1e-4; and decades that they reach beyond the data.
-_TIMES, _BEYOND = 3, 2.0
-# Number of fits, each weighted with the scatter of E' and E'' about the previous fit; smallest scatter.
-_ROUNDS, _EXACT = 4, 1e-4
+# Relaxation times per decade. They fit a power law to 1e-4.
+_TIMES_PER_DECADE = 3
+# Decades that the relaxation times reach beyond the data, where the loss of a term is 2 % of its peak.
+_BEYOND = 2.0
+# Number of fits, each weighted with the scatter of E' and E'' about the previous fit.
+_ROUNDS = 4
+# Smallest scatter of ln E' and ln E'', the error with which the relaxation times fit a power law.
+_EXACT = 1e-4
 # Prior standard deviation of a term, in units of the estimate from the loss at its peak.
 _ALIKE = 2.0
 # Smallest part of a measured value that a spectrum gives; its logarithm is finite.
@@ -282,7 +287,7 @@ def _spectrum_and_contradiction(data, hats, error):
     """
     omega, n, count = data.omega, data.omega.size, hats.shape[1]
     low, high = np.log10(omega.min()) - _BEYOND, np.log10(omega.max()) + _BEYOND
-    times = 10.0 ** -np.linspace(low, high, int(np.ceil(_TIMES * (high - low))) + 1)
+    times = 10.0 ** -np.linspace(low, high, int(np.ceil(_TIMES_PER_DECADE * (high - low))) + 1)
     A, free = columns(omega, np.append(times, np.inf)), np.concatenate([np.zeros_like(hats), hats])
     E = nonnegative_logarithmic(A, data.measured, np.zeros(2 * n), error, free)
     # E'' is 0 where the loss of the spectrum lies decades away, as in data that do not relax.
@@ -293,7 +298,7 @@ def _spectrum_and_contradiction(data, hats, error):
     # spectra that fit.
     order = np.argsort(omega)
     peaks = np.exp(np.interp(-np.log(times), np.log(omega[order]), np.log(data.loss[order])))
-    typical = np.append(2 / np.pi * np.log(10) / _TIMES * peaks, 0.1 * data.storage.min())
+    typical = np.append(2 / np.pi * np.log(10) / _TIMES_PER_DECADE * peaks, 0.1 * data.storage.min())
     width = _ALIKE * np.maximum(E, typical)
     J = np.concatenate([A * width / model[:, None], free], axis=1) / error[:, None]
     # The QR decomposition keeps digits that J^T J would lose where terms are far larger than the moduli.

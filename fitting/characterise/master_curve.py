@@ -3,13 +3,12 @@
 import dataclasses
 import functools
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import BSpline, PchipInterpolator
 
 import rubberfric as rf
-from fitting.characterise.master_report import SIGNIFICANT, report_of
+from fitting.characterise.master_report import Fall, largest_fall, report_of
 from fitting.characterise.pictures import plot_master_curve
 from fitting.characterise.shift_laws import ShiftLaw, arrhenius_through, wlf_through
 from fitting.characterise.sweep_shifts import ENTROPIC, Shifts, shifts_of
@@ -21,25 +20,8 @@ from fitting.uncertainty.posterior import joint_prior
 from rubberfric.base import shown
 from rubberfric.plot import style
 
+# Temperature of a room [K], near which the sweep of the default reference lies.
 _ROOM = 293.15
-# Part of E' beyond which a fall with frequency is named, and the number of points compared.
-_SMALL, _POINTS = 0.03, 80
-
-
-class Fall(NamedTuple):
-    """A fall of E' of a master curve with frequency, which no relaxing solid shows.
-
-    Attributes
-    ----------
-    omega : reduced frequencies [rad/s] between which E' falls, (lower, upper)
-    change, stderr : ln E' at the upper frequency minus ln E' at the lower one, < 0, and its standard error
-    temperatures : temperatures of the sweeps nearest to both frequencies [K]
-    """
-
-    omega: tuple[float, float]
-    change: float
-    stderr: float
-    temperatures: tuple[float, float]
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -126,21 +108,7 @@ class MasterCurve:
 
         A vertical shift that the data show is removed before. A fall shows that the sweeps do not superpose.
         """
-        one = self.shifts
-        t = np.linspace(one.knots[3], one.knots[-4] - 1e-9, _POINTS)
-        t = t[(t >= one.t.min()) & (t <= one.t.max())]
-        B = BSpline.design_matrix(t, one.knots, 3).toarray()
-        y, V = B @ one.splines[0], B @ one.covariances[0][: B.shape[1], : B.shape[1]] @ B.T
-        change = y - y[:, None]  # from the row's frequency to the column's
-        error = np.sqrt(np.maximum(np.diag(V) + np.diag(V)[:, None] - 2 * V, 0.0))
-        pull = np.triu(np.where((change < -_SMALL) & (error > 0), -change / np.where(error, error, 1.0), 0.0))
-        i, k = np.unravel_index(np.argmax(pull), pull.shape)
-        if not pull[i, k] > SIGNIFICANT:
-            return None
-        near = [self.of_sweep[np.argmin(np.abs(np.log(self.data.omega) - at))] for at in (t[i], t[k])]
-        ends = float(np.exp(t[i])), float(np.exp(t[k]))
-        temperatures = float(self.T[near[0]]), float(self.T[near[1]])
-        return Fall(ends, float(change[i, k]), float(error[i, k]), temperatures)
+        return largest_fall(self)
 
     @functools.cached_property
     def table(self) -> rf.TabulatedShift:
@@ -180,16 +148,10 @@ class MasterCurve:
         if not self.vertical:
             return None
         t, log_b = np.log(self.data.omega), self.log_bT.copy()
-        change = self._smooth(t) - self._smooth(t + (log_aT - self.log_aT)[self.of_sweep])
+        change = self.shifts.curve(t) - self.shifts.curve(t + (log_aT - self.log_aT)[self.of_sweep])
         for i in np.delete(np.unique(self.of_sweep), self.reference):
             log_b[i] += change[:, self.of_sweep == i].mean()
         return rf.TabulatedVertical(self.T, np.exp(log_b))
-
-    def _smooth(self, t):
-        """Return ln E' and ln E'' of the smooth curve at the reduced ln omega t, shape (2, points)."""
-        knots = self.shifts.knots
-        inside = np.clip(t, knots[3], knots[-4] - 1e-9)
-        return np.array([BSpline(knots, c, 3)(inside) for c in self.shifts.splines])
 
     def as_prior(self, body: str = "lower", widen: float = 1.0) -> dict[str, Prior]:
         """Return the fitted `shift` and its covariance as the `prior` of another fit.

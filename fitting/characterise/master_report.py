@@ -1,17 +1,40 @@
-"""Text of the report on a master curve."""
+"""Report on a master curve: shifts, laws, and signs that the sweeps do not superpose."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.interpolate import BSpline
 from scipy.optimize import brentq
 
 from fitting.characterise.sweep_shifts import ENTROPIC
 
 # Largest error of temperatures that is considered as the reason of a misfit [K].
 _WARMEST = 5.0
-# Standard errors beyond which a fall of E' with frequency, or a rise of a_T on heating, is named, and the
-# smallest rise that is named, in decades.
-SIGNIFICANT, _SLIGHT = 4.0, 0.1
+# Standard errors beyond which a fall of E' with frequency, or a rise of a_T on heating, is named. The most
+# significant of many pairs is compared, so that a few standard errors are due to chance.
+_SIGNIFICANT = 4.0
+# Smallest rise of a_T on heating that is named, in decades.
+_SMALLEST_RISE = 0.1
+# Smallest fall of ln E' with frequency that is named.
+_SMALLEST_FALL = 0.03
+# Points of the smooth curve between which falls are sought.
+_POINTS = 80
+
+
+class Fall(NamedTuple):
+    """A fall of E' of a master curve with frequency, which no relaxing solid shows.
+
+    Attributes
+    ----------
+    omega : reduced frequencies [rad/s] between which E' falls, (lower, upper)
+    change, stderr : ln E' at the upper frequency minus ln E' at the lower one, < 0, and its standard error
+    temperatures : temperatures of the sweeps nearest to both frequencies [K]
+    """
+
+    omega: tuple[float, float]
+    change: float
+    stderr: float
+    temperatures: tuple[float, float]
 
 
 def report_of(curve: Any, command: bool) -> str:
@@ -117,14 +140,34 @@ def _misfits(curve, command):
     return lines
 
 
+def largest_fall(curve: Any) -> Fall | None:
+    """Return the most significant `Fall` of E' of a `MasterCurve`, or None if no fall is significant."""
+    one = curve.shifts
+    t = np.linspace(one.knots[3], one.knots[-4] - 1e-9, _POINTS)
+    t = t[(t >= one.t.min()) & (t <= one.t.max())]
+    B = BSpline.design_matrix(t, one.knots, 3).toarray()
+    y, V = B @ one.splines[0], B @ one.covariances[0][: B.shape[1], : B.shape[1]] @ B.T
+    change = y - y[:, None]  # from the row's frequency to the column's
+    error = np.sqrt(np.maximum(np.diag(V) + np.diag(V)[:, None] - 2 * V, 0.0))
+    falls = (change < -_SMALLEST_FALL) & (error > 0)
+    pull = np.triu(np.where(falls, -change / np.where(error, error, 1.0), 0.0))
+    i, k = np.unravel_index(np.argmax(pull), pull.shape)
+    if not pull[i, k] > _SIGNIFICANT:
+        return None
+    near = [curve.of_sweep[np.argmin(np.abs(np.log(curve.data.omega) - at))] for at in (t[i], t[k])]
+    ends = float(np.exp(t[i])), float(np.exp(t[k]))
+    temperatures = float(curve.T[near[0]]), float(curve.T[near[1]])
+    return Fall(ends, float(change[i, k]), float(error[i, k]), temperatures)
+
+
 def _rising(curve):
     """Return (i, k, rise of log10 a_T, error) of the sweeps between which a_T rises most, or None."""
     V = curve.covariance / np.log(10) ** 2
     change = (curve.log_aT - curve.log_aT[:, None]) / np.log(10)  # from the row's sweep to the column's
     error = np.sqrt(np.maximum(np.diag(V) + np.diag(V)[:, None] - 2 * V, 1e-30))
-    pull = np.triu(np.where(change > _SLIGHT, change / error, 0.0), 1)
+    pull = np.triu(np.where(change > _SMALLEST_RISE, change / error, 0.0), 1)
     i, k = np.unravel_index(np.argmax(pull), pull.shape)
-    return (i, k, change[i, k], error[i, k]) if pull[i, k] > SIGNIFICANT else None
+    return (i, k, change[i, k], error[i, k]) if pull[i, k] > _SIGNIFICANT else None
 
 
 def _advised(curve):

@@ -10,7 +10,7 @@ from rubberfric.plot import style
 
 _NAMES = "storage $E'$", "loss $E''$"
 _LOOKS = ("-", "o"), ("--", "s")
-_POINTS = 300
+_POINTS = 300  # of a line
 
 
 def plot_master_curve(curve: Any, ax: style.Panels | None) -> style.Panels:

@@ -40,8 +40,10 @@ from rubberfric.base import html, shown
 from rubberfric.materials import Shift
 from rubberfric.plot import style
 
-# Largest cosine between the residuals and a change of ln E at a minimum, and rms below which data are exact.
-_FLAT, _EXACT = 1e-4, 1e-9
+# Largest cosine between the residuals and a change of ln E at a minimum. A larger one counts as stalled.
+_FLAT = 1e-4
+# Relative rms deviation below which data are exact, so that their cosine is due to rounding.
+_EXACT = 1e-9
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)

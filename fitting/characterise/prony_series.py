@@ -29,8 +29,10 @@ _GAP = 2.0
 # Largest distance of a given relaxation time from the range of 1/omega in decades, where its loss is 1 % of
 # its modulus.
 _REACH = 2.0
-# Largest numbers of Gauss-Newton steps of the bounded problem and of Levenberg-Marquardt steps.
-_STEPS, _ITERATIONS = 50, 200
+# Most Gauss-Newton steps of the bounded problem. They end earlier where the cost does not fall any further.
+_STEPS = 50
+# Most evaluations of the fit with a prior by Levenberg-Marquardt steps.
+_EVALUATIONS = 200
 # A term is dropped if it is below this share of E' and E'' at all frequencies.
 _ROUNDING = 1e-9
 # Number of fits, each weighted with the errors estimated by the previous fit.
@@ -325,7 +327,7 @@ class SeriesProblem:
 
     def _minimum(self, x, error, bends):
         """Return the x = ln E that minimises the squared residuals of data and prior, from the guess x."""
-        options: Any = {"xtol": 1e-14, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": _ITERATIONS}
+        options: Any = {"xtol": 1e-14, "ftol": 1e-15, "gtol": 1e-15, "max_nfev": _EVALUATIONS}
         options["jac"] = lambda x: self._all(x, error, bends)[1]
         return least_squares(lambda x: self._all(x, error, bends)[0], x, method="lm", **options).x
 

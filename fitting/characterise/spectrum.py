@@ -21,8 +21,9 @@ from fitting.results.report import error_text
 from fitting.results.result import FitResult
 from rubberfric.base import html, shown, unit_of
 
-# Slopes for H = 0 and H = 1; H is fixed at 0 or 1 if it is nearer than `_AT_END`.
+# Slopes for H = 0 and H = 1.
 _SLOPES = (2.0, 4.0)
+# Distance of H from 0 or 1 below which H is fixed there.
 _AT_END = 1e-6
 # Variance of ln C due to rounding.
 _EXACT = 1e-20

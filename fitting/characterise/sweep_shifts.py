@@ -28,16 +28,21 @@ from rubberfric import Entropic
 # Phase error [rad] and offsets of ln E' and ln E'' that the initial guesses assume.
 _GUESSES = (0.003, (0.02, 0.02)), (0.03, (0.002, 0.02))
 _KNOTS = 2.5  # knots per decade
-_ROUNDS, _HOLD, _SCREEN = 50, 6, 14  # iterations in all, with fixed variances, and for each initial guess
-_OFFSET, _BELIEF = 0.01, 20.0  # expected offset of a sweep, and its weight in sweeps
+_ROUNDS = 50  # most iterations from the best initial guess
+_HOLD = 6  # iterations with fixed variances, in which the shifts approach their values
+_SCREEN = 14  # iterations from each initial guess, after which their misfits are compared
+_OFFSET = 0.01  # expected offset of ln E of a sweep
+_BELIEF = 20.0  # weight of the expected offset, as a number of sweeps
 _STIFFEST = 300.0  # largest penalty; beyond it sharp bends pass for offsets
 _UNEVEN = 0.3  # standard deviation of the change of d ln a_T / dT from sweep to sweep, relative to the slope
 _PHASE = (1e-4, 0.1)  # range of the phase error [rad]
 _EXACT = 1e-5  # least scatter of ln E
 _OUTLIER = 4.0  # standard deviations beyond which a point loses weight
 ENTROPIC = Entropic(6e-4)  # vertical shift "entropic", with the thermal expansion of a typical rubber
-# Standard deviation of m in (T/T_ref)^m that multiplies b_T = 1, and the entropic b_T.
-_UNSEEN, _SEEN = 0.25, 0.3
+# Standard deviation of m in the unknown factor (T/T_ref)^m of b_T = 1. A larger one widens the error bars.
+_POWER_OF_ONE = 0.25
+# Standard deviation of m in the unknown factor (T/T_ref)^m of the entropic b_T.
+_POWER_OF_ENTROPIC = 0.3
 _GAIN = 8.0  # of -2 ln(likelihood), beyond which data need the latter; chance gives as much in 0.5 %
 _FREE = 0.3  # standard deviation of free ln b_T
 
@@ -64,6 +69,11 @@ class Shifts(NamedTuple):
     knots: np.ndarray  # of both splines, ln omega
     splines: np.ndarray  # their coefficients, shape (2, n)
     covariances: np.ndarray  # of (coefficients, ln a_T) without errors of temperature, shape (2, m, m)
+
+    def curve(self, t: np.ndarray) -> np.ndarray:
+        """Return ln E' and ln E'' of the smooth curve at the reduced ln omega t, shape (2, points)."""
+        inside = np.clip(t, self.knots[3], self.knots[-4] - 1e-9)
+        return np.array([BSpline(self.knots, c, 3)(inside) for c in self.splines])
 
 
 @dataclasses.dataclass
@@ -306,13 +316,13 @@ def shifts_of(
 
     if vertical is True:
         return _result(best(none, free, _FREE), none, temperature_error, free=True)
-    rubber = best(entropic, power, _SEEN)
+    rubber = best(entropic, power, _POWER_OF_ENTROPIC)
     if vertical == "entropic":
         return _result(rubber, entropic, temperature_error)
     plain = best(none, power[:, :0], 1.0)
     if 2 * n * (plain.misfit() - rubber.misfit()) > _GAIN:
         return _result(rubber, none, temperature_error, unseen=entropic)
-    plain.vertical, plain.wide = power, _UNSEEN
+    plain.vertical, plain.wide = power, _POWER_OF_ONE
     return _result(plain, none, temperature_error)
 
 

@@ -14,9 +14,8 @@ from fitting.data.kinds import ModulusData
 
 _FEWEST = 2  # points of a sweep with E', and with E''
 _TRIED = 81  # shifts of one neighbour to the other
-_RISE = (
-    2.0  # largest rise of E' on heating by a vertical shift in addition to the entropic one, see `sweeps_of`
-)
+# Largest factor by which E' may rise on heating in addition to T / T_ref, see `sweeps_of`.
+_RISE = 2.0
 _BENDING = 0.03  # variance of the slope of ln E that a change of ln omega by 1 adds
 
 

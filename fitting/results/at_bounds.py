@@ -29,9 +29,8 @@ from fitting.solvers.ordered import each_fit, edges, x_of, z_of
 from fitting.solvers.residuals import padded
 from fitting.solvers.runs import run_fits
 from fitting.uncertainty.covariance import OPEN, Uncertainty
-from fitting.uncertainty.intervals import SolvedProblem
+from fitting.uncertainty.intervals import LEVEL, SolvedProblem
 
-LEVEL = 0.95
 # Values at which a parameter with two bounds is held, as shares of the distance between the bounds.
 _PLACES = (0.01, 0.06, 0.2, 0.35, 0.5, 0.65, 0.8, 0.94, 0.99)
 

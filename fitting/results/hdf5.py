@@ -67,9 +67,13 @@ ResultType = TypeVar("ResultType", bound=FitRecord)
 
 FIT_FORMAT = "rubberfric fit"
 
-# Attributes of the file that are fields of the result, and attributes that are settings of the problem.
-_COUNTS, _REALS = ("status", "nfev", "njev"), ("cost", "seconds", "error_scale")
+# Fields of the result that are integers.
+_COUNTS = ("status", "nfev", "njev")
+# Fields of the result that are real numbers.
+_REALS = ("cost", "seconds", "error_scale")
+# Attributes of the file that are fields of the result.
 FIELDS = {"method": str, **dict.fromkeys(_COUNTS, int), **dict.fromkeys(_REALS, float)}
+# Attributes of the file that are settings of the problem.
 OPTIONS = {"loss": str, "loss_width": float}
 _TEXTS = ("format", "format_version", "rubberfric_version", "title", "message", "assumed")
 GROUPS = ("scene_at_start", "data", "free", "prior", "quadrature", "parameters", "uncertainty", "minima")

@@ -12,7 +12,7 @@ from fitting.results.record import FitRecord
 from fitting.solvers.evaluation import at_conditions, model_rows, residual_rows
 from fitting.solvers.problem import Block
 from fitting.solvers.residuals import forward, predictions
-from fitting.uncertainty.intervals import Band
+from fitting.uncertainty.intervals import LEVEL, Band
 from fitting.uncertainty.likelihood_profile import plot_profile
 from rubberfric.base import StrPath, quick_jit
 from rubberfric.plot import save_figure, style
@@ -26,7 +26,6 @@ LABELS = {
     "modulus": ("angular frequency $\\omega$ [rad/s]", "modulus\n$E'$, $E''$ [Pa]"),
     "spectrum": ("wavenumber $q$ [1/m]", "power spectrum\n$C$ [m$^4$]"),
 }
-_LEVEL = 0.95
 # A residual is drawn at the edge of the axes if it exceeds this multiple of the median, and the rest by half.
 _OUTLYING = 8.0
 # Largest number of conditions that are drawn with lines; above it data sets are drawn without lines.
@@ -37,11 +36,16 @@ _POINTS = 120
 _LIGHTER = 0.5
 # Marks a missing temperature or pressure.
 _ABSENT = -1.0
-# Largest number of parameters with a number in every cell, and with signs in cells of large correlations.
-_NUMBERS, _SIGNS = 14, 40
+# Most parameters with a number in every cell. More numbers would not fit their cells.
+_NUMBERS = 14
+# Most parameters with signs in the cells of large correlations. More signs would not fit their cells.
+_SIGNS = 40
+# Smallest correlation with a sign.
 _LARGE = 0.5
-# Size of the cells in a new figure, and the margin around them [inch].
-_CELL, _AROUND = 0.38, 2.6
+# Size of a cell in a new figure [inch]. A number of two decimals fits into it.
+_CELL = 0.38
+# Margin around the cells in a new figure [inch], for names of parameters and the colour bar.
+_AROUND = 2.6
 
 
 def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
@@ -127,7 +131,7 @@ def _draw(quantity, points, curves, fitted, upper, lower):
             look["linestyle"] = dashes
         handles.append(upper.plot([], [], label=curve.text or "data, fit", **look)[0])
     if any(fitted):
-        handles.append(Patch(color="0.75", label=f"{100 * _LEVEL:g} % band"))
+        handles.append(Patch(color="0.75", label=f"{100 * LEVEL:g} % band"))
     return handles
 
 
@@ -323,7 +327,7 @@ def _band(result, quantity, x, scene, body, temperature, pressure):
         structure = result.problem.structure._replace(blocks=(block,))
         numbers = result.problem.numbers._replace(conditions=(conditions,))
         found = map(np.asarray, _value_and_slopes(structure, numbers, jnp.asarray(at)))
-    return Band(*(column.reshape(-1, x.size) for column in result.widened(*found, _LEVEL)))
+    return Band(*(column.reshape(-1, x.size) for column in result.widened(*found, LEVEL)))
 
 
 @quick_jit(static_argnums=(0,))

@@ -15,17 +15,19 @@ from fitting.parameters.plausible import implausible
 from fitting.parameters.priors import Smooth, Sum
 from fitting.parameters.scenes import Scenes, each_scene, leaf_names, owner_of, paths_of
 from fitting.parameters.selection import PriorContext
-from fitting.results.at_bounds import LEVEL
 from fitting.results.record import FitRecord
 from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import ASSUMED
+from fitting.uncertainty.intervals import LEVEL
 from rubberfric.analysis import contact_model_name, theory_error
 from rubberfric.base import unit_of
 
 # Largest number of elements listed for a key path; longer arrays show the first and the last.
 LISTED = 24
-# Smallest correlation that is reported, and the largest number of them.
-_CORRELATED, _PAIRS = 0.5, 20
+# Correlation above which a pair is reported. A weaker one widens error bars by less than 16 %.
+_CORRELATED = 0.5
+# Most pairs that are reported, the most correlated ones first.
+_PAIRS = 20
 # Largest number of names without an error bar in the headlines.
 _BARE = 4
 

@@ -19,14 +19,13 @@ from fitting.results.record import FitRecord
 from fitting.results.report import headlines, report, tied_lines, variable_rows
 from fitting.results.samples import Samples, drawn
 from fitting.solvers.runs import Callback
+from fitting.uncertainty.intervals import LEVEL
 from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 from fitting.uncertainty.posterior import DrawProgress, log_density, prior_of
 from rubberfric.analysis import friction_table as table_of_scene
 from rubberfric.base import StrPath, html, object_html
 from rubberfric.io import FrictionTable
 from rubberfric.plot import style
-
-_LEVEL = 0.95
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -235,6 +234,6 @@ def friction_table(
     options = {"error": error, "quadrature": result.problem.structure.quadrature, "title": title}
     table = table_of_scene(result.problem.scene(result.x), velocity, pressure, temperature, **options)
     T = None if table.temperature is None else table.temperature[:, None, None]
-    band = result.band(table.velocity, table.pressure[:, None], T, level=_LEVEL)
-    sigma = band.value * np.log(band.high / band.value) / result.quantile(_LEVEL)
+    band = result.band(table.velocity, table.pressure[:, None], T, level=LEVEL)
+    sigma = band.value * np.log(band.high / band.value) / result.quantile(LEVEL)
     return table._replace(sigma=sigma.reshape(table.friction.shape))

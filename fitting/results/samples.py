@@ -20,9 +20,12 @@ from fitting.uncertainty.posterior import DrawProgress, diagnosed, run_chains
 from rubberfric.base import StrPath, html, quick_jit
 from rubberfric.io import hdf5
 
-# Draws are reliable below this R-hat and above this effective sample size per chain [Vehtari, Gelman,
-# Simpson, Carpenter & Buerkner, Bayesian Anal. 16 (2021) 667, arXiv:1903.08008].
-_RHAT, _ESS = 1.01, 100.0
+# R-hat below which draws are reliable [Vehtari, Gelman, Simpson, Carpenter & Buerkner, Bayesian Anal. 16
+# (2021) 667, arXiv:1903.08008].
+_RHAT = 1.01
+# Effective sample size per chain above which draws are reliable (Vehtari et al.).
+_ESS = 100.0
+# Default levels of quantiles: the median and the ends of a 95 % interval.
 _QUANTILES = (0.025, 0.5, 0.975)
 # Arrays of a file with a value for every draw.
 _ARRAYS = ("log_density", "diverging", "accepted", "steps")

@@ -33,8 +33,10 @@ ALIKE = 0.15
 MODULI = ("E", "E_inf", "young", "storage", "loss")
 HEIGHTS = ("h_rms", "C", "gamma", "q1", "qr", "q0", "hurst")
 SHEAR = ("tau_f0", "c", "v0")
-# Parameters that make the surface rougher as they rise, or smoother.
-ROUGHER, SMOOTHER = ("h_rms", "C", "q1"), ("hurst",)
+# Parameters that make the surface rougher as they rise.
+ROUGHER = ("h_rms", "C", "q1")
+# Parameters that make the surface smoother as they rise.
+SMOOTHER = ("hurst",)
 
 # (condition on the last steps of the key paths, whether all must have the same sign, advice).
 HINTS = (

@@ -36,6 +36,7 @@ from fitting.uncertainty.intervals import SolvedProblem
 ALONE = 0.7
 # Lower bound of 1 - h, which may round to 0.
 _ROUNDING = 1e-12
+# Gauss-Hermite nodes of the mean over a left-out density. Fewer are less accurate for robust losses.
 _NODES = 64
 
 

@@ -25,7 +25,9 @@ from rubberfric.plot import style
 _DRAWS = 16
 # Default relative error of a new measurement.
 _ERROR = 0.05
+# Criteria that are chosen by name: determinant and trace of the covariance.
 _CRITERIA = ("D", "A")
+# Most measurements of a design, which are chosen one after the other.
 MOST_MEASUREMENTS = 10_000
 # Greatest number of panels of a figure.
 _PANELS = 4

@@ -39,10 +39,12 @@ from rubberfric.scene import shifts
 
 # Amplitudes of the grid. Above the last the theory is useless, below the first its error has no effect.
 _AMPLITUDES = np.geomspace(1e-3, 2.0, 39)
-# Median of the prior of an amplitude for each contact model, and the standard deviation of its logarithm. The
-# paper's friction differs systematically from boundary elements, by 0.3 to 0.4; with an amplitude of 0.5
-# intervals contain the truth. The law differs by 0.06, and by 0.1 in the least favourable scenes.
-_MEDIANS, _DEVIATION = {"paper": 0.5, "boundary_elements": 0.1}, 0.5
+# Median of the prior of an amplitude for each contact model. The paper's friction differs systematically from
+# boundary elements, by 0.3 to 0.4. With an amplitude of 0.5 intervals contain the truth. The law differs by
+# 0.06, and by 0.1 in the least favourable scenes.
+_MEDIANS = {"paper": 0.5, "boundary_elements": 0.1}
+# Standard deviation of the logarithm of an amplitude in its prior, a factor of 1.6.
+_DEVIATION = 0.5
 # Median of the rest of the theory's error if its difference to the law is known. Values from 0.2 to 0.35 give
 # intervals of the stated coverage (tests/fitting/uncertainty/test_coverage.py).
 _COMPARED = 0.3

@@ -51,12 +51,19 @@ from rubberfric.base import cores
 
 # Weights that differ by less than this part of the largest have no tail.
 _EVEN = 1e-6
-# Least effective sample size, and greatest tail index, of weights that describe a posterior.
-_ENOUGH, _HEAVY = 10, 0.7
+# Smallest effective sample size of weights that describe a posterior. Fewer draws give no interval.
+_ENOUGH = 10
+# Largest tail index of such weights. Means over weights with heavier tails converge too slowly (Vehtari et
+# al.).
+_HEAVY = 0.7
 # Smallest number of degrees of freedom; in few dimensions it costs little.
 _FEWEST = 4
-# Pilot draws over all draws, the share of them that must be effective, and the number of rounds if it is not.
-_PILOT, _GUIDE, _ROUNDS = 0.2, 0.25, 4
+# Pilot draws over all draws. Fewer describe the posterior less well, and more take longer.
+_PILOT = 0.2
+# Share of pilot draws that must be effective. Below it the proposal is improved.
+_GUIDE = 0.25
+# Most pilot runs. Each further one takes as many draws as the final run, for fits with a poor proposal only.
+_ROUNDS = 4
 # Points in one call of the compiled function; calls are distributed over cores.
 _POINTS = 256
 

@@ -42,12 +42,19 @@ from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 from fitting.uncertainty.profile import Anchor, profile_from
 from rubberfric.base import broadcast_shape, quick_jit
 
-# Correlation above which a pair's error bars are checked, their confidence level, and the number of pairs.
-_CORRELATED, _LEVEL, _PAIRS = 0.98, 0.95, 2
+# Confidence level of intervals in reports, figures and checks.
+LEVEL = 0.95
+# Correlation above which the error bars of a pair are checked. They are then five times as long as with the
+# other parameter fixed, and the linear model may not hold at their ends.
+_CORRELATED = 0.98
+# Most pairs whose error bars are checked. Each takes fits at the four ends of two intervals.
+_PAIRS = 2
 # Limits of rise / expected rise for error bars that are correct to a tenth of their length.
 _HOLD = (0.8, 1.25)
-# Gauss-Newton steps at the ends of an interval, and a gain in cost that ends them.
-_STEPS, _LITTLE = 4, 0.05
+# Most Gauss-Newton steps at the ends of an interval. The rise of chi-square is needed to about a fifth only.
+_STEPS = 4
+# Gain in cost below which the steps end. The expected rise of the cost is 1.9 at 95 % for many data.
+_LITTLE = 0.05
 
 
 class Bootstrap(NamedTuple):
@@ -306,7 +313,7 @@ class Valley(NamedTuple):
         (a, b), (low, high) = self.linear, self.interval
         return (
             f"{self.name} trades with {self.other} (correlation {self.correlation:+.3f}):"
-            f" {100 * _LEVEL:.0f} % by its error bar {a:.3g} ... {b:.3g},"
+            f" {100 * LEVEL:.0f} % by its error bar {a:.3g} ... {b:.3g},"
             f" by profile about {low:.3g} ... {high:.3g}: see profile({self.name!r})"
         )
 
@@ -327,7 +334,7 @@ def valleys(solved: SolvedProblem) -> tuple[Valley, ...]:
     for i, j in pairs:
         partners.setdefault(i, j)
         partners.setdefault(j, i)
-    which, q = np.array(list(partners)), solved.quantile(_LEVEL)
+    which, q = np.array(list(partners)), solved.quantile(LEVEL)
     deviation = np.sqrt(known.spread[which, which])
     steps = q * known.spread[which] / deviation[:, None]
     ends = np.concatenate([solved.x - steps, solved.x + steps])

@@ -28,8 +28,10 @@ FARTHEST = np.log(1e6)
 _FREE = 64.0
 # Factor by which the distance from the minimum grows.
 _GROWTH = 1.6
-# Rounds of shorter steps after a failed fit, and of values near the threshold.
-_ROUNDS, _NEARER = 4, 10
+# Times that a step is halved after a failed fit. The side is then reported as not found.
+_MOST_HALVINGS = 4
+# Most values added near the threshold. Interpolation usually meets `_CLOSE` after a few.
+_MOST_NEAR = 10
 # Change of slope between neighbours, as a difference of roots. A larger change indicates two branches.
 _JUMP = 0.1
 # Accuracy of an end of the interval, relative to its distance from the minimum.
@@ -207,7 +209,7 @@ def _end(trace, side, q, extend):
     shorter = 0
     while True:
         inner, outer = _outermost(trace, side, q)
-        if outer is not None or not extend or trace.stopped or shorter >= _ROUNDS:
+        if outer is not None or not extend or trace.stopped or shorter >= _MOST_HALVINGS:
             break
         here, distance = trace.at[inner], abs(trace.at[inner] - trace.at[trace.best])
         if side * (limit - here) <= 1e-9 * max(1.0, abs(limit)):
@@ -261,7 +263,7 @@ def _crossing(trace, side, q):
 def _approach(trace, side, q):
     """Add values near the threshold until interpolation finds x at the threshold, and return this x."""
     last = np.inf
-    for turn in range(_NEARER):
+    for turn in range(_MOST_NEAR):
         curve, line = _crossing(trace, side, q)
         enough = _CLOSE * abs(curve - trace.at[trace.best])
         if trace.stopped or abs(curve - (line if turn == 0 else last)) <= enough:
@@ -286,7 +288,7 @@ def _left_open(trace, side, q, inner, extend, shorter):
         return np.nan, f"not found: interrupted; {tried}"
     if not extend:
         return np.nan, f"not reached by the values given: {tried}"
-    if shorter >= _ROUNDS:
+    if shorter >= _MOST_HALVINGS:
         return np.nan, f"not found: fits beyond did not converge; {tried}"
     where = {"Bounded": "a millionth of its range from its bound", "Positive": "a factor of 1e6 from the fit"}
     before = trace.root()[inner - side] ** 2 if 0 <= inner - side < len(trace.x) else np.nan

@@ -21,16 +21,24 @@ from rubberfric.io.results import Conditions
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.integrals import evaluate, prepare
 
-# Points of a batch: enough to make the overhead of a call negligible. A CPU core evaluates few pairs at once,
-# so that their 300 nodes in q stay in its cache; other devices evaluate as many as they can.
+# Points of a batch on one device of a platform, enough to make the overhead of a call negligible.
 BATCH = {"cpu": 2**13}
-_BLOCK_ELSEWHERE = 2**18
-_AT_ONCE, _AT_ONCE_ELSEWHERE = 256, 2**14
-_FEWEST, _MOST = 4, 16  # pairs evaluated at once on a CPU core
+# Points of a batch on one device of another platform, which evaluates many more points at once.
+_BATCH_ELSEWHERE = 2**18
+# Points evaluated at once on a CPU core, so few that the 300 nodes in q of their pairs stay in its cache.
+_AT_ONCE = 256
+# Points evaluated at once on another device, enough to occupy it.
+_AT_ONCE_ELSEWHERE = 2**14
+# Fewest pairs evaluated at once on a CPU core, also with more pressures than `_PRESSURES`.
+_FEWEST_PAIRS = 4
+# Most pairs evaluated at once on a CPU core, also with a single pressure. More nodes would leave its cache.
+_MOST_PAIRS = 16
 
-# Pressures of a batch: with so many, the cost per pair is small. Maps of few pairs take more pressures, to
-# reach this many points. Both depend on the map alone, and so does the order of the results.
-_PRESSURES, _LEAST = 64, 1024
+# Pressures of a batch, enough to make the cost per pair small. The number does not depend on the devices, and
+# neither does the order of the results.
+_PRESSURES = 64
+# Points that a batch of few pairs reaches by taking more pressures.
+_FEWEST_POINTS = 1024
 
 # Up to this many batches are made equally large; longer maps share one compiled function.
 _FEW = 8
@@ -110,12 +118,12 @@ def plan(
     devices = jax.devices() if devices is None else list(devices)
     mesh = jax.make_mesh((len(devices),), (_POINTS,), axis_types=(AxisType.Auto,), devices=devices)
     platform = devices[0].platform
-    most = block or BATCH.get(platform, _BLOCK_ELSEWHERE) * len(devices)
-    columns = max(_PRESSURES, _LEAST // pairs) if shared else 1
+    most = block or BATCH.get(platform, _BATCH_ELSEWHERE) * len(devices)
+    columns = max(_PRESSURES, _FEWEST_POINTS // pairs) if shared else 1
     columns = columns if block is None else min(block, columns)
     columns = -(-pressures // -(-pressures // columns))  # nearly equal numbers
     local = max(1, min(most // columns, pairs) // len(devices))
-    at_once = max(_FEWEST, min(_MOST, _AT_ONCE // columns)), max(1, _AT_ONCE_ELSEWHERE // columns)
+    at_once = max(_FEWEST_PAIRS, min(_MOST_PAIRS, _AT_ONCE // columns)), max(1, _AT_ONCE_ELSEWHERE // columns)
     group = min(at_once[platform != "cpu"], local)
     groups = local // group
     count = -(-pairs // (group * groups * len(devices)))

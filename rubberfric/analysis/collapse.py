@@ -30,21 +30,38 @@ from rubberfric.theory.structure import MeansMethod, quantity_parts, rough_surfa
 _LEAST = 4096  # smaller maps are computed point by point
 _PIECE = 2**20  # points of a map that are interpolated at once, to bound memory
 
-# Nodes of a panel and its width in e-folds of v a_T: a relaxation has poles at i pi / 2, so that rho = 2.9.
-_NODES, _WIDTH = 24, 2.5
+# Width of a panel in e-folds of v a_T. A relaxation has poles at i pi / 2, so that rho = 2.9.
+_WIDTH = 2.5
+
+# Nodes of a panel. The last coefficient is about 2.9^-24 = 8e-12, just below `_TAIL`.
+_NODES = 24
 
 # Points at which a panel is evaluated at once, so that their Chebyshev polynomials stay in the cache.
 _AT_ONCE = 2**12
 
-# Largest last coefficients relative to the values, over ln(v a_T) and ln p; largest difference from the
-# model.
-_TAIL, _PRESSURE_TAIL, AGREEMENT = 1e-11, 1e-10, 2e-10
+# Largest last coefficient over ln(v a_T), relative to the values. A panel with a larger one is halved.
+_TAIL = 1e-11
 
-# Most halvings of a panel; most evaluations as a share of the points of the map.
-_HALVINGS, _SHARE = 6, 0.4
+# Largest last coefficient over ln p, relative to the values. With a larger one, each pressure is computed.
+_PRESSURE_TAIL = 1e-10
 
-# Nodes over ln p: a number, and a number per e-fold. Each pressure is computed if there are no more of them.
-_PRESSURES, _PRESSURES_EACH, _MOST_PRESSURES = 18, 9.0, 128
+# Largest relative difference from the model. With a larger one, the map is computed point by point.
+_AGREEMENT = 2e-10
+
+# Most halvings of a panel. Panels at a kink never converge, and the interpolation is given up after these.
+_HALVINGS = 6
+
+# Most evaluations as a share of the points of the map. With more, the interpolation saves too little time.
+_EVALUATED_SHARE = 0.4
+
+# Nodes over ln p at equal pressures. Each pressure is computed if there are hardly more pressures than nodes.
+_PRESSURE_NODES = 18
+
+# Additional nodes per e-fold of p, because a wider range needs more nodes for the same error.
+_NODES_PER_E_FOLD = 9.0
+
+# Most nodes or pressures of an interpolation. It bounds the time and memory of one evaluation.
+_MOST_PRESSURES = 128
 
 _COMPARED = 8  # values of each condition at which the interpolation is compared with the model
 
@@ -156,7 +173,7 @@ def collapse(
     some = Conditions(*(None if x is None else _a_few(x) for x in conditions))  # pyright: ignore[reportArgumentType]
     found = CollapsedMap(scene, names, series, Interpolation(series.evaluations, 0.0))
     error = _difference(whole(found, some), model(names, some))
-    if not error <= AGREEMENT:
+    if not error <= _AGREEMENT:
         return None
     evaluations = series.evaluations + math.prod(result_shape(some))
     return CollapsedMap(scene, quantities, series, Interpolation(evaluations, error))
@@ -265,7 +282,7 @@ def interpolant(
     # A little wider than the map, so that rounding puts no point outside.
     width = (high - low) / count + 1e-9
     panels = [(low + k * width, width) for k in range(count)]
-    budget = _SHARE * log_speed.size * log_pressure.size
+    budget = _EVALUATED_SHARE * log_speed.size * log_pressure.size
     for nodes in (_pressure_nodes(log_pressure), log_pressure):
         if nodes is not None and nodes.size <= _MOST_PRESSURES:
             made = _over_panels(panels, nodes, nodes is not log_pressure, budget, evaluate)
@@ -318,7 +335,7 @@ def _over_panels(waiting, nodes, in_series, budget, evaluate):
 def _pressure_nodes(log_pressure):
     """Return ln p at the nodes of the series, or None if they are about as many as the pressures."""
     low, high = log_pressure.min(), log_pressure.max()
-    count = math.ceil(_PRESSURES + _PRESSURES_EACH * (high - low))
+    count = math.ceil(_PRESSURE_NODES + _NODES_PER_E_FOLD * (high - low))
     if log_pressure.size <= 1.3 * count:
         return None
     return low + 0.5 * (high - low) * (1 + chebpts1(count))

@@ -27,7 +27,10 @@ from rubberfric.theory.arguments import validate, warn_of_last_iterates
 from rubberfric.theory.integrals import prepare, solved
 from rubberfric.theory.structure import rough_surfaces_of
 
-_BLOCK, _POWER_BLOCK = 64, 128  # points evaluated at once
+# Points of a stress distribution evaluated at once. A larger block takes more memory.
+_BLOCK = 64
+# Points of the dissipated power evaluated at once. A larger block takes more memory.
+_POWER_BLOCK = 128
 
 
 def stress_distribution(

@@ -34,9 +34,12 @@ from rubberfric.theory.model import solve
 from rubberfric.theory.structure import MeansMethod, Structure, iterates, means_methods
 from rubberfric.theory.temperatures import preconditioner, solve_rises, temperatures_of
 
-# Points evaluated together. Each keeps its derivatives with respect to all prepared leaves, about 0.2 MB.
-# On a CPU these must fit the cache: blocks of 32 take a third of the time of blocks of 256.
-BLOCK, CPU_BLOCK = 256, 32
+# Points evaluated together on a GPU, and the most points of a heated scene that are differentiated in forward
+# mode. Each keeps its derivatives with respect to all prepared leaves, about 0.2 MB.
+BLOCK = 256
+# Points evaluated together on a CPU, where the derivatives must fit the cache. Blocks of 32 take a third of
+# the time of blocks of 256.
+_CPU_BLOCK = 32
 
 
 class LinearisedTree(NamedTuple):
@@ -158,7 +161,7 @@ def value_and_jacobian(
         return values, jnp.concatenate(by_part, 1) @ by_x
 
     count = points[0].size
-    blocks = -(-count // (CPU_BLOCK if jax.default_backend() == "cpu" else BLOCK))
+    blocks = -(-count // (_CPU_BLOCK if jax.default_backend() == "cpu" else BLOCK))
     if blocks <= 1:
         return block(points)
     size = -(-count // blocks)  # all about equally large

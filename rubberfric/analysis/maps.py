@@ -34,8 +34,12 @@ DEFAULT_QUANTITIES = ("area", "friction")
 
 MOST_IN_MEMORY = 2**28  # bytes of results held in memory
 
-# Points and pairs of a batch when a map is interpolated: about a panel.
-_FEW_POINTS, _FEWEST_PAIRS, _MOST_PAIRS = 2048, 48, 240
+# Points of a batch when a map is interpolated, divided by the number of pressures to give the pairs.
+_FEW_POINTS = 2048
+# Fewest pairs of such a batch: two panels of the interpolation.
+_FEWEST_PAIRS = 48
+# Most pairs of such a batch: ten panels. Few panels are halved, and they would not fill a larger batch.
+_MOST_PAIRS = 240
 
 _Values = Mapping[str, np.ndarray | h5py.Dataset]
 Arrays = dict[str, np.ndarray]

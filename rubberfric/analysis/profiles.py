@@ -34,10 +34,14 @@ from rubberfric.theory.integrals import Prepared, evaluate, prepare, solved
 from rubberfric.theory.stiffness.means import factors_at, stiffness_means
 from rubberfric.theory.structure import RequiredMeans, RoughSurface, SurfaceTemperatures, rough_surfaces_of
 
-# Default numbers of wavevectors, and points evaluated at once. A profile keeps the nodes of some hundred
-# panels per point, a separation profile has a mesh for every wavevector.
-_COUNT, _BLOCK = 200, 32
-_SEPARATION_COUNT, _SEPARATION_BLOCK = 100, 8
+# Default number of wavevectors of a profile.
+_COUNT = 200
+# Points of a profile evaluated at once. Each keeps the nodes of some hundred panels in memory.
+_BLOCK = 32
+# Default number of wavevectors of a separation profile, which has a mesh for every wavevector.
+_SEPARATION_COUNT = 100
+# Points of a separation profile evaluated at once. Each keeps the nodes of all meshes in memory.
+_SEPARATION_BLOCK = 8
 
 
 class Profile(NamedTuple):

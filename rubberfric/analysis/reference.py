@@ -30,6 +30,7 @@ from rubberfric.scene.scene import Scene, cast, rough_surfaces
 from rubberfric.theory.model import solve
 from rubberfric.theory.structure import QUANTITIES, rough_surfaces_of
 
+# Two refinements of different order, so that their difference shows the error of the less accurate one.
 REFINED = (
     Quadrature(order=16, panels=40, graded=20, ratio=3.0, angular_order=18, heat=320),
     Quadrature(order=20, panels=24, graded=12, ratio=4.0, angular_order=24, heat=240),
@@ -38,8 +39,11 @@ REFINED = (
 # The refinements must agree to this fraction of a wanted error.
 TRUSTED = 0.1
 
-# Points at which gradients are compared. With a tabulated modulus each needs an angular table.
-_GRADIENTS, _GRADIENTS_TABULATED = 30, 6
+# Most points at which gradients are compared, which take longer than values.
+_GRADIENT_POINTS = 30
+
+# Most points at which gradients of a tabulated modulus are compared. Each needs an angular table.
+_GRADIENT_POINTS_TABULATED = 6
 
 # Separations and derivatives below this fraction of the roughness and of the quantity count as zero: in full
 # contact they are 1e-100 of it.
@@ -113,7 +117,7 @@ def case_of(
     given = [np.asarray(x, float) for x in (velocity, pressure, temperature) if x is not None]
     conditions = tuple(jnp.asarray(x.ravel()) for x in np.broadcast_arrays(*given))
     tabulated = uses_forward_mode(scene)
-    count = min(conditions[0].size, _GRADIENTS_TABULATED if tabulated else _GRADIENTS)
+    count = min(conditions[0].size, _GRADIENT_POINTS_TABULATED if tabulated else _GRADIENT_POINTS)
     if conditions[0].size == 0:
         raise ValueError("velocity, pressure and temperature have no points; give at least one")
     differentiated = np.unique(np.linspace(0, conditions[0].size - 1, count).round().astype(int))

@@ -25,8 +25,12 @@ from rubberfric.theory.structure import iterated, iterates
 
 AxisRange = float | Sequence[float]
 
-# Points of the initial grid per decade of velocity and per axis; largest number of points per axis.
-_A_DECADE, _AT_FIRST, _MOST = 16, 9, 2049
+# Points of the initial grid per decade of velocity, so that no peak of the friction is missed.
+_PER_DECADE = 16
+# Fewest points of the initial grid along an axis, whose odd points estimate the error of the even points.
+_AT_FIRST = 9
+# Number of points along an axis from which no axis is refined further: eight doublings of the initial grid.
+_MOST = 2049
 _DEFAULT = Quadrature()
 
 
@@ -67,7 +71,7 @@ def friction_table(
     counts = [1 if low == high else _AT_FIRST for low, high in ends]
     if counts[0] > 1:
         decades = np.log10(ends[0][1] / ends[0][0])
-        counts[0] = max(_AT_FIRST, 2 * int(np.ceil(0.5 * _A_DECADE * decades)) + 1)
+        counts[0] = max(_AT_FIRST, 2 * int(np.ceil(0.5 * _PER_DECADE * decades)) + 1)
     shares = sum(count > 1 for count in counts)
     while True:
         axes = [_points(name, at, n) for name, at, n in zip(AXES, ends, counts, strict=False)]

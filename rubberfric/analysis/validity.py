@@ -33,18 +33,29 @@ _DEFAULT = Quadrature()
 _BLOCK = 64  # points evaluated at once
 _WORK = 0.05  # work of adhesion of rubber on most clean solids [J/m^2]
 
-# Ratios of energy to work beyond which adhesion is negligible or dominant: a factor of 30 on either side of
-# 1, because works of adhesion are known within a factor of a few.
-_NEGLIGIBLE, _DOMINANT = 30.0, 1 / 30
+# Ratio of energy to work above which adhesion is negligible. Works of adhesion are known within a factor of a
+# few, so that the ratio must be far from 1.
+_NEGLIGIBLE = 30.0
+# Ratio of energy to work below which adhesion is dominant, as far from 1 as the ratio above.
+_DOMINANT = 1 / _NEGLIGIBLE
 
-# Intervals of the contact area in the table, and the ranges of q1/qr, H and gamma with cases.
+# Limits of the intervals of the contact area in the table.
 AREAS = (0.003, 0.01, 0.03, 0.1, 0.3, 0.8)
-_RATIOS, _HURST, _GAMMA = (2.0, 512.0), (0.5, 1.0), (0.4, 0.55)
-# Largest q1/q0 of the cases, and for the law growth of its error (ln of area and of friction)
-# per decade beyond, from tests/rubberfric/theory/area/test_law_and_boundary_elements.py.
-WIDEST, GROWTH = 512.0, (0.025, 0.05)
-# Most cases of the law have q1/q0 <= 64. Up to 512, the error of friction grows by this much per decade.
-COMMON, BROADER = 64.0, 0.1
+# Range of q1/qr with cases.
+_RATIOS = (2.0, 512.0)
+# Range of H with cases.
+_HURST = (0.5, 1.0)
+# Range of gamma with cases.
+_GAMMA = (0.4, 0.55)
+# Largest q1/q0 of the cases.
+WIDEST = 512.0
+# Growth of the law's error per decade of q1/q0 beyond `WIDEST`, in ln of area and ln of friction, from
+# tests/rubberfric/theory/area/test_law_and_boundary_elements.py.
+GROWTH = (0.025, 0.05)
+# Largest q1/q0 of most cases of the law.
+_COMMON = 64.0
+# Growth of the law's error in ln of friction per decade of q1/q0 between `_COMMON` and `WIDEST`.
+_BROADER = 0.1
 _BROAD = 1e3  # relaxation times over this ratio are broad, below nearly a single time
 
 # Ranges of theory over boundary elements, by (version of the theory, width of relaxation) in each interval of
@@ -155,7 +166,7 @@ def theory_error(scene: Scene, area: ArrayLike | None = None) -> TheoryError | N
         q = rough_surfaces(scene)[0][0].power_law().q
         ratio = float(q[-1] / q[0])
         decades = max(0.0, float(np.log10(ratio / WIDEST)))
-        broader = BROADER * np.log10(np.clip(ratio, COMMON, WIDEST) / COMMON)
+        broader = _BROADER * np.log10(np.clip(ratio, _COMMON, WIDEST) / _COMMON)
         growths = np.array(GROWTH) * decades + [0.0, broader]
     area_factor, friction_factor = np.exp(growths).tolist()
     return TheoryError(

@@ -17,8 +17,11 @@ from jax.typing import ArrayLike
 
 # A rule for numbers: text of the error message, test of a NumPy array.
 Rule: TypeAlias = tuple[str, Callable[[np.ndarray], Any]]
+# Rule for moduli, lengths and other scales, whose logarithm is taken.
 POSITIVE: Rule = ("must be > 0", lambda x: x > 0)
+# Rule for terms that may be absent.
 NONNEGATIVE: Rule = ("must be >= 0", lambda x: x >= 0)
+# Rule for numbers of any sign.
 FINITE: Rule = ("must be finite", lambda x: np.isfinite(x))
 
 # Ranges of magnitudes in SI; numbers outside are probably in another unit, see `objects.leaf`.

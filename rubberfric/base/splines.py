@@ -12,10 +12,11 @@ from numpy.polynomial import Polynomial
 
 from rubberfric.base.quadrature import typed
 
-# Degree of the splines, number of coefficients on either side of a cell, and number of entries on either side
-# that determine a coefficient.
+# Degree of the splines. A higher one is more accurate at the same step, and a look-up takes more products.
 _DEGREE = 9
+# Number of coefficients on either side of a cell.
 BESIDE = _DEGREE // 2
+# Number of entries on either side that determine a coefficient. The outermost weight is 4e-11 of the largest.
 MARGIN = 16
 # Entries before the cell of the lowest position; one more, because rounding may place it in the cell before.
 BEFORE = BESIDE + MARGIN + 1

@@ -68,31 +68,31 @@ def _log10(name: str, units: Mapping[str, float], offered: bool = False) -> Colu
     return Column(name, logs, log10=True, offered=offered)
 
 
-_ONE = {"-": 1.0}
-_RATIO = {"-": 1.0, "%": 1e-2}
-_FREQUENCY = {"Hz": hertz(1.0), "kHz": hertz(1e3), "MHz": hertz(1e6), "mHz": hertz(1e-3)}
+_ONE = {"-": 1.0}  # factors, which are never in percent
+_RATIO = {"-": 1.0, "%": 1e-2}  # friction, area, strain, relative errors
+_FREQUENCY = {"Hz": hertz(1.0), "kHz": hertz(1e3), "MHz": hertz(1e6), "mHz": hertz(1e-3)}  # [rad/s]
 _FREQUENCY |= {"rpm": hertz(1 / 60)}
-_ANGULAR = {"rad/s": 1.0}
+_ANGULAR = {"rad/s": 1.0}  # angular frequencies
 _PSI = 6894.757293168361  # lbf/in^2 [Pa]
-_PRESSURE = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5}
+_PRESSURE = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5}  # pressures and moduli [Pa]
 _PRESSURE |= {"psi": _PSI, "ksi": 1e3 * _PSI, "dyn/cm2": 0.1, "mbar": 100.0, "N/cm2": 1e4}
 _PRESSURE |= {"hPa": 100.0, "atm": 101325.0, "kgf/cm2": 98066.5}
-_FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}
-_ANGLE = {"rad": 1.0, "deg": math.pi / 180, "mrad": 1e-3}
-_SPEED = {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6, "nm/s": 1e-9}
+_FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}  # [N]
+_ANGLE = {"rad": 1.0, "deg": math.pi / 180, "mrad": 1e-3}  # [rad]
+_SPEED = {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6, "nm/s": 1e-9}  # [m/s]
 _SPEED |= {"cm/s": 1e-2, "mm/min": 1e-3 / 60, "m/min": 1.0 / 60, "km/h": 1 / 3.6}
 _SPEED |= {"mph": 0.44704, "in/s": 0.0254, "ft/s": 0.3048, "in/min": 0.0254 / 60, "ft/min": 0.3048 / 60}
-_TEMPERATURE = {"K": 1.0, "C": 1.0, "°C": 1.0, "°F": 5 / 9}
-_OFFSETS = {"C": ZERO_CELSIUS, "°C": ZERO_CELSIUS, "°F": 459.67 * 5 / 9}  # [K]
-_LENGTHS = {"m": 1.0, "cm": 1e2, "mm": 1e3, "um": 1e6, "nm": 1e9}
-_WAVEVECTOR = {f"1/{length}": per for length, per in _LENGTHS.items()}
+_TEMPERATURE = {"K": 1.0, "C": 1.0, "°C": 1.0, "°F": 5 / 9}  # kelvins per degree
+_OFFSETS = {"C": ZERO_CELSIUS, "°C": ZERO_CELSIUS, "°F": 459.67 * 5 / 9}  # zeros of the scales [K]
+_LENGTHS = {"m": 1.0, "cm": 1e2, "mm": 1e3, "um": 1e6, "nm": 1e9}  # number of each length in a metre
+_WAVEVECTOR = {f"1/{length}": per for length, per in _LENGTHS.items()}  # angular wavevectors [1/m]
 # Spatial frequencies; 1/m of a column n or "spatial frequency" is cycles/m.
 _CYCLES = {f"{of}/{length}": 2 * math.pi * per for of in ("cycles", "1") for length, per in _LENGTHS.items()}
 # 1/m is no unit of a wavenumber, which may be 2 pi over the wavelength or one over it.
 _NUMBER = {f"rad/{length}": per for length, per in _LENGTHS.items()}
 _NUMBER |= {unit: factor for unit, factor in _CYCLES.items() if unit.startswith("cycles")}
-_SPECTRUM = {"m^4": 1.0, "cm^4": 1e-8, "mm^4": 1e-12, "um^4": 1e-24, "nm^4": 1e-36}
-_LINE = {"m^3": 1.0, "cm^3": 1e-6, "mm^3": 1e-9, "um^3": 1e-18, "nm^3": 1e-27}
+_SPECTRUM = {"m^4": 1.0, "cm^4": 1e-8, "mm^4": 1e-12, "um^4": 1e-24, "nm^4": 1e-36}  # C of a surface [m^4]
+_LINE = {"m^3": 1.0, "cm^3": 1e-6, "mm^3": 1e-9, "um^3": 1e-18, "nm^3": 1e-27}  # C_1D of a profile [m^3]
 
 
 # Names of columns. The first unit of each is SI, in which tables are written.
@@ -247,9 +247,12 @@ _AROUND = re.compile(r"^[\[(]([^\[\]()]*)[\])]$")  # brackets around a unit
 _LOG_UNIT = re.compile(r"log_?10\((.+)\)")
 _KNOWN_UNITS = {unit for column in COLUMNS.values() for unit in column.units}
 _UNITS = {spelling: unit for unit, spellings in UNIT_SPELLINGS.items() for spelling in spellings}
-# Signs that stand for a prime, for two of them, and for the Greek letter mu.
-_PRIMES, _DOUBLE = "\u00b4\u0060\u2018\u2019\u2032\u02b9", '"\u2033\u201d'
-_ONE_SIGN = str.maketrans({p: "'" for p in _PRIMES} | {d: "''" for d in _DOUBLE} | {"\u00b5": "\u03bc"})
+# Signs that stand for a prime.
+_PRIMES = "\u00b4\u0060\u2018\u2019\u2032\u02b9"
+# Signs that stand for two primes.
+_DOUBLES = '"\u2033\u201d'
+# One sign for each prime, and for the Greek letter mu.
+_ONE_SIGN = str.maketrans({p: "'" for p in _PRIMES} | {d: "''" for d in _DOUBLES} | {"\u00b5": "\u03bc"})
 _LOGARITHM = re.compile(r"(?:log_?10|log|lg)[ _(]\s*(.+?)\s*\)?")
 # Longer texts are no titles; the patterns take seconds on a file without line ends.
 LONGEST_TITLE = 1000

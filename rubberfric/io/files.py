@@ -67,8 +67,10 @@ MOST_CONDITIONS = 100_000
 MOST_POINTS = 1_000_000
 # Bytes of a result file without its quantities, rounded up.
 _HEAD = 2**20
-# Attributes of an interpolated map.
-_FROM, _ERROR = "interpolated_from", "interpolation_error"
+# Attribute of an interpolated map: number of points at which the model was evaluated.
+_INTERPOLATED_FROM = "interpolated_from"
+# Attribute of an interpolated map: largest relative difference from the model.
+_INTERPOLATION_ERROR = "interpolation_error"
 
 
 # --- scenes
@@ -191,7 +193,7 @@ def _read_scene(file: h5py.File) -> SceneFile:
     check_names(
         file,
         ("scene", *CONDITION_UNITS, *QUANTITY_FORMATS, "quadrature"),
-        ("format", "format_version", "rubberfric_version", "title", _FROM, _ERROR),
+        ("format", "format_version", "rubberfric_version", "title", _INTERPOLATED_FROM, _INTERPOLATION_ERROR),
     )
     scene = read_object(subgroup(file, "scene"))
     if not isinstance(scene, Scene):
@@ -241,8 +243,10 @@ def load_result(path: StrPath) -> Result:
         values = {name: _read_quantity(file, name, shape) for name in QUANTITY_FORMATS if name in file}
         quadrature = read_quadrature(file)
         interpolation = None
-        if _FROM in file.attrs and _ERROR in file.attrs:
-            interpolation = Interpolation(int(plain(file.attrs[_FROM])), float(plain(file.attrs[_ERROR])))
+        if _INTERPOLATED_FROM in file.attrs and _INTERPOLATION_ERROR in file.attrs:
+            interpolation = Interpolation(
+                int(plain(file.attrs[_INTERPOLATED_FROM])), float(plain(file.attrs[_INTERPOLATION_ERROR]))
+            )
     return Result(scene, conditions, Solution(**values), quadrature, title, interpolation)
 
 
@@ -303,7 +307,7 @@ def write_interpolation(data: Mapping[str, h5py.Dataset], interpolation: Interpo
     """
     if data and interpolation is not None:
         attributes = next(iter(data.values())).file.attrs
-        attributes[_FROM], attributes[_ERROR] = interpolation
+        attributes[_INTERPOLATED_FROM], attributes[_INTERPOLATION_ERROR] = interpolation
 
 
 def _allocate(path: Path, size: int) -> None:

@@ -26,13 +26,14 @@ from rubberfric.io.text_tables.workbooks import read_export
 
 # A spectrum of interpolated heights is too low. Above this share of holes it says little about the surface.
 MOST_HOLES = 0.25
-LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
+LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}  # units [m]
 _LENGTH_IN_BRACKETS = re.compile(r".*[\[(]([^\[\]()]+)[\])]\s*")
 _HOLES = frozenset(("", "nan", "n/a", "na", "bad", "no data", "null", "none", "-", "--", "---", "***"))
 # No height in any unit is as large; 1.7e38 and 3.4e38 stand for holes.
 _NO_HEIGHT = 1e30
-# Numbers that often stand for holes, and the largest numbers of 16 bits, at which detectors saturate.
+# Numbers that often stand for holes.
 _USUAL_SENTINELS = frozenset((-999.0, 9999.0, -9999.0, 99999.0, -99999.0, 999999.0, -999999.0))
+# Largest numbers of 16 bits, at which detectors saturate.
 _LIMITS = frozenset((-32768.0, -32767.0, 32767.0, 65535.0))
 # A usual number is a hole if its distance from the heights exceeds this share of their range.
 _GAP = 0.05

@@ -29,8 +29,10 @@ from rubberfric.plot.style import (
 
 # Parts of the friction: line style, marker of a single point, name.
 PARTS = {"viscoelastic_friction": ("--", "s", "viscoelastic"), "shear_friction": (":", "^", "contact shear")}
-# Curves of at least this number of points are drawn smooth, with this number of points.
-_SMOOTH, _DRAWN = 8, 400
+# Fewest points of a curve that is drawn smooth. Fewer do not determine a curve.
+_FEWEST_FOR_SMOOTH = 8
+# Points of a smooth curve, enough that its straight pieces are invisible.
+_DRAWN_POINTS = 400
 
 
 def plot_result(
@@ -217,9 +219,9 @@ def _without_kinks(log_v, values):
 
     Between two points the curve stays between their values, also where a heated branch jumps.
     """
-    if log_v.size < _SMOOTH or not (np.diff(log_v) > 0).all() or not np.isfinite(values).all():
+    if log_v.size < _FEWEST_FOR_SMOOTH or not (np.diff(log_v) > 0).all() or not np.isfinite(values).all():
         return log_v, values
-    dense = np.union1d(np.linspace(log_v[0], log_v[-1], _DRAWN), log_v)
+    dense = np.union1d(np.linspace(log_v[0], log_v[-1], _DRAWN_POINTS), log_v)
     return dense, scipy.interpolate.PchipInterpolator(log_v, values)(dense)
 
 

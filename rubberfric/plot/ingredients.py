@@ -17,10 +17,12 @@ from rubberfric.roughness.moments import rms_slope
 from rubberfric.roughness.spectra import Spectrum, log_power_spectrum, power_law_of
 from rubberfric.roughness.tabulated import TabulatedSpectrum
 
-_POINTS = 400
+_POINTS = 400  # of a curve, enough to look smooth
 _LARGE = 60  # more points have smaller markers
-# Decades drawn beyond the relaxation times, and beyond a table.
-_BEYOND, _BEYOND_TABLE = 2.0, 1.0
+# Decades drawn beyond the relaxation times, at which E'' has fallen to 2 % of the peak of a relaxation.
+_BEYOND_TIMES = 2.0
+# Decades drawn beyond a table and beyond measured points, to show how the modulus continues.
+_BEYOND_TABLE = 1.0
 # Line style, marker of points, and name of E', E'' and tan delta.
 _LOOKS = (("-", "o", "storage $E'$"), ("--", "s", "loss $E''$"), (":", "^", "$\\tan\\delta$ (right)"))
 
@@ -120,7 +122,7 @@ def _range(material: Material, temperature: float | None, known: list[np.ndarray
     ends = [np.array([one.min(), one.max()]) for one in known]
     beyond = _BEYOND_TABLE
     if not isinstance(material, TabulatedModulus) and (own := material.frequency_range()) is not None:
-        beyond = _BEYOND
+        beyond = _BEYOND_TIMES
         ends.append(np.exp(-_log_shift(material, temperature)) * np.asarray(own, float))
     ends = np.concatenate(ends) if ends else np.array([1e-2, 1e2])  # elastic: arbitrary
     return np.geomspace(ends.min() / 10**beyond, ends.max() * 10**beyond, _POINTS)
@@ -184,6 +186,7 @@ def _dress(axes: Axes, right: Axes, temperature: float | None) -> None:
     axes.grid(alpha=0.3)
 
 
+# Points of a spectrum between its smallest and largest wavevector, in addition to its kinks.
 _LINE_POINTS = 200
 # Most entries of a table that are drawn as points.
 _MOST_ENTRIES = 100

@@ -25,8 +25,9 @@ from rubberfric.plot.style import (
     vector,
 )
 
-# Most panels of a figure, and most points drawn along an axis.
+# Most panels of a figure. Evenly spaced pressures are drawn if there are more.
 _PANELS = 4
+# Most points drawn along an axis. More would be finer than the pixels of a usual figure.
 _DRAWN = 800
 
 _SHADED = 50_000  # most points for which colours are interpolated, which is slow

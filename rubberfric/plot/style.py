@@ -38,11 +38,15 @@ PANELS = {
 LOG_V = "$\\log_{10}(v\\;/\\;\\mathrm{m\\,s^{-1}})$"
 MARKERS = "os^DvPX<>p"
 _MARKERS_OF_A_LINE = 7  # markers along a line with more points
-# Largest distance of contour labels from the middle, and least distance between them, in widths of the axes.
-_INSIDE, _APART = 0.38, 0.09
-# Last place in viridis, and its darkening: the contrast ratio of every colour to white is at least 3.3 (WCAG
-# 2.1, 1.4.11 requires 3 for lines), and lightness still increases.
-_LIGHTEST, _DARKENED = 0.85, 0.3
+# Largest distance of contour labels from the middle of an axis, as a share of the axis. Labels stay inside.
+_INSIDE = 0.38
+# Smallest distance between contour labels, as a share of an axis. Labels do not cover each other.
+_APART = 0.09
+# Last place in viridis. Colours beyond are too light for lines on white.
+_LIGHTEST = 0.85
+# Darkening of the last colour. With it the contrast ratio of every colour to white is at least 3.3 (WCAG 2.1,
+# 1.4.11 requires 3 for lines), and lightness still increases.
+_DARKENED = 0.3
 
 
 def colours(count: int) -> np.ndarray:

@@ -15,8 +15,12 @@ from rubberfric.roughness.moments import cutoff, rms_slope
 from rubberfric.roughness.normalisation import check_normalisation, spectrum_from
 from rubberfric.roughness.tabulated import TabulatedSpectrum
 
-# Slopes d ln C / d ln q are fitted over one to four octaves, and at least five bins.
-_OCTAVE, _MOST_OCTAVES, _LEAST = np.log(2), 4, 5
+# Width of an octave in ln q, the narrowest range of a fit of the slope d ln C / d ln q.
+_OCTAVE = np.log(2)
+# Widest range of such a fit in octaves. Wider ones find smaller differences of slope, but blur their border.
+_MOST_OCTAVES = 4
+# Fewest bins of such a fit. A line has two parameters, and the other bins give the scatter about it.
+_FEWEST_BINS = 5
 # C decreases more steeply than for this H where short waves were removed.
 _STEEPEST = 1.1
 # Standard errors by which a slope must differ.
@@ -158,7 +162,7 @@ class MeasuredSpectrum(NamedTuple):
         Coloured noise that falls like a rough surface is not found. With `window="none"`, the edges of
         a surface that is not periodic hide smoothing.
         """
-        if self.q.size < _LEAST:
+        if self.q.size < _FEWEST_BINS:
             return ResolvedRange(np.nan, "no surface")
         log_q, log_C = np.log(self.q), np.log(np.maximum(self.C, np.finfo(float).tiny))
         states, falling, level = _states(log_q, log_C, self.relative**-2.0, self.dimensions)
@@ -248,9 +252,9 @@ def _falls(log_q, log_C, weight, width):
     The error is the larger of the standard errors from the weights and from the scatter about the line.
     """
     n = log_q.size
-    first = np.minimum(np.searchsorted(log_q, log_q - width / 2 - 1e-9), np.arange(n) - _LEAST // 2)
-    first = np.clip(first, 0, n - _LEAST)
-    end = np.maximum(np.searchsorted(log_q, log_q + width / 2 + 1e-9), first + _LEAST)
+    first = np.minimum(np.searchsorted(log_q, log_q - width / 2 - 1e-9), np.arange(n) - _FEWEST_BINS // 2)
+    first = np.clip(first, 0, n - _FEWEST_BINS)
+    end = np.maximum(np.searchsorted(log_q, log_q + width / 2 + 1e-9), first + _FEWEST_BINS)
     x, y = log_q - log_q.mean(), log_C - log_C.mean()
 
     def total(values):

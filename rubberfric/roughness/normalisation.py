@@ -80,8 +80,9 @@ _ANGULAR = {
     "W1": '"ISO_8608" (h_rms^2 = int G_d dn)',
 }
 
-# Abel's kernel: Gauss nodes between q and 2 q, and terms of the series beyond, each 1/4 of the previous one.
+# Gauss nodes of Abel's kernel between q and 2 q.
 _NODES = 24
+# Terms of the series of Abel's kernel beyond 2 q. Each is at most 1/4 of the previous one, the last 2e-16.
 _TERMS = 27
 
 

@@ -27,8 +27,11 @@ from rubberfric.base.objects.fields import Number, OptionalNumber, leaf, static
 from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.base.quadrature import typed
 
-# e-folds of k below the smallest and above the largest 2q; the remainder is below 1e-10.
-_BELOW, _ABOVE = 12.0, 8.0
+# e-folds of k below the smallest 2q. There the terms differ from their closed form by (k/2q)^2, 4e-11 at the
+# end.
+_E_FOLDS_BELOW = 12.0
+# e-folds of k above the largest 2q. There the terms fall at least as k^-3, to 4e-11 at the end.
+_E_FOLDS_ABOVE = 8.0
 
 
 @physical
@@ -145,8 +148,8 @@ def diffusion(
     count : number of nodes of the sum over ln k
     """
     low, high = (jnp.log(2 * jax.lax.stop_gradient(q)) for q in ends)
-    step = (high - low + _BELOW + _ABOVE) / (count - 1)
-    k = jnp.exp(low - _BELOW + step * np.arange(count))
+    step = (high - low + _E_FOLDS_BELOW + _E_FOLDS_ABOVE) / (count - 1)
+    k = jnp.exp(low - _E_FOLDS_BELOW + step * np.arange(count))
     source, target = (_share(2 * q[:, None], k) for q in (source_q, target_q))
     return Diffusion(k, step, jnp.exp(low), source, target, target_q)
 

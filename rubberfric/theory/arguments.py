@@ -39,6 +39,7 @@ from rubberfric.scene.scene import (
 from rubberfric.scene.settings import ROBUST, default_quadrature
 from rubberfric.theory.structure import MeansMethod, Values, iterated, iterates, means_methods
 
+# Rule for the velocity of solids that are both rough with correlated heights.
 AT_REST: Rule = (
     "must be 0, because correlated roughness is possible between solids at rest only",
     lambda v: v == 0,

@@ -23,15 +23,29 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-# Limits of the last step on the way, of the first step after a prediction, and of any step [K].
-_NEAR, _FAR, _LONGEST = 0.03, 0.7, 2.0
-# Shortest and longest step in ln v; evaluations after which a step is shortened.
-_SHORTEST, _WIDEST, _PATIENCE = 0.03, 3.0, 6
+# Largest last step on the way [K]. The way need not be accurate, only close to the branch.
+_NEAR = 0.03
+# Largest first step after a prediction [K]. After a larger one, the step in ln v is shortened.
+_FAR = 0.7
+# Largest step of the rises [K]. Longer ones might leave the branch.
+_LARGEST_MOVE = 2.0
+# Shortest step in ln v. A large change at this step is a jump.
+_SHORTEST = 0.03
+# Longest step in ln v, which is also the first one.
+_LONGEST = 3.0
+# Number of evaluations at one velocity after which the step in ln v is shortened.
+_PATIENCE = 6
 # Sign changes of the residual at one velocity after which steps no longer lengthen.
 _CIRCLING = 4
-# Bounds of sigma. Close to folds sigma is nearly 1, so the upper bound is larger where the residual [K] is
-# small.
-_LOWEST, _HIGHEST, _AT_FOLDS, _SMALL = -40.0, 0.8, 0.98, 0.01
+# Lower bound of sigma. Steps are at least the residual divided by 41.
+_LOWEST_SIGMA = -40.0
+# Upper bound of sigma. Steps are at most five times the residual.
+_HIGHEST_SIGMA = 0.8
+# Upper bound of sigma where the residual is small. Close to folds sigma is nearly 1.
+_HIGHEST_AT_FOLDS = 0.98
+# Residual [K] below which the upper bound for folds holds. A step is then at most 0.5 K.
+_SMALL_RESIDUAL = 0.01
+# Most evaluations on the way of a branch. Rows that need more count as not arrived.
 _MOST_EVALUATIONS = 500
 
 
@@ -60,7 +74,7 @@ class _Trial(NamedTuple):
 def begin_at(log_v: jax.Array, start: jax.Array) -> BranchPoint:
     """Return a `BranchPoint` with given ln v and temperature rises in each row."""
     zero = jnp.zeros_like(log_v)
-    return BranchPoint(log_v, start, jnp.zeros_like(start), zero + _WIDEST, zero)
+    return BranchPoint(log_v, start, jnp.zeros_like(start), zero + _LONGEST, zero)
 
 
 def path(
@@ -169,16 +183,16 @@ def _evaluated(residual, place, trial, target, tolerance, begin):
     move, change = trial.rises - trial.before, r - trial.residual
     length = jnp.sum(move * move, -1)
     secant = 1 + jnp.sum(change * move, -1) / jnp.where(length > 0, length, 1.0)
-    highest = jnp.where(jnp.max(jnp.abs(r), -1) < _SMALL, _AT_FOLDS, _HIGHEST)
+    highest = jnp.where(jnp.max(jnp.abs(r), -1) < _SMALL_RESIDUAL, _HIGHEST_AT_FOLDS, _HIGHEST_SIGMA)
     # Ignore steps at rounding level.
     learned = (trial.count > 0) & (length > 1e-12)
-    sigma = jnp.clip(jnp.where(learned, secant, trial.sigma), _LOWEST, highest)
+    sigma = jnp.clip(jnp.where(learned, secant, trial.sigma), _LOWEST_SIGMA, highest)
     turns = trial.turns + ((trial.count > 0) & (jnp.sum(r * trial.residual, -1) < 0))
     # Alternating secants can cycle; keep the smaller eigenvalue estimate.
     sigma = jnp.where(turns >= _CIRCLING, jnp.minimum(sigma, trial.sigma), sigma)
     step = r / (1 - sigma)[:, None]
     size = jnp.max(jnp.abs(step), -1)
-    rises = trial.rises + step * jnp.minimum(1.0, _LONGEST / jnp.maximum(size, 1e-30))[:, None]
+    rises = trial.rises + step * jnp.minimum(1.0, _LARGEST_MOVE / jnp.maximum(size, 1e-30))[:, None]
     rises = jnp.where(finite[:, None], rises, 0.5 * (trial.rises + place.rises))
 
     accepted = finite & (size <= jnp.where(trial.log_v == target, tolerance, _NEAR))
@@ -191,7 +205,7 @@ def _evaluated(residual, place, trial, target, tolerance, begin):
     steady = (gone != 0) & (trial.count < _PATIENCE)
     slope = jnp.where(steady[:, None], (rises - place.rises) / jnp.where(gone != 0, gone, 1.0)[:, None], 0.0)
     factor = jnp.select([trial.count == 0, trial.count == 1, trial.count >= 3], [2.0, 1.4, 0.7], 1.0)
-    grown = jnp.clip(place.step * factor, _SHORTEST, _WIDEST)
+    grown = jnp.clip(place.step * factor, _SHORTEST, _LONGEST)
     arrived = BranchPoint(trial.log_v, rises, slope, grown, sigma)
     retried = place._replace(step=jnp.maximum(place.step / 3, _SHORTEST), sigma=sigma)
     place = jax.tree.map(

@@ -33,13 +33,19 @@ from rubberfric.theory.heat_balance import (
     without_derivatives,
 )
 
+# Mesh on which branches are followed. Its errors only displace the guess for the fine mesh.
 COARSE = Quadrature(order=5, panels=3, graded=2, ratio=8.0, angular_order=6, heat=48)
 
-# A rise below which a solution is unique [K]; the velocity where branches from high velocities begin, and a
-# velocity that counts as 0 [m/s].
-_COLD, _FAST, _REST = 0.03, 1e8, 1e-30
-# Last step on the coarse mesh [K], and on the fine mesh relative to the largest rise.
-_COARSE_STEP, _FINE_STEP = 1e-4, 1e-10
+# Temperature rise below which a solution is unique [K]. A smaller one makes the way along a branch longer.
+_COLD_RISE = 0.03
+# Velocity where branches from high velocities begin [m/s], far above every sliding velocity.
+_FASTEST = 1e8
+# Smallest absolute velocity whose logarithm is taken [m/s]. Below it sliding counts as rest.
+_SLOWEST = 1e-30
+# Largest last step on the coarse mesh [K]. The fine mesh corrects what remains.
+_COARSE_STEP = 1e-4
+# Largest last step [K] where the branch is followed on the fine mesh, which nothing corrects afterwards.
+_FINE_STEP = 1e-10
 # Largest distance of a solution from the branch on the coarse mesh [K], times det(1 - R J), which is small
 # near folds.
 _CLOSE = 1.0
@@ -102,7 +108,7 @@ def solve_rises(thermal: Thermal, roughness: Roughness, points: HeatedPoints) ->
     the refinement fails, the branch is followed on the fine mesh.
     """
     thermal, roughness, points = without_derivatives((thermal, roughness, points))
-    targets = jnp.log(jnp.maximum(jnp.abs(points[0]), _REST))
+    targets = jnp.log(jnp.maximum(jnp.abs(points[0]), _SLOWEST))
     coarse = thermal.coarse
     assert coarse is not None
     places = _places(thermal, points, targets)
@@ -145,22 +151,23 @@ def _direction(thermal):
 def _begin(thermal, points):
     r"""Return ln v at which the branches through the points begin.
 
-    Branches from high velocities begin at `_FAST`. Branches from low velocities begin where the solids are
-    nearly cold: with mu < 1, no temperature rises by more than `_COLD`. The bound on the rise is
+    Branches from high velocities begin at `_FASTEST`. Branches from low velocities begin where the solids are
+    nearly cold: with mu < 1, no temperature rises by more than `_COLD_RISE`. The bound on the rise is
 
     .. math:: \frac{2\sigma_0}{\pi P_m \rho c_p} \int_0^\infty dk\,\frac{v (1 - e^{-D k^2 R/v})}{D k^2}
               = \frac{2\sigma_0}{P_m \rho c_p} \sqrt{\frac{v R}{\pi D}}
     """
     area, pressure = thermal.heating.area_fraction, points[1]
     if _direction(thermal) < 0:
-        return jnp.full_like(pressure, np.log(_FAST))
+        return jnp.full_like(pressure, np.log(_FASTEST))
     area = 0.01 if area is None else area
 
     def begin(own):
         # Logarithms, because the squares overflow float32.
         heat = jnp.log(own.density) + jnp.log(own.heat_capacity) + jnp.log(area) - jnp.log(pressure)
         length = jnp.log(diffusivity(own)) - jnp.log(own.radius)
-        return 2 * (heat + math.log(0.5 * _COLD)) + length + math.log(math.pi)  # NumPy's would widen float32
+        # NumPy's logarithm would widen float32.
+        return 2 * (heat + math.log(0.5 * _COLD_RISE)) + length + math.log(math.pi)
 
     return functools.reduce(jnp.minimum, map(begin, thermal.bodies))
 

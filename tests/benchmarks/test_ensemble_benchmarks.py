@@ -24,7 +24,8 @@ CORES = cores()
 MEMBERS = int(os.environ.get("MEMBERS", 256))
 LARGEST = int(os.environ.get("LARGEST", 1000))
 LOOP = 16  # single fits that are enough to know their rate
-POINTS, PARAMETERS = 240, 20
+POINTS = 240  # points of the friction curves of a member
+PARAMETERS = 20  # free parameters of a member
 
 
 def measured(what, members, *options, devices=CORES):

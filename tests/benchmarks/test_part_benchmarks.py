@@ -45,7 +45,8 @@ def on(spectrum, upper=TREAD, layer=None):
     return rf.Scene(rf.Body(rf.Rigid(), spectrum), rf.Body(upper, None, layer))
 
 
-CLOSED, SHIFTED = on(ROAD), on(ROAD, WARM)
+CLOSED = on(ROAD)
+SHIFTED = on(ROAD, WARM)
 BASE = rf.Prony(1e6, np.array([2e8, 8e6, 5e5]), np.array([1e-9, 1e-5, 1e-1]), 0.5)
 
 # Name: (scene with the part, scene without, temperature).

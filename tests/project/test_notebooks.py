@@ -10,7 +10,9 @@ import pytest
 from support.folders import ROOT
 from support.processes.notebooks import NOTEBOOKS, OF_FITS, run
 
-LARGEST, ALL = 350_000, 1_350_000  # bytes
+# Largest size of a notebook [bytes], because every clone of the repository contains all its versions.
+LARGEST = 350_000
+ALL = 1_350_000  # largest size of all notebooks [bytes]
 MACHINE = re.compile(r"(?<![\w.])/(home|tmp|work|root|usr|opt)\b|site-packages|[A-Z]:\\\\Users")
 
 each = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

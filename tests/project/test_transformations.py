@@ -22,7 +22,10 @@ from rubberfric.scene.softening import Softened, softening_factors
 
 OMEGA = np.array([3e-4, 0.2, 3.0, 70.0])
 T = np.array([281.0, 291.5, 303.0, 318.0])
-FINE, COARSE = rf.SelfAffine(1e4, 3e4, 1e6, 0.8, 2e-7), rf.Quadrature(order=8, panels=6, graded=3, ratio=6.0)
+# Heights so small that adhesion matters.
+FINE = rf.SelfAffine(1e4, 3e4, 1e6, 0.8, 2e-7)
+# Few nodes, because the transformations of results are tested, not their accuracy.
+COARSE = rf.Quadrature(order=8, panels=6, graded=3, ratio=6.0)
 Q = np.array([250.0, 9e2, 7e3, 2e4])  # within the cut-offs of the examples
 
 

@@ -28,7 +28,8 @@ NAMES = ("area", "viscoelastic_friction", "shear_friction", "friction", "separat
 POINTS = 8
 CASES = reference("heated_cases")
 BASE = CASES["one"]
-HEATING, MACRO = BASE["heating"], CASES["macro"]["heating"]
+HEATING = BASE["heating"]
+MACRO = CASES["macro"]["heating"]
 SHEARED = CASES["sheared"]  # the cheapest with a fixed point
 ORDINARY = ("one", "slow", "backwards", "light")  # of one structure
 

@@ -74,9 +74,12 @@ def test_exact_groups(s, group):
     np.testing.assert_allclose(found, solve(s, 0.1, 3e5) * factors, rtol=1e-11)
 
 
-HARDLY, SMALLEST = replace(TREAD, h_rms=1e-14), replace(TREAD, h_rms=0.0)
-STIFF, HALF = rf.Elastic(1e21, 0.3), replace(ROAD, h_rms=5e-4 / np.sqrt(2))
-DEAD, ALIVE = rf.Prony(3e6, np.zeros(3), np.array([1e-6, 1.0, 1.0]), 0.4), rf.Elastic(3e6, 0.4)
+HARDLY = replace(TREAD, h_rms=1e-14)
+SMALLEST = replace(TREAD, h_rms=0.0)
+STIFF = rf.Elastic(1e21, 0.3)  # so stiff that only the rubber deforms
+HALF = replace(ROAD, h_rms=5e-4 / np.sqrt(2))  # half of the power of the road
+DEAD = rf.Prony(3e6, np.zeros(3), np.array([1e-6, 1.0, 1.0]), 0.4)  # all moduli are 0
+ALIVE = rf.Elastic(3e6, 0.4)  # the same stiffness without terms
 KNOTS = np.array([100.0, 250.0, 1000.0, 9e3, 3.1e4])
 ENTRIES = np.asarray(rf.power_spectrum(ROAD, KNOTS * np.array([1 + 1e-13, 1, 1, 1, 1 - 1e-13])))
 # Two elastic solids are one with 1/E_r = sum of 1/E_r and the spectra C_1 + C_2.

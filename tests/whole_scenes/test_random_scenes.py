@@ -57,7 +57,8 @@ FIXED = (
     Structure(Solid("table-none"), Solid("elastic", "affine")),
     Structure(Solid("elastic", "affine", "frictionless"), Solid("elastic", "table")),
 )
-ROUGH_ROAD, ON_ELASTIC = FIXED[0], FIXED[4]
+ROUGH_ROAD = FIXED[0]
+ON_ELASTIC = FIXED[4]
 # Forward mode besides reverse mode, for these only in the ordinary run: it takes 3 s to compile.
 BOTH_MODES = (ROUGH_ROAD, ON_ELASTIC)
 EPS = np.finfo(float).eps

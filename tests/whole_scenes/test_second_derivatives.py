@@ -45,7 +45,10 @@ def _pair(lower, upper, **options):
     return rf.Scene(rf.Body(*lower), rf.Body(*upper), **options)
 
 
-SLIDING, WARM = (0.02, 2e5), (0.02, 2e5, 303.0)
+# Velocity [m/s] and pressure [Pa].
+SLIDING = (0.02, 2e5)
+# Velocity [m/s], pressure [Pa] and temperature [K].
+WARM = (0.02, 2e5, 303.0)
 SCENES = {
     "rubber": (_on(ROAD), SLIDING),
     "area correction": (_on(ROAD, area_correction=True), SLIDING),

@@ -38,7 +38,12 @@ from rubberfric.io.toml import literal, scene_texts
 # Parts of the page, in the folder page.
 _PARTS = ("style.css", "plots.js", "page.js")
 
-FOLDER, SCENE, JOB = "explored", "scene.toml", "job.toml"
+# Folder in the archive of the scene and its fit, and name of the archive.
+FOLDER = "explored"
+# Name of the scene file in downloads.
+SCENE = "scene.toml"
+# Name of the job file in the archive.
+JOB = "job.toml"
 _INSIDE = 0.01  # smallest distance of a start value from its bounds, as a share of their distance
 COMMAND = f"rubberfric-fit {FOLDER}/{JOB}"
 

@@ -30,22 +30,32 @@ from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import solve
 from rubberfric.theory.structure import quantities_of
 
-# Points of a curve. Every third point has sensitivities, and every second point is used in curves for
-# measured points. The last number is the number of points of a master curve.
-POINTS, EVERY, BESIDE, FREQUENCIES = 61, 3, 2, 121
-# With adhesion a point takes a hundred times as long.
+# Points of a curve. `EVERY` and `BESIDE` divide 60, so that the last point is among every third and second.
+POINTS = 61
+# Step between points with sensitivities, which take longer than the values.
+EVERY = 3
+# Step between points of the curves for measured points, which are computed in addition.
+BESIDE = 2
+# Points of a master curve.
+_FREQUENCIES = 121
+# Points of a curve with adhesion, where a point takes a hundred times as long.
 ADHESIVE_POINTS = 13
-# Drafts are drawn if the curves take longer than this [s]. Their quadrature takes a tenth of the time. Areas
-# of the adhesive scenes in data have errors up to 1 %, and the page shows the error of the last draft.
+# Time of the curves above which drafts are drawn while a slider moves [s].
 PATIENCE = 0.04
+# Quadrature of drafts, which takes a tenth of the time. Areas of the adhesive scenes in data have errors up
+# to 1 %, and the page shows the error of the last draft.
 DRAFT = Quadrature(order=8, panels=6, graded=4, ratio=6.0, angular_order=8)
-# Range of pressures if the scene has only one, and of frequencies beyond those of a material.
-_REACH, _BEYOND = 30.0, 100.0
+# Factor between a single pressure of the scene and the ends of a curve over pressure.
+_PRESSURE_REACH = 30.0
+# Factor between the ends of a material's frequencies and the ends of its master curve.
+_FREQUENCY_REACH = 100.0
 # Frequencies for a material without a frequency range [rad/s].
-_FREQUENCIES = 1.0, 1e10
+_ELASTIC_RANGE = 1.0, 1e10
 
-# Largest numbers of measured points and of their curves on a page.
-MOST_POINTS, MOST_CURVES = 2000, 12
+# Most measured points of a page. A page computes them whenever a slider moves.
+MOST_POINTS = 2000
+# Most curves for measured points on a page, because more would not be told apart.
+MOST_CURVES = 12
 
 CurveValues = Mapping[str, float]
 
@@ -264,7 +274,7 @@ def _axis(conditions: Conditions, count: int) -> tuple[str, np.ndarray]:
     p = conditions.pressure
     low, high = float(p.min()), float(p.max())
     if not high > low:
-        low, high = low / _REACH, high * _REACH
+        low, high = low / _PRESSURE_REACH, high * _PRESSURE_REACH
     return "pressure", np.geomspace(low, high, count)
 
 
@@ -283,8 +293,11 @@ def _materials(scene: Scene) -> dict[str, Material]:
 def _frequencies(material: Material) -> np.ndarray:
     """Return the frequencies of a plotted master curve [rad/s]."""
     ends = material.frequency_range()
-    low, high = _FREQUENCIES if ends is None else (float(ends[0]) / _BEYOND, float(ends[1]) * _BEYOND)
-    return np.geomspace(low, high, FREQUENCIES)
+    if ends is None:
+        low, high = _ELASTIC_RANGE
+    else:
+        low, high = float(ends[0]) / _FREQUENCY_REACH, float(ends[1]) * _FREQUENCY_REACH
+    return np.geomspace(low, high, _FREQUENCIES)
 
 
 def _misfit(model: np.ndarray, measured: np.ndarray) -> float:

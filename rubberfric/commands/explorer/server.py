@@ -21,8 +21,12 @@ from typing import Any, NamedTuple
 from rubberfric.base.checks import shown
 
 ADDRESS = "127.0.0.1"
-# Limits of a request: bytes, seconds until it has arrived, and simultaneous requests.
-LARGEST_REQUEST, REQUEST_TIMEOUT, MOST_REQUESTS = 2**14, 10.0, 32
+# Most bytes of a request. The values of some hundred sliders take fewer.
+LARGEST_REQUEST = 2**14
+# Seconds until a request must have arrived. A slower one would keep a thread.
+REQUEST_TIMEOUT = 10.0
+# Most simultaneous requests, because each has a thread. Further ones displace the slowest.
+MOST_REQUESTS = 32
 # Seconds in which the thread of a closed connection must end.
 _HANDOVER = 1.0
 

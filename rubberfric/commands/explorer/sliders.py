@@ -18,10 +18,19 @@ from rubberfric.base.objects.physical import PhysicalObject, leaves_of, parts_of
 from rubberfric.io.results import Conditions, check_conditions
 from rubberfric.scene.scene import Scene
 
-# Factors by which a slider can raise or lower a number, by unit of the number. Other numbers follow below.
+# Factors by which a slider can raise or lower a number, by unit of the number.
 _REACH = {"1/m": 100.0, "m/s": 1000.0, "m": 10.0, "Pa": 10.0, "J/m^2": 10.0}
-_OTHER_REACH, _FACTOR_REACH, _FREQUENCY_REACH = 3.0, 10.0, 1000.0
-_PRESSURE_REACH, _TEMPERATURE_REACH = 30.0, 60.0  # [-], [K]
+# Factor for numbers in other units, such as densities and conductivities, which vary little between solids.
+_OTHER_REACH = 3.0
+# Factor for arrays, such as all moduli or all heights.
+_FACTOR_REACH = 10.0
+# Factor for the frequencies of a material, which differ by decades between rubbers.
+_FREQUENCY_REACH = 1000.0
+# Factor for the nominal pressure, below the smallest and above the largest of the conditions.
+_PRESSURE_REACH = 30.0
+# Distance of the slider's ends from the temperatures of the conditions [K].
+_TEMPERATURE_REACH = 60.0
+# Bisections for an end of a range that the scene accepts. They leave 1e-9 of the range.
 _HALVINGS = 30
 
 

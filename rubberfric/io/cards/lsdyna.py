@@ -21,7 +21,8 @@ from rubberfric.io.cards.hyperelastic import ogden_shear
 from rubberfric.io.cards.text import comma_numbers, keyword_blocks, need, wide_line, wide_numbers
 
 _GENERAL = "*MAT_GENERAL_VISCOELASTIC"
-_KINDS = {  # pattern of the keyword: number of cards before the terms
+# Number of cards before the terms, by pattern of the keyword.
+_KINDS = {
     r"GENERAL_VISCOELASTIC|0?76": 2,
     r"HYPERELASTIC_RUBBER|0?77_H": 2,
     r"OGDEN_RUBBER|0?77_O": 3,

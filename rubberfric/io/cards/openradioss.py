@@ -16,9 +16,11 @@ from rubberfric.io.cards.hyperelastic import ogden_shear
 from rubberfric.io.cards.text import STRESS, keyword_blocks, need, wide_line, wide_numbers
 
 SIGN = "^/VISC/PRONY/"
-# Units of mass, length and time in SI.
+# Units of mass [kg].
 _MASS = {"kg": 1.0, "g": 1e-3, "Mg": 1e3, "t": 1e3, "ton": 1e3}
+# Units of length [m].
 _LENGTH = {"m": 1.0, "mm": 1e-3, "cm": 1e-2}
+# Units of time [s].
 _TIME = {"s": 1.0, "ms": 1e-3}
 
 

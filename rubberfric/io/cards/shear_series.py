@@ -12,8 +12,10 @@ Poisson's ratio is positive in the glassy state, E(infinity) < 3 B. The weight o
 
 import numpy as np
 
-# Bisections of ln d between -75 and 0, which leave no error beyond rounding.
-_HALVINGS, _LOWEST = 75, -75.0
+# Smallest ln d. The rate x (1 + d) then equals x to rounding.
+_LOWEST = -75.0
+# Bisections of ln d between `_LOWEST` and 0. They leave an error of 75 / 2^75 = 2e-21.
+_HALVINGS = 75
 
 
 def shear_series(

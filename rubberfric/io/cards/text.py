@@ -5,8 +5,9 @@ import re
 
 from rubberfric.base.units import ZERO_CELSIUS
 
-# Units in Pa, and zeros of temperature scales in K.
+# Units of stress [Pa].
 STRESS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9}
+# Zeros of temperature scales [K].
 TEMPERATURE = {"K": 0.0, "C": ZERO_CELSIUS}
 
 

@@ -114,9 +114,10 @@ END = 6.0
 # Gauss nodes in ln q beyond q1.
 _BEYOND = 10
 
-# The same for tabulated moduli. With 10 nodes, noisy tables have errors of 1e-6.
+# Gauss nodes in ln q beyond q1 for tabulated moduli. With 10 nodes, noisy tables have errors of 1e-6.
 _BEYOND_OF_TABLE = 24
 
+# Most secant steps of a fixed point. A point that needs more is reported as not converged.
 _STEPS = 30
 
 

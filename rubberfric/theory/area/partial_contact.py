@@ -19,8 +19,10 @@ from jax.scipy.special import erf
 
 from rubberfric.base.quadrature import chebyshev_fit, gauss, typed
 
+# Slope of erf at 0, the factor of exp(-x^2) in its derivative.
 TWO_OVER_ROOT_PI = 2 / math.sqrt(math.pi)
-EULER = 0.57721566490153286
+# Euler's constant in the exponential integral, E_1(z) = Ein(z) - ln z - EULER.
+_EULER = 0.57721566490153286
 
 
 class AdhesiveLoad(NamedTuple):
@@ -93,7 +95,7 @@ def separation_weight(x: jax.Array, gamma: jax.Array | float) -> jax.Array:
     small = _polynomial((1 - gamma) * tables["Q"] + gamma * tables["Ein"], low - 1)
     # Compare x, because its square overflows float32.
     log_low = 2 * jnp.log(jnp.minimum(x, math.sqrt(2)))
-    small = small - gamma / math.sqrt(math.pi) * (EULER + log_low)
+    small = small - gamma / math.sqrt(math.pi) * (_EULER + log_low)
     high = jnp.maximum(z, 2.0)
     decay = jnp.exp(-high)
     u = _to_unit((high - 2) / (high + 2), *tables["h1_range"])

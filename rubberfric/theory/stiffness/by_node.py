@@ -29,8 +29,10 @@ _STEP = 0.1
 # Steps of y per finest detail of E over ln omega.
 _PER_DETAIL = 4
 
-# Points of the interpolation between the steps, and points before the position of a look-up.
+# Points of the interpolation between the steps. Every look-up takes as many products.
 _POINTS = 12
+
+# Points before the cell of a look-up, so that the cell is the middle one, where the error is smallest.
 _BEFORE = _POINTS // 2 - 1
 
 # Largest -ln cos(phi) on the grid; the share e^-28 = 7e-13 of the circle beyond it is neglected.

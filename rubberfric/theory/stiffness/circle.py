@@ -23,8 +23,10 @@ from numpy.polynomial import Chebyshev, Polynomial
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.base.splines import with_neighbours
 
-# Points of a local polynomial, half of them on either side; entries after x on which the mean depends.
+# Points of a local polynomial, half of them on either side. With fewer, a grid needs a smaller step.
 _POINTS = 20
+
+# Entries after x on which the mean depends, through the polynomial between x and the entry before it.
 LEAD = _POINTS // 2 - 1
 
 # Smallest length of a block; shorter ones take more time than the products that they save.
@@ -33,8 +35,11 @@ _BLOCK = 64
 # Largest s; the share e^-36 of the circle beyond it is neglected.
 _DEPTH = 36.0
 
-# Above this s the weights are sums of a few powers of e^-s; with harmonics the powers cancel earlier.
-_FAR, _FAR_OF_HARMONICS = 0.8, 1.6
+# Smallest s at which the weights are sums of a few powers of e^-s. More powers would be needed below.
+_FAR = 0.8
+
+# Smallest s at which the weights of harmonics are such sums. Below it, their powers cancel each other.
+_FAR_OF_HARMONICS = 1.6
 
 
 class Weights(NamedTuple):

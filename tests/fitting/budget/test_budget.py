@@ -13,8 +13,14 @@ from fitting.budget.changes import Sizes, changes
 from fitting.budget.contact_model import law_scene
 from fitting.budget.contributions import Contribution, largest_error
 
-V, T, P, ERROR = np.geomspace(1e-5, 1e0, 9), 303.15, 2e5, 0.03
-H, E = "lower.spectrum.h_rms", "upper.material.E"
+# Velocities of the data, over the rise and fall of the friction [m/s].
+V = np.geomspace(1e-5, 1e0, 9)
+T = 303.15  # [K]
+P = 2e5  # [Pa]
+# Relative error of the data, as of a careful measurement.
+ERROR = 0.03
+H = "lower.spectrum.h_rms"
+E = "upper.material.E"
 FREE = {H: fitting.Positive(), f"{E}[0]": fitting.Positive(), f"{E}[1]": fitting.Positive()}
 SCENE = rf.Scene(ROAD, rf.Body(SHIFTED))
 LAW = dataclasses.replace(SCENE, contact_model="boundary_elements")

@@ -17,7 +17,8 @@ import rubberfric as rf
 
 V = np.geomspace(1e-5, 1, 12)
 WARM = ((0.15e6, 283.15), (0.5e6, 313.15))
-H, Q1 = "lower.spectrum.h_rms", "lower.spectrum.q1"
+H = "lower.spectrum.h_rms"
+Q1 = "lower.spectrum.q1"
 
 
 def loaded(name, **changes):

@@ -13,7 +13,10 @@ from support.folders import ROOT
 import fitting
 import rubberfric as rf
 
-DRAWS, NOISE = 40, 0.03
+# Number of fits with different noise, over which the named errors are counted.
+DRAWS = 40
+# Relative error of the data.
+NOISE = 0.03
 NAMES = ("lower.spectrum.h_rms", "shear.tau_f0", "shear.c", "shear.v0")
 FREE = {name: fitting.Positive() for name in NAMES}
 V = np.geomspace(1e-5, 1, 14)

@@ -26,9 +26,11 @@ from fitting import (
 
 SCENE = rf.Scene(ROAD, rf.Body(RUBBER))
 FREE = {E: Positive()}
-COLD, ELASTIC = rf.Scene(ROAD, rf.Body(PLAIN)), rf.Scene(ROAD, rf.Body(rf.Elastic(1e7, 0.5)))
+COLD = rf.Scene(ROAD, rf.Body(PLAIN))
+ELASTIC = rf.Scene(ROAD, rf.Body(rf.Elastic(1e7, 0.5)))
 SHEARED = ELASTIC.replace(shear=rf.ContactShear(6.5e6, 0.1, 6e-3))
-POINT, SPECTRUM = ModulusData([1.0], [1e7], [1e6]), SpectrumData([1e3], [1e-14])
+POINT = ModulusData([1.0], [1e7], [1e6])
+SPECTRUM = SpectrumData([1e3], [1e-14])
 MODULUS = ModulusData([1e2, 1e3, 1e4], [5e6, 8e6, 1e7], [2e6, 4e6, 4e6], relative=0.05)
 
 

@@ -11,8 +11,12 @@ import rubberfric as rf
 from fitting.commands.job import read_job
 from rubberfric.commands.main import main as scene_main
 
-E_INF, E, TAU = 2e6, np.array([3e7, 1e7, 4e6]), np.array([1e-4, 1e-2, 1.0])
-C1, C2, T_REF = 8.0, 110.0, 293.15
+E_INF = 2e6  # [Pa]
+E = np.array([3e7, 1e7, 4e6])  # [Pa]
+TAU = np.array([1e-4, 1e-2, 1.0])  # [s]
+C1 = 8.0
+C2 = 110.0  # [K]
+T_REF = 293.15  # [K]
 SCENE = """
 [lower]
 material = { kind = "rigid" }

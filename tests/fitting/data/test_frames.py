@@ -6,7 +6,9 @@ import pytest
 
 import fitting
 
-V, MU, T = [1.0, 10.0, 100.0], [0.5, 0.7, 0.9], [10.0, 20.0, 30.0]
+V = [1.0, 10.0, 100.0]
+MU = [0.5, 0.7, 0.9]
+T = [10.0, 20.0, 30.0]
 
 
 def test_a_frame_with_units_in_its_titles():

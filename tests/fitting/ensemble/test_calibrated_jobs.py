@@ -23,7 +23,9 @@ import fitting
 import rubberfric as rf
 from fitting.uncertainty import importance
 
-MEMBERS, PARTS = 1000, 4
+MEMBERS = 1000  # posteriors of a calibration
+# Parts of a calibration that are stored separately.
+PARTS = 4
 ARRAYS = ("truth", "values", "place", "deviation", "normal", "effective", "tail")
 
 

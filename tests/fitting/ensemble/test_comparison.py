@@ -12,8 +12,10 @@ from fitting import Free, ModulusData
 from fitting.uncertainty.criteria import criteria
 
 OMEGA = np.logspace(0, 6, 14)
-ROAD, TERMS = rf.Body(rf.Rigid(), AFFINE), ([5e7, 8e6, 1e5], [1e-5, 1e-3, 1e-4])
-E, E_INF = "upper.material.E", "upper.material.E_inf"
+ROAD = rf.Body(rf.Rigid(), AFFINE)
+TERMS = ([5e7, 8e6, 1e5], [1e-5, 1e-3, 1e-4])  # moduli [Pa] and relaxation times [s]
+E = "upper.material.E"
+E_INF = "upper.material.E_inf"
 SHEAR = rf.ContactShear(tau_f0=3e5, c=0.1, v0=1e-3)
 FREE = {E: Free(), E_INF: Free()}
 

@@ -16,10 +16,13 @@ from fitting.solvers.problem import make_problem
 Q = np.geomspace(1e2, 1e6, 15)
 TABLE = rf.TabulatedSpectrum(Q, 1e-14 * np.minimum(1, (Q / 1e3) ** -3.6))
 SCENE = rf.Scene(rf.Body(rf.Rigid(), TABLE), rf.Body(SHIFTED))
-Q1, C = "lower.spectrum.q1", "lower.spectrum.C"
+Q1 = "lower.spectrum.q1"
+C = "lower.spectrum.C"
 CUT = SCENE.replace(Q1, 1e5)
 AFFINE = rf.Scene(ROAD, rf.Body(SHIFTED))
-V, P, T = np.logspace(-4, 0, 7), 2e5, 293.15
+V = np.logspace(-4, 0, 7)  # [m/s]
+P = 2e5  # [Pa]
+T = 293.15  # [K]
 
 
 def friction_of(scene):

@@ -18,8 +18,11 @@ from fitting.solvers.ordered import slopes_of_x, x_of, z_of
 from rubberfric.base import POSITIVE, Number, forget, leaf, physical
 from rubberfric.materials.shifts import Shift
 
-Q, S = "lower.spectrum.", "upper.material.shift."
-Q0, QR, Q1 = f"{Q}q0", f"{Q}qr", f"{Q}q1"
+Q = "lower.spectrum."
+S = "upper.material.shift."
+Q0 = f"{Q}q0"
+QR = f"{Q}qr"
+Q1 = f"{Q}q1"
 ROAD = rf.Body(rf.Rigid(), AFFINE)
 TABLE = rf.TabulatedShift([280.0, 290.0, 300.0, 310.0], [10.0, 3.0, 1.0, 0.3], 295.0)
 SCENE = rf.Scene(ROAD, rf.Body(dataclasses.replace(PLAIN, shift=TABLE)))

@@ -19,7 +19,9 @@ from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import residuals
 from rubberfric.scene.scene import cast
 
-OMEGA, T, STRAIN = np.logspace(0, 4, 5), np.array([260.0, 275.0, 285.0, 320.0]), np.logspace(-3, 0, 4)
+OMEGA = np.logspace(0, 4, 5)  # [rad/s]
+T = np.array([260.0, 275.0, 285.0, 320.0])  # [K]
+STRAIN = np.logspace(-3, 0, 4)
 TABLE = rf.TabulatedModulus(
     *(OMEGA, 1e6 * OMEGA**0.3, 2e5 * OMEGA**0.4), shift=rf.TabulatedShift(T, [1e4, 30.0, 1.0, 1e-3], 285.0)
 )

@@ -12,7 +12,10 @@ from fitting.uncertainty.intervals import quantile
 OMEGA = np.geomspace(0.3, 30.0, 8)
 TRUTH = {"E_inf": 1.5e6, "E": 6e6, "tau": 0.5}
 ERROR = 0.04
-LOW, HIGH = 2e6, 2e7
+# Lower bound of E_inf, above its true value.
+LOW = 2e6
+# Upper bound of E_inf, far above its true value.
+HIGH = 2e7
 NAMES = [f"upper.material.{name}" for name in ("E_inf", "E", "tau")]
 
 

@@ -25,7 +25,8 @@ from fitting.solvers.runs import run_fits
 from fitting.solvers.search import random_starts
 
 LM = LevenbergMarquardt()
-MODULI, TAU = [5e8, 5e7, 8e6, 2e6], [1e-7, 1e-5, 1e-3, 1e-1]
+MODULI = [5e8, 5e7, 8e6, 2e6]  # [Pa]
+TAU = [1e-7, 1e-5, 1e-3, 1e-1]  # [s]
 SCENE = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, MODULI, TAU)))
 FREE = {E: Positive(), "lower.spectrum.hurst": Bounded(0.3, 1.0)}
 VELOCITY = np.logspace(-4, 1, 24)

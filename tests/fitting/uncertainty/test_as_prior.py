@@ -25,7 +25,8 @@ def moduli(seed, noise=0.03, **options):
 
 
 FREE = {E: Positive(), E_INF: Bounded(1e5, 1e8)}
-ONE, TWO = moduli(0), moduli(1)
+ONE = moduli(0)
+TWO = moduli(1)
 
 
 @pytest.fixture(scope="module")

@@ -18,8 +18,11 @@ from support.scenes.fits import FAST, ROAD
 import fitting
 import rubberfric as rf
 
-E, H = "upper.material.E", "lower.spectrum.h_rms"
-NOISE, KNOWN = 0.03, 0.3
+E = "upper.material.E"
+H = "lower.spectrum.h_rms"
+NOISE = 0.03  # relative error of the data
+# Relative error of the moduli in the initial guess, and their relative standard deviation in the prior.
+KNOWN = 0.3
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +159,10 @@ def test_intervals_with_free_contact_shear(curves_of_long_periods):
 
 
 FIVE = rf.Scene(ROAD, rf.Body(rf.Prony(2e6, [6e7, 3e7, 1.2e7, 6e6, 3e6], [1e-6, 1e-5, 1e-4, 1e-3, 1e-2])))
-TWINS, AMPLITUDE = 60, 0.2
+# Number of fits. Their 360 intervals count coverage to about 1 %.
+TWINS = 60
+# Amplitude of the error of the theory, far above the noise of the data.
+AMPLITUDE = 0.2
 
 
 def waves(random, x, shortest, longest):

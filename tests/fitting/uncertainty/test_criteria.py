@@ -18,7 +18,8 @@ RUBBER = rf.Prony(3e6, [5e7, 8e6], TAU)
 SCENE = rf.Scene(rf.Body(rf.Rigid(), AFFINE), rf.Body(RUBBER))
 E = "upper.material.E"
 OMEGA = np.logspace(0, 6, 6)
-H_RMS, HURST = "lower.spectrum.h_rms", "lower.spectrum.hurst"
+H_RMS = "lower.spectrum.h_rms"
+HURST = "lower.spectrum.hurst"
 
 
 def basis():

@@ -86,7 +86,8 @@ FREE = {
     "upper.spectrum.hurst": fitting.Bounded(0.3, 1.0),
 }
 QUICK = rf.Quadrature(order=8, panels=3)
-V, T = np.logspace(-5, -1, 17), np.array([278.15, 293.15, 313.15])
+V = np.logspace(-5, -1, 17)  # [m/s]
+T = np.array([278.15, 293.15, 313.15])  # [K]
 CANDIDATES = (V[:, None], 2e5, T)
 # Faster than measured, at another pressure: superposition must tell.
 WANTED = fitting.prediction([0.3, 1.0, 3.0], 3e5, 303.15)

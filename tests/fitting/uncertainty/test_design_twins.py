@@ -24,8 +24,12 @@ import fitting
 import rubberfric as rf
 from fitting.uncertainty.information import known_of
 
-TWINS, NOISE, OFF = 100, 0.05, 0.3
-FEW, MANY = 12, 40
+TWINS = 100  # number of drawn scenes
+NOISE = 0.05  # relative error of a measurement
+# Largest relative change of a drawn scene, and relative standard deviation of the priors.
+OFF = 0.3
+FEW = 12  # measurements of a design
+MANY = 40  # random measurements, with which the design is compared
 QUICK = rf.Quadrature(order=8, panels=3)
 E = "upper.material.E"
 PLACES = {
@@ -33,7 +37,8 @@ PLACES = {
     **dict.fromkeys(("shear.tau_f0", "shear.c", "shear.v0"), (0.0, np.inf)),
     "lower.spectrum.hurst": (0.35, 0.97),
 }
-PRESSURE, TEMPERATURES = 2e5, rf.units.celsius(np.array([5.0, 13.0, 20.0, 30.0, 40.0]))
+PRESSURE = 2e5  # [Pa]
+TEMPERATURES = rf.units.celsius(np.array([5.0, 13.0, 20.0, 30.0, 40.0]))  # [K]
 CANDIDATES = np.logspace(-5, -1, 17)[:, None], PRESSURE, TEMPERATURES
 OUTSIDE = {
     "faster": fitting.prediction([0.3, 1.0, 3.0], 3e5, 303.15),

@@ -12,7 +12,10 @@ from fitting.uncertainty.covariance import describe_direction
 SCENE = rf.Scene(
     rf.Body(rf.Rigid(), AFFINE), rf.Body(PLAIN), gamma=0.5, shear=rf.ContactShear(5e6, 0.1, 1e-3)
 )
-GAMMA, H, Q1, V0 = "gamma", "lower.spectrum.h_rms", "lower.spectrum.q1", "shear.v0"
+GAMMA = "gamma"
+H = "lower.spectrum.h_rms"
+Q1 = "lower.spectrum.q1"
+V0 = "shear.v0"
 HURST = "lower.spectrum.hurst"
 
 

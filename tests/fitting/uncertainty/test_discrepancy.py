@@ -15,7 +15,8 @@ from fitting.uncertainty.covariance import linearised
 from fitting.uncertainty.discrepancy import averaged, median_amplitude
 
 LAW = rf.Scene(ROAD, rf.Body(PLAIN), contact_model="boundary_elements")
-SCENE, WARM = rf.Scene(ROAD, rf.Body(PLAIN)), rf.Scene(ROAD, rf.Body(SHIFTED))
+SCENE = rf.Scene(ROAD, rf.Body(PLAIN))
+WARM = rf.Scene(ROAD, rf.Body(SHIFTED))
 V = np.geomspace(1e-4, 1e1, 30)
 FREE = {"upper.material.E": fitting.Positive(), "lower.spectrum.h_rms": fitting.Positive()}
 ERROR = 0.02

@@ -30,7 +30,9 @@ PATHS = {
     "thickness": ("upper.layer.thickness",),
     "v0": ("shear.v0",),
 }
-V, P, T = np.array([1e-4, 0.03, 2.0]), 2e5, 303.15
+V = np.array([1e-4, 0.03, 2.0])  # [m/s]
+P = 2e5  # [Pa]
+T = 303.15  # [K]
 
 fast = functools.partial(sensitivity, quadrature=FAST)
 

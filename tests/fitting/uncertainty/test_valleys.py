@@ -8,7 +8,8 @@ import fitting
 import rubberfric as rf
 
 SCENE = rf.Scene(ROAD, rf.Body(PLAIN))
-E, E_INF = "upper.material.E[1]", "upper.material.E_inf"
+E = "upper.material.E[1]"
+E_INF = "upper.material.E_inf"
 
 
 def fitted(relative, part):

@@ -20,7 +20,8 @@ from fitting import Bounded, Positive
 
 TIMES = np.logspace(-6, 0, 7)
 Q = "lower.spectrum."
-E, E_INF = "upper.material.E", "upper.material.E_inf"
+E = "upper.material.E"
+E_INF = "upper.material.E_inf"
 HEAT = rf.Heating(1.2e3, 1.6e3, 0.23, 1e-3)
 # Free numbers of a kind, a few and many.
 ROUGH = (f"{Q}q1", f"{Q}qr", f"{Q}h_rms")

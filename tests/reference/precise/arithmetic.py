@@ -8,7 +8,8 @@ import numpy as np
 from gmpy2 import mpfr
 
 gmpy2.get_context().precision = 400
-PI, ROOT_PI = gmpy2.const_pi(), gmpy2.sqrt(gmpy2.const_pi())
+PI = gmpy2.const_pi()
+ROOT_PI = gmpy2.sqrt(gmpy2.const_pi())
 
 exp, erf, sqrt = (np.frompyfunc(f, 1, 1) for f in (gmpy2.exp, gmpy2.erf, gmpy2.sqrt))
 sinh, cosh = (np.frompyfunc(f, 1, 1) for f in (gmpy2.sinh, gmpy2.cosh))

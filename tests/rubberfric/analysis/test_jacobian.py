@@ -94,7 +94,8 @@ def test_equals_forward_mode(name, quantity):
     assert np.any(expected != 0)
 
 
-POSITIVE, SHARE = fitting.Positive(), fitting.Bounded(0.3, 1.0)
+POSITIVE = fitting.Positive()
+SHARE = fitting.Bounded(0.3, 1.0)
 FITS = {
     "moduli and hurst": ("smooth rubber", {"upper.material.E": POSITIVE, "lower.spectrum.hurst": SHARE}),
     "some moduli": ("corrected", {"upper.material.E[1:]": POSITIVE, "gamma": SHARE}),

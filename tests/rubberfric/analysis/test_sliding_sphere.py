@@ -12,8 +12,11 @@ import pytest
 import rubberfric as rf
 from rubberfric.analysis.boundary_elements import sliding_contact
 
-RADIUS, FORCE, TAU = 0.01, 0.15, 1e-3  # [m], [N], [s]
-SOFT, STIFFENING = 1e6, 9.0  # E(0) [Pa], and (E(inf) - E(0)) / E(0)
+RADIUS = 0.01  # [m]
+FORCE = 0.15  # [N]
+TAU = 1e-3  # [s]
+SOFT = 1e6  # E(0) [Pa]
+STIFFENING = 9.0  # (E(inf) - E(0)) / E(0)
 MATERIAL = rf.Prony(SOFT, [STIFFENING * SOFT], [TAU], poisson=0.3)
 CONTACT_RADIUS = (0.75 * FORCE * RADIUS * (1 - 0.3**2) / SOFT) ** (1 / 3)  # at rest [m]
 PUBLISHED = np.array([(0.1063, 0.00851), (1.169, 0.04028), (7.943, 0.01587)])  # v 0.01 s / contact radius; mu

@@ -6,7 +6,8 @@ from support.refusals import refused
 
 import rubberfric as rf
 
-MPA, PA = {"unit_stress": "MPa"}, {"unit_stress": "Pa"}
+MPA = {"unit_stress": "MPa"}
+PA = {"unit_stress": "Pa"}
 CELSIUS = MPA | {"unit_temperature": "C"}
 TIMES = [1e-4, 1e-2]
 
@@ -64,7 +65,9 @@ def radioss(number, mu, alpha, G):
     return law, f"/VISC/PRONY/{number}\n{1:10}\n{G:20}{10.0:20}\n"
 
 
-SOFT, HARD, OGDEN = radioss(1, 1.2, 2.0, 3.0), radioss(2, 5.0, 2.0, 7.0), radioss(1, 0.6, 4.0, 3.0)
+SOFT = radioss(1, 1.2, 2.0, 3.0)
+HARD = radioss(2, 5.0, 2.0, 7.0)
+OGDEN = radioss(1, 0.6, 4.0, 3.0)
 BEGIN = "/BEGIN\nrun\n      2020         0\n" + "{0:>20}{1:>20}{2:>20}\n" * 2
 PYVISCO = "i,tau_i,alpha_i,E_0,E_i\n-,s,-,MPa,MPa\n1,0.1,0.5,30,15\n"
 

@@ -11,7 +11,9 @@ import fitting
 import rubberfric as rf
 
 ROUGH = scene((SHIFTED_TREAD,), (RIGID, rf.SelfAffine(100.0, 1000.0, 1e4, 0.8, 3e-4)))
-SPEED, PRESSURE, TEMPERATURE = (1e-3, 1.0), (1e5, 4e5), (283.15, 313.15)
+SPEED = (1e-3, 1.0)  # [m/s]
+PRESSURE = (1e5, 4e5)  # [Pa]
+TEMPERATURE = (283.15, 313.15)  # [K]
 QUICK = rf.Quadrature(order=8, panels=3)
 
 

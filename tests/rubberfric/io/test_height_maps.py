@@ -8,7 +8,12 @@ import pytest
 import rubberfric as rf
 from rubberfric.io.height_maps import filled
 
-SHAPE, DX, DY = (24, 17), 2e-6, 3e-6
+# Different numbers of points along x and y, so that exchanged axes are found.
+SHAPE = (24, 17)
+# Spacing along x [m].
+DX = 2e-6
+# Spacing along y [m], different from the one along x.
+DY = 3e-6
 
 
 @pytest.fixture

@@ -201,8 +201,10 @@ def test_openradioss_cards_have_the_modulus(material):
 # --- round trips
 
 
-MPA, CELSIUS = {"unit_stress": "MPa"}, {"unit_stress": "MPa", "unit_temperature": "C"}
-PASCAL, DENSE = {"unit_stress": "Pa"}, {"density": 1200.0}
+MPA = {"unit_stress": "MPa"}
+CELSIUS = {"unit_stress": "MPa", "unit_temperature": "C"}
+PASCAL = {"unit_stress": "Pa"}
+DENSE = {"density": 1200.0}
 # Program: relative tolerance, and (material, options of both, of writing, of reading).
 ROUND_TRIPS = {
     "abaqus": (1e-11, [(m, units, {}, {}) for m in (RUBBER, SHEAR, SOFT) for units in (PASCAL, CELSIUS)]),

@@ -12,7 +12,9 @@ from rubberfric.theory.structure import Solution
 
 RUBBER = rf.Prony(3e6, [5e7], [1e-5], shift=rf.WLF(12.0, 150.0, 293.15))
 SCENE = rf.Scene(ROAD, rf.Body(RUBBER))
-VELOCITY, PRESSURE, TEMPERATURE = np.array([1e-3, 0.1, 2.0]), np.array([1e5, 2e5]), np.array([280.0, 293.15])
+VELOCITY = np.array([1e-3, 0.1, 2.0])  # [m/s]
+PRESSURE = np.array([1e5, 2e5])  # [Pa]
+TEMPERATURE = np.array([280.0, 293.15])  # [K]
 
 
 def result(temperature):

@@ -11,7 +11,9 @@ import rubberfric as rf
 from rubberfric.materials.material import plane_strain_factor
 
 OMEGA = np.array([0.0, *np.logspace(-30, 30, 61)])
-E, TAU = [7.6e8, 1.5e7, 0.0, 2.2e6, 9e5, 9e5], [1e-20, 1e-6, 3e-5, 1e-3, 1.0, 1e20]
+# With a modulus of 0 and two equal moduli.
+E = [7.6e8, 1.5e7, 0.0, 2.2e6, 9e5, 9e5]
+TAU = [1e-20, 1e-6, 3e-5, 1e-3, 1.0, 1e20]  # over forty decades
 PRONY = rf.Prony(3.6e6, E, TAU)
 TABLE = {
     "omega": np.array([1e-3, 1.0, 1e3, 1e6, 1e9]),

@@ -9,7 +9,8 @@ from support.cases.stored import as_arrays
 
 import rubberfric as rf
 
-G_INF, G = 1.2e6, [3e8, 0.0, 5e6, 4e5, 4e5]
+G_INF = 1.2e6  # [Pa]
+G = [3e8, 0.0, 5e6, 4e5, 4e5]  # with a modulus of 0 and two equal moduli
 TAU = [1e-9, 1e-7, 1e-4, 1e-2, 1e-2]
 OMEGA = np.array([0.0, *np.logspace(-6, 14, 21)])
 

@@ -13,10 +13,12 @@ import fitting
 import rubberfric as rf
 
 T_REF = 293.15
-ENTROPIC, TABLE = rf.Entropic(6e-4), rf.TabulatedVertical([250.0, 300.0, 400.0], [1.3, 1.0, 0.6])
+ENTROPIC = rf.Entropic(6e-4)
+TABLE = rf.TabulatedVertical([250.0, 300.0, 400.0], [1.3, 1.0, 0.6])
 LAWS = [ENTROPIC, TABLE]
 WORN = rf.SelfAffine(300.0, 2000.0, 5e4, 0.7, 4e-5)
-V, T = np.array([1e-3, 0.1, 5.0]), np.array([273.0, 320.0, 350.0])
+V = np.array([1e-3, 0.1, 5.0])  # [m/s]
+T = np.array([273.0, 320.0, 350.0])  # [K]
 
 
 def name_of(law):
@@ -100,7 +102,8 @@ def softening():
     return rf.Softening([1e-2, 0.1, 1.0], [1.0, 0.7, 0.4], [1.0, 1.1, 0.6])
 
 
-RIGID, ELASTIC = rf.Rigid(), rf.Elastic(2e7, 0.3)
+RIGID = rf.Rigid()
+ELASTIC = rf.Elastic(2e7, 0.3)
 DIRECTIONS = [[2e-12, 1e-12, 3e-12, 1e-12], [2e-12, 3e-12, 1e-12, 2e-12], [1e-17] * 4]
 # Scenes with a shift: one solid, two solids whose series changes, and solids that do not relax.
 SCENES = {

@@ -14,7 +14,8 @@ rng = np.random.default_rng(5)
 Q = np.geomspace(1e2, 1e6, 12) * np.exp(0.1 * rng.standard_normal(12))
 C = 1e-10 * np.minimum(1, (Q / 1e3) ** -3.6) * np.exp(0.3 * rng.standard_normal(12))
 TREAD = rf.Prony(4e6, [8e8, 7e8, 9e7, 1.5e7], [1e-9, 1e-7, 1e-5, 1e-3])
-V, P = np.geomspace(1e-4, 1.0, 4), 3e5
+V = np.geomspace(1e-4, 1.0, 4)  # [m/s]
+P = 3e5  # [Pa]
 # (q0, q1): the ends of the table, between entries, on them, within one piece.
 CUTS = {
     "ends": (Q[0], Q[-1]),

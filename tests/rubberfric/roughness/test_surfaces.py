@@ -9,7 +9,8 @@ import pytest
 import rubberfric as rf
 
 RNG = np.random.default_rng(5)
-MAP, LINE = RNG.normal(size=(16, 12)), RNG.normal(size=32)
+MAP = RNG.normal(size=(16, 12))
+LINE = RNG.normal(size=32)
 
 
 def surface(heights, sizes, unit="um", **more):

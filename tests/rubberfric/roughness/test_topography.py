@@ -67,7 +67,10 @@ def surface(spectrum, n, length, seed):
     return np.fft.ifft2(noise * np.sqrt(C) * 2 * np.pi / length).real * n * n
 
 
-N, LENGTH = 128, 0.04
+# Points along a side.
+N = 128
+# Length of a side [m], the longest wavelength.
+LENGTH = 0.04
 TRUTH = rf.SelfAffine(2 * np.pi / LENGTH, 1000.0, 1.0e4, 0.8, 3e-4)
 
 

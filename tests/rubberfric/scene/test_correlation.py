@@ -61,8 +61,9 @@ def test_what_correlation_does_not_allow_is_refused():
     assert rf.Scene(rf.Body(RIGID, ROAD), rf.Body(TREAD)).correlation is None
 
 
-# One-sided differences of fourth order. One side is smooth where the ends of two spectra coincide.
-ONE_SIDED, STEP = np.array([-25 / 12, 4, -3, 4 / 3, -1 / 4]), 3e-5
+# One-sided difference of fourth order. One side is smooth where the ends of two spectra coincide.
+ONE_SIDED = np.array([-25 / 12, 4, -3, 4 / 3, -1 / 4])
+STEP = 3e-5  # step of the difference, relative to a number
 
 
 def _errors_of_derivatives(lower, upper, coherence, quadrature):

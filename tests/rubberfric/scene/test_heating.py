@@ -16,7 +16,9 @@ import rubberfric as rf
 from rubberfric.scene.heating import diffusion, heat_kernel, rise_below_surface, rise_inside
 
 LAW = {"density": 1200.0, "heat_capacity": 1600.0, "conductivity": 0.23, "radius": 2e-3}
-HEAT, R = LAW["density"] * LAW["heat_capacity"], LAW["radius"]
+# Heat capacity of a volume [J/(m^3 K)].
+HEAT = LAW["density"] * LAW["heat_capacity"]
+R = LAW["radius"]
 D = LAW["conductivity"] / HEAT
 NODES = rf.Quadrature().heat
 

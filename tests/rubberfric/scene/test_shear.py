@@ -19,7 +19,8 @@ from rubberfric.scene.interface import shear_friction
 from rubberfric.scene.scene import cast
 from rubberfric.theory.integrals import evaluate, prepare
 
-STEEL, GLASS = rf.Rigid(), rf.Elastic(7e10, 0.2)
+STEEL = rf.Rigid()
+GLASS = rf.Elastic(7e10, 0.2)
 VELOCITY = jnp.logspace(-6, 1, 50)
 PARTS = ("area", "friction", "viscoelastic_friction", "shear_friction")
 

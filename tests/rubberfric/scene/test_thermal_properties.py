@@ -15,7 +15,8 @@ from rubberfric.scene.heating import diffusion, heat_kernel, heating_of, rise_be
 from rubberfric.theory.heat_balance import heat_balance, inner_temperatures
 from rubberfric.theory.integrals import prepare
 
-RUBBER, STONE = rf.ThermalProperties(1200.0, 1600.0, 0.23), rf.ThermalProperties(2400.0, 900.0, 1.5)
+RUBBER = rf.ThermalProperties(1200.0, 1600.0, 0.23)
+STONE = rf.ThermalProperties(2400.0, 900.0, 1.5)
 HEATING = rf.Heating(1200.0, 1600.0, 0.23, 2e-3, 0.05)
 SHEAR = rf.ContactShear(6.5e6, 0.1, 6e-3)
 

@@ -19,7 +19,8 @@ TURNING = rf.TabulatedAnisotropic(
 )
 SOFTENING = rf.Softening([1e-3, 0.1, 0.5, 1.5], [1.0, 0.7, 0.4, 0.3], [1.0, 0.9, 0.6, 0.5], 0.3)
 HEATING = rf.Heating(1.2e3, 1.6e3, 0.23, 2e-3, 0.05)
-STEEL, GLASS = rf.Rigid(), rf.Elastic(5e7, 0.3)
+STEEL = rf.Rigid()
+GLASS = rf.Elastic(5e7, 0.3)
 SLAB = rf.Slab(2e-3)
 
 

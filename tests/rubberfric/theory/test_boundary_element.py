@@ -14,7 +14,8 @@ AREA = {0.005: 0.0121, 0.02: 0.0463, 0.1: 0.2089, 0.4: 0.6511}
 # Mean separation over that at 0.005.
 SEPARATION = {0.02: 0.688, 0.1: 0.288}
 
-YOUNG, POISSON = 2.0e6, 0.3
+YOUNG = 2.0e6  # [Pa]
+POISSON = 0.3  # [-]
 
 
 def solve(gamma, quantity, corrected):

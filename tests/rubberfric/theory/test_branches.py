@@ -74,7 +74,8 @@ def test_places_on_a_branch():
 
 # --- A scene with folds
 
-PRESSURE, COLD = 3e5, 258.0
+PRESSURE = 3e5  # [Pa]
+COLD = 258.0  # [K], so cold that the scene has folds
 QUANTITIES = ("friction", "flash_temperature", "converged")
 
 

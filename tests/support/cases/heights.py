@@ -8,10 +8,10 @@ import numpy as np
 import scipy.ndimage
 
 Surface = tuple[np.ndarray, tuple[float, ...]]
-SPACING = 1e-5
-ROLLOFF = 2e4
-TIP_RADIUS = 4e-4
-NOISE = 6e-7
+SPACING = 1e-5  # between points [m]
+ROLLOFF = 2e4  # wavevector [1/m]
+TIP_RADIUS = 4e-4  # so blunt that it removes short waves [m]
+NOISE = 6e-7  # rms height of the noise, a third of the surface [m]
 
 
 def self_affine(shape: tuple[int, ...], hurst: float, h_rms: float, seed: int) -> np.ndarray:

@@ -15,9 +15,12 @@ from rubberfric.scene.settings import extent_of
 
 KINDS = ("road", "elastic", "pair")
 POINTS = 6  # velocities and loads of a scene
+# Quadrature of the expected results.
 TIGHT = rf.Quadrature(order=20, panels=48, graded=20, ratio=3.0, angular_order=20)
 
+# Terms of a Prony series, over up to fourteen decades.
 _TERMS = 8
+# Scenes computed at once. More need more memory.
 _CHUNK = 8
 
 

@@ -17,7 +17,10 @@ import numpy as np
 import rubberfric as rf
 from rubberfric.analysis import boundary_element
 
-COUNT, TERMS = 20, 8
+# Number of scenes with short periods.
+COUNT = 20
+# Terms of a rubber, one for each decade, more than the five decades of velocity.
+TERMS = 8
 # q1/q0, qr/q0, longest wavelengths a side, points a side, surfaces.
 GEOMETRIES = (
     (8, 1, 4, 256, 1),

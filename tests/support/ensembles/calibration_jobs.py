@@ -14,8 +14,10 @@ from support.scenes.fits import FAST, ROAD, SHIFTED, E
 import fitting
 import rubberfric as rf
 
-# Priors of the twin's numbers: standard deviations over values, and of the exponent.
-PART, EXPONENT = 0.1, 0.02
+# Prior standard deviation over value of the twin's numbers.
+PART = 0.1
+# Prior standard deviation of the twin's exponent, which is not a scale.
+EXPONENT = 0.02
 
 
 def _job(scene, data, prior, **options):

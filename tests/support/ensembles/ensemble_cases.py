@@ -25,7 +25,8 @@ if __name__ == "__main__":
 from support.scenes.fits import E_INF, ROAD, E
 
 QUADRATURE = rf.Quadrature(order=8, panels=4, graded=2, ratio=6.0)
-MODULI, TAU = [5e8, 2e7, 2e6], [1e-7, 1e-4, 1e-1]
+MODULI = [5e8, 2e7, 2e6]  # [Pa]
+TAU = [1e-7, 1e-4, 1e-1]  # [s]
 SCENE = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, MODULI, TAU)))
 ROWS = ("x", "values", "cost", "status", "nfev", "njev")
 

@@ -15,8 +15,8 @@ TRACK = rf.Prony(2.0e6, 0.5 * E, 2.3 * TAU, 0.49)
 WORN = rf.SelfAffine(150.0, 2000.0, 5.0e4, 0.8, 5e-5)
 ONE = rf.Scene(rf.Body(TREAD), rf.Body(rf.Rigid(), ROAD))
 TWO = rf.Scene(rf.Body(TREAD, WORN), rf.Body(TRACK, ROAD))
-VELOCITY = np.logspace(-6, 1, 50)
-PRESSURE = 0.15e6
+VELOCITY = np.logspace(-6, 1, 50)  # [m/s]
+PRESSURE = 0.15e6  # [Pa]
 
 
 def numpy_friction(scene=ONE, velocity=VELOCITY, pressure=PRESSURE, temperature=None):

@@ -6,8 +6,8 @@ from support.folders import DATA
 import rubberfric as rf
 from rubberfric.io.files import read_scene_file
 
-VELOCITY = np.logspace(-6, 1, 50)
-PRESSURE = 2e5
+VELOCITY = np.logspace(-6, 1, 50)  # [m/s]
+PRESSURE = 2e5  # [Pa]
 
 
 def scenes():

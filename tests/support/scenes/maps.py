@@ -9,7 +9,10 @@ TREAD = rf.Prony(1e6, [1e8, 1e7], [1e-5, 1e-2], shift=WLF)
 ROAD = rf.SelfAffine(100.0, 1000.0, 1e4, 0.8, 1e-4)
 SCENE = rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(TREAD), shear=rf.ContactShear(6.5e6, 0.1, 6e-3))
 QUICK = rf.Quadrature(order=6, panels=4, graded=2)
-VELOCITY, PRESSURE, TEMPERATURE = np.logspace(-6, 1, 9), np.array([3e5, 1e5]), np.linspace(263.15, 333.15, 5)
+VELOCITY = np.logspace(-6, 1, 9)  # [m/s]
+# In falling order, which a map allows.
+PRESSURE = np.array([3e5, 1e5])
+TEMPERATURE = np.linspace(263.15, 333.15, 5)  # [K]
 POINTS = (VELOCITY, PRESSURE, TEMPERATURE)
 # Few sizes of batches and sets of quantities in all, for each is compiled.
 BLOCK = 7

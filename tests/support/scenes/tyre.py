@@ -5,7 +5,12 @@ from support.published import outside
 
 import rubberfric as rf
 
-PRESSURE, GAMMA, Q1 = 0.3e6, 0.578, 1.017e6  # [Pa], [-], [1/m]: inferred conditions of the program's run
+# Nominal pressure of the program's run [Pa], inferred.
+PRESSURE = 0.3e6
+# gamma of the program's run, inferred.
+GAMMA = 0.578
+# Cutoff of the program's run [1/m], inferred.
+Q1 = 1.017e6
 
 
 def read(name):

@@ -9,7 +9,10 @@ from support.refusals import refused
 import fitting
 import rubberfric as rf
 
-TITLES, OWN = "v [m/s],mu,p [Pa],T [K]\n", "v,mu,p,T\nm/s,-,Pa,K\n"
+# Title line of an export.
+TITLES = "v [m/s],mu,p [Pa],T [K]\n"
+# Title and unit lines of our own files.
+OWN = "v,mu,p,T\nm/s,-,Pa,K\n"
 GOOD = ["0.01,0.6,2e5,293", "0.02,0.7,2e5,293"]
 # Rows in place of 0.015,0.65,2e5,293.
 BAD = [

@@ -11,7 +11,9 @@ import fitting
 from fitting import read
 from rubberfric.io.columns import known_name
 
-HZ, PSI, ZERO = 2 * np.pi, 6894.757293168361, 273.15
+HZ = 2 * np.pi  # [rad/s]
+PSI = 6894.757293168361  # lbf/in^2 [Pa]
+ZERO = 273.15  # 0 °C [K]
 
 
 def put(folder, text, name="table.csv"):

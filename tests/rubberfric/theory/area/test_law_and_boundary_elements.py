@@ -517,7 +517,8 @@ def test_constants_are_those_of_the_fit():
 
 
 FORMS = {"law": ("alpha", np.inf), "narrow": ("alpha", 100.0), "range": ("range", np.inf)}
-WIDE, VELOCITIES = (1e2, 1e3, 1e4), (1e-4, 1e-2, 1.0, 10.0)
+WIDE = (1e2, 1e3, 1e4)  # q1/q0; the largest of the cases is 512
+VELOCITIES = (1e-4, 1e-2, 1.0, 10.0)  # [m/s]
 EXTRAPOLATION = """
 ## Beyond the cases
 

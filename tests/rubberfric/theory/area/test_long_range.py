@@ -18,7 +18,11 @@ from rubberfric.theory.area.separations import loss_table, loss_weight, scaled_e
 from rubberfric.theory.integrals import prepare
 from rubberfric.theory.structure import SurfaceTemperatures
 
-Q0, Q1, HURST, H_RMS, YOUNG = 1e4, 1e6, 0.8, 2e-7, 1e7
+Q0 = 1e4  # [1/m]
+Q1 = 1e6  # [1/m]
+HURST = 0.8
+H_RMS = 2e-7  # [m]
+YOUNG = 1e7  # [Pa]
 FINE = rf.SelfAffine(q0=Q0, qr=Q0, q1=Q1, hurst=HURST, h_rms=H_RMS)
 ROLLING = FINE.replace(qr=3e4)
 MODULUS = YOUNG / 0.75

@@ -12,7 +12,8 @@ from rubberfric.theory.stiffness import means
 from rubberfric.theory.stiffness.means import known_tables
 
 OMEGA = np.geomspace(1e-2, 1e9, 40)
-STORAGE, LOSS = 1e6 * OMEGA**0.2, 2e5 * OMEGA**0.22
+STORAGE = 1e6 * OMEGA**0.2
+LOSS = 2e5 * OMEGA**0.22
 VELOCITY = np.array([0.0, 1e-4, 0.1])
 QUADRATURE = rf.Quadrature(order=8, panels=5, graded=4, angular_order=12)
 
