@@ -1,4 +1,4 @@
-"""Applications of friction and separation: the grip of a patch that slips."""
+"""Applications of friction and separation: grip of a patch that slips, conductance of a contact."""
 
 from rubberfric.base.lazy import lazily
 
@@ -7,6 +7,7 @@ if TYPE_CHECKING:
     from rubberfric.applications.brush_model import Grip as Grip
     from rubberfric.applications.brush_model import grip as grip
     from rubberfric.applications.brush_model import slip_stiffness as slip_stiffness
+    from rubberfric.applications.conductance import contact_conductance as contact_conductance
     from rubberfric.applications.patch import MeasuredPressure as MeasuredPressure
     from rubberfric.applications.patch import Parabolic as Parabolic
     from rubberfric.applications.patch import Patch as Patch

@@ -31,7 +31,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.applications.patch import Patch
-from rubberfric.base.checks import UnitWarning, as_array, check_values, is_concrete, shown
+from rubberfric.base.checks import POSITIVE, UnitWarning, as_array, check_values, is_concrete, shown
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import safe_root
 from rubberfric.scene.scene import Scene, result_dtype, warn_of_conditions
@@ -155,7 +155,7 @@ def _conditions(scene, slip, speed, load, kind):
         check_values("slip", slip, (text, lambda x: (x > limits[0]) & (x < limits[1])))
     for name, value in (("speed", speed), ("load", load)):
         if is_concrete(value):
-            check_values(name, value, ("must be positive", lambda x: x > 0))
+            check_values(name, value, POSITIVE)
     return slip, speed, load
 
 

@@ -1,5 +1,7 @@
 """Second derivatives of every optional part of a scene, against differences of first derivatives."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -114,7 +116,10 @@ def _differences(function, count):
 def test_all_second_derivatives(name):
     scene, conditions = SCENES[name]
     quantities = ("area", "separation", "friction")[: 2 if scene.correlation is not None else 3]
-    function, count = _function(scene, conditions, QUADRATURE, quantities)
+    # Derivatives by the ends of the roughness are those of the integral. With 8 nodes, the second derivative of
+    # the separation differs from that of the sum by 4e-5, with 16 by 1e-10.
+    quadrature = dataclasses.replace(QUADRATURE, order=16) if name == "table of C" else QUADRATURE
+    function, count = _function(scene, conditions, quadrature, quantities)
     zero = jnp.zeros(count)
     forward = quick_jit()(jax.jacfwd(jax.grad(function)))(zero)
     reverse = quick_jit()(jax.jacrev(jax.grad(function)))(zero)

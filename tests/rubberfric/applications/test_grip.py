@@ -223,8 +223,8 @@ def test_jit_and_vmap():
     [
         ({"slip": 5.0}, "slip = 5.0: must be between -pi/2 and pi/2; is it in degrees?"),
         ({"slip": -1.0, "kind": "ratio"}, "slip = -1.0: must be > -1"),
-        ({"speed": -3.0}, "speed = -3.0: must be positive"),
-        ({"load": 0.0}, "load = 0.0: must be positive"),
+        ({"speed": -3.0}, "speed = -3.0: must be > 0"),
+        ({"load": 0.0}, "load = 0.0: must be > 0"),
         ({"load": np.nan}, "load = nan"),
         ({"kind": "side"}, "kind = 'side': must be 'angle' or 'ratio'"),
         ({"patch": 3.0}, "patch is a float: must be a Patch"),

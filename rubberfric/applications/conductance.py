@@ -1,0 +1,92 @@
+r"""Conductance of a contact for heat or electric current, from its stiffness [Barber 2003].
+
+Displacements and potentials of half-spaces obey the same equation, so that the incremental stiffness
+:math:`K = -d\sigma_0/d\bar u` of a contact determines its conductance [Barber, Proc. R. Soc. A 459, 53
+(2003), doi:10.1098/rspa.2002.1038],
+
+.. math:: h = \frac{2 K}{E_r\,(1/\lambda_1 + 1/\lambda_2)},\qquad
+          \frac{1}{E_r} = \frac{1-\nu_1^2}{E_1} + \frac{1-\nu_2^2}{E_2}
+
+with the conductivities :math:`\lambda_j` and the relaxed moduli :math:`E_j`. A circle of radius a has the
+stiffness 2 a E_r and the resistance (1/lambda_1 + 1/lambda_2) / (4 a).
+"""
+
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+
+from rubberfric.analysis.interface import contact_stiffness
+from rubberfric.base.checks import POSITIVE, as_numbers
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.materials.material import E_r
+from rubberfric.scene.scene import Scene, check_without
+
+
+def contact_conductance(
+    scene: Scene,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None = None,
+    *,
+    conductivity: Sequence[ArrayLike],
+    quadrature: Quadrature | None = None,
+) -> jax.Array:
+    """Return the conductance per nominal area of two solids at rest.
+
+    ::
+
+        # Rubber (0.2 W/(m K)) on aluminium (200 W/(m K))
+        h = rf.applications.contact_conductance(scene, 1e5, 300.0, conductivity=(0.2, 200.0))
+
+    Parameters
+    ----------
+    scene : Scene of two half-spaces without adhesion, softening or a layer
+    pressure, temperature : array_like, broadcastable [Pa], [K]
+    conductivity : conductivity of the lower and of the upper solid, > 0 [W/(m K)] or [S/m]
+    quadrature : Quadrature, static, or None, as in `rubberfric.separation`
+
+    Returns
+    -------
+    array, broadcast shape [W/(m^2 K)] or [S/m^2]; infinite without roughness
+
+    Raises
+    ------
+    ValueError : a part for which Barber's relation does not hold, a solid without relaxed modulus
+        (E_inf = 0), a conductivity <= 0, and as `rubberfric.separation`
+
+    Notes
+    -----
+    The stiffness of the theory is 3 to 12 % below that of boundary elements. The conductance is that of the
+    contact areas alone, without air, radiation or oxide layers.
+    """
+    check_without(scene, ("adhesion", "softening"), "the conductance")
+    bodies = {"lower": scene.lower, "upper": scene.upper}
+    for name, body in bodies.items():
+        if body.layer is not None:
+            raise ValueError(f"scene.{name}.layer: must be None for the conductance, which is of half-spaces")
+    if len(conductivity) != 2:
+        raise ValueError(f"conductivity has {len(conductivity)} values: must be (lower, upper)")
+    first, second = (as_numbers(f"conductivity[{i}]", one, POSITIVE) for i, one in enumerate(conductivity))
+    # First, because it checks pressure and temperature.
+    stiffness = contact_stiffness(scene, 0.0, pressure, temperature, quadrature=quadrature)
+    compliance = sum(
+        _compliance(f"scene.{name}", body.material, temperature) for name, body in bodies.items()
+    )
+    return of_stiffness(stiffness, compliance, first, second)
+
+
+def of_stiffness(
+    stiffness: ArrayLike, compliance: ArrayLike, first: ArrayLike, second: ArrayLike
+) -> jax.Array:
+    """Return 2 K / (E_r (1/lambda_1 + 1/lambda_2)), where `compliance` is 1 / E_r."""
+    return 2 * jnp.asarray(stiffness) * compliance / (1 / jnp.asarray(first) + 1 / jnp.asarray(second))
+
+
+def _compliance(where, material, temperature):
+    """Return 1 / E_r at rest [1/Pa], or 0.0 for a rigid solid."""
+    if not material.deforms:
+        return 0.0
+    if material.is_liquid():
+        raise ValueError(f"{where}.material has no modulus at rest: E_inf must be > 0")
+    return 1 / E_r(material, None, temperature)
