@@ -116,8 +116,8 @@ def _differences(function, count):
 def test_all_second_derivatives(name):
     scene, conditions = SCENES[name]
     quantities = ("area", "separation", "friction")[: 2 if scene.correlation is not None else 3]
-    # Derivatives by the ends of the roughness are those of the integral. With 8 nodes, the second derivative of
-    # the separation differs from that of the sum by 4e-5, with 16 by 1e-10.
+    # Derivatives by the ends of the roughness are those of the integral. With 8 nodes, the second derivative
+    # of the separation differs from that of the sum by 4e-5, with 16 by 1e-10.
     quadrature = dataclasses.replace(QUADRATURE, order=16) if name == "table of C" else QUADRATURE
     function, count = _function(scene, conditions, quadrature, quantities)
     zero = jnp.zeros(count)
