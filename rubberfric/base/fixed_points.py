@@ -1,4 +1,4 @@
-r"""Fixed points y = f(y) with implicit derivatives, and zeros of functions of one number.
+r"""Fixed points y = f(y) with implicit derivatives.
 
 In Anderson's method the next iterate is the combination of the last few iterates with the smallest
 residual,
@@ -8,8 +8,7 @@ residual,
 
 [Walker & Ni, SIAM J. Numer. Anal. 49 (2011) 1715]. M is the identity or an approximate inverse of 1 - f'.
 For a linear f the method is equivalent to GMRES, so the same iteration solves the linear systems of the
-derivatives, (1 - f') dy = df and its transpose. For the smallest zero of a function of one number, `first`
-finds a bracket by even steps, and `zero` uses secants within the bracket.
+derivatives, (1 - f') dy = df and its transpose.
 """
 
 import functools
@@ -25,9 +24,6 @@ _HISTORY, _MOST_STEPS = 7, 80
 # value is for the iteration, the second for the linear systems of the derivatives. The last step reduces the
 # residual at least tenfold, and friction then has an error of 1e-12.
 _TOLERANCE, _LINEAR_TOLERANCE = 1e-7, 1e-9
-
-# Largest number of secant steps, and the slope above which the last step is not verified by an evaluation.
-_MOST_SECANTS, _STEEP = 60, 0.1
 
 
 class Inverse(NamedTuple):
@@ -231,92 +227,3 @@ def _combination(changes, products, z):
     normal = products / scale[:, :, None] / scale[:, None, :] + ridge
     right = jnp.einsum("mpn,pn->pm", changes, z) / scale
     return jnp.linalg.solve(normal, right[..., None])[..., 0] / scale
-
-
-class Near(NamedTuple):
-    """An initial guess of a zero, and a bracket in which the zero is expected but may not lie."""
-
-    start: jax.Array
-    low: jax.Array
-    high: jax.Array
-    slope: jax.Array  # estimate of the function's slope at the zero
-
-
-def first(function: Callable[[jax.Array], jax.Array], top: jax.Array, tried: int) -> Near:
-    """Bracket the smallest zero of a function between 0 and `top` by even steps.
-
-    Parameters
-    ----------
-    function : function of one number, whose value at 0 is negative
-    top : end of the range, and the guess and both ends if the function is negative at all nodes
-    tried : number of nodes, including 0 and `top`
-    """
-    step = top / (tried - 1)
-
-    def going(progress):
-        k, _, high = progress
-        return (k < tried - 1) & (high <= 0) & (top > 0)
-
-    def further(progress):
-        k, _, low = progress
-        return k + 1, low, function(step * (k + 1))
-
-    begin = function(jnp.zeros_like(top))
-    k, low, high = jax.lax.while_loop(going, further, (0, begin, begin))
-    none, rise = high <= 0, high - low
-    share = jnp.where(rise > 0, -low / jnp.where(rise > 0, rise, 1.0), 0.5)
-    slope = jnp.where(rise > 0, rise / jnp.where(step > 0, step, 1.0), 1.0)
-    start = step * (k - 1 + jnp.clip(share, 0.0, 1.0))
-    start, low, high = (jnp.where(none, top, x) for x in (start, step * (k - 1), step * k))
-    return Near(start, low, high, slope)
-
-
-def zero(
-    function: Callable[[jax.Array], jax.Array], near: Near, top: jax.Array
-) -> tuple[jax.Array, jax.Array, Near]:
-    """Find a zero of a function between 0 and `top` by secants within a bracket, without derivatives.
-
-    Parameters
-    ----------
-    function : function of one number, whose value at 0 is negative
-        If the value at `top` is negative too, the result is `top`, marked as not found.
-    near : initial guess and bracket
-    top : end of the range
-
-    Returns
-    -------
-    Tuple of the zero, True if it was found (|function| <= 1e-11, float32: 1e-5), and a guess for a similar
-    function
-    """
-    start, low, high, slope = near
-    tolerance = 1e-5 if start.dtype != jnp.float64 else 1e-11
-    no = jnp.zeros_like(start, bool)
-
-    def step(progress):
-        k, z, low, high, below, above, before, value_before, slope, *_ = progress
-        value = function(z)
-        here, short = jnp.abs(value) <= tolerance, value < 0
-        # If the bracket failed, the zero lies beyond its end.
-        high = jnp.where(short & (z >= high), top, jnp.where(short, high, z))
-        low = jnp.where(~short & (z <= low), 0.0, jnp.where(short, z, low))
-        below, above = below | short, above | ~short
-        moved = z != before
-        slope = jnp.where(moved, (value - value_before) / jnp.where(moved, z - before, 1.0), slope)
-        further = z - value / jnp.where(slope > 0, slope, 1.0)
-        inside = (slope > 0) & (further > low) & (further < high)
-        outside = jnp.where(
-            short, jnp.where(above, 0.5 * (z + high), high), jnp.where(below, 0.5 * (low + z), low)
-        )
-        following = jnp.where(inside, further, outside)
-        # The error after a secant step is the product of the last two errors, times curvature / slope.
-        there = moved & inside & (slope > _STEEP) & (jnp.abs((further - z) * (z - before)) <= 0.1 * tolerance)
-        following = jnp.where(here | (short & (z >= top)), z, following)
-        found = here | there
-        return k + 1, following, low, high, below, above, z, value, slope, found, found | (short & (z >= top))
-
-    def going(progress):
-        return (progress[0] < _MOST_SECANTS) & ~progress[-1]
-
-    begin = 0, start, low, high, no, no, start, jnp.zeros_like(start), slope, no, no
-    _, z, *_, slope, found, _ = jax.lax.while_loop(going, step, begin)
-    return z, found, Near(z, near.low, near.high, slope)

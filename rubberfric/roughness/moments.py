@@ -18,12 +18,11 @@ from jax.typing import ArrayLike
 from rubberfric.base.checks import POSITIVE, as_leaf, as_numbers, is_concrete, shown
 from rubberfric.base.compilation import exact_products
 from rubberfric.base.objects.physical import check_kind
+from rubberfric.base.roots import root
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, log_ratio, mean_growth
 
 # Wavevector of the distance of atoms, 0.1 nm [1/m].
 LARGEST_WAVEVECTOR = 2 * math.pi / 1e-10
-# Bisections of a bracket of ln q, and Newton steps after them; two give exact second derivatives.
-_HALVINGS, _NEWTON_STEPS = 60, 2
 
 
 def cumulative_moment(law: BrokenPowerLaw, order: float, distance: ArrayLike) -> jax.Array:
@@ -219,7 +218,7 @@ def _cutoff_at_height(spectrum, slope):
     last = np.arange(width.shape[0]) == width.shape[0] - 1
 
     def log_moment(order, t):
-        return jnp.log(jnp.sum(_piece(law, order, jnp.where(last, t, width))))
+        return jnp.log(jnp.sum(_piece(law, order, jnp.where(last, t[..., None], width)), -1))
 
     height = spectrum.height_scale()
     rough = height > 0
@@ -229,25 +228,12 @@ def _cutoff_at_height(spectrum, slope):
     # At zero width without a plateau the moments are 0/0.
     nearest, farthest = 1e-12, 0.4 * math.log(float(jnp.finfo(target.dtype).max))
 
-    def solved(target):
-        def miss(t):
-            return log_moment(2, t) - log_moment(0, t) - target
+    def miss(t):
+        return log_moment(2, t) - log_moment(0, t) - target
 
-        def halve(_, bounds):
-            middle = 0.5 * (bounds[0] + bounds[1])
-            below = miss(middle) < 0
-            return jnp.where(below, middle, bounds[0]), jnp.where(below, bounds[1], middle)
-
-        ends = jnp.full_like(target, nearest), jnp.full_like(target, farthest)
-        reachable = rough & (miss(ends[0]) < 0) & (miss(ends[1]) > 0)
-        bounds = jax.lax.stop_gradient(jax.lax.fori_loop(0, _HALVINGS, halve, ends))
-        t = jax.lax.stop_gradient(0.5 * (bounds[0] + bounds[1]))
-        for _ in range(_NEWTON_STEPS):  # with derivatives
-            value, rate = jax.jvp(miss, (t,), (jnp.ones_like(t),))
-            t = jnp.where(reachable, t - value / jnp.where(reachable, rate, 1.0), 0.0)
-        return t, reachable
-
-    t, reachable = (x.reshape(jnp.shape(slope)) for x in jax.vmap(solved)(target.ravel()))
+    t, between = root(miss, jnp.full_like(target, nearest), jnp.full_like(target, farthest))
+    reachable = rough & between
+    t = jnp.where(reachable, t, 0.0)
     return jnp.where(reachable, law.q[-2] * jnp.exp(t), jnp.inf), reachable
 
 

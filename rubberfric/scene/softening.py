@@ -8,6 +8,7 @@ Asperities up to q strain the rubber in proportion to their rms slope.
 """
 
 import functools
+import math
 from typing import ClassVar, NamedTuple
 
 import jax
@@ -17,11 +18,16 @@ from rubberfric.base.checks import POSITIVE, check_table
 from rubberfric.base.logarithms import floored_log
 from rubberfric.base.objects.fields import Number, Vector, leaf
 from rubberfric.base.objects.physical import PhysicalObject, physical
+from rubberfric.base.roots import root
 from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio
 
-# Bisections of ln t from 1e-40 to the whole range leave an error of 1e-10, which each Newton step squares.
-_HALVINGS, _NEWTON_STEPS = 40, 3
+# Smallest distance ln(q / q0) from the first wavevector at which an entry is found. Rounding of q is 1e-16.
+_NEAREST = 1e-30
+
+# Distance from the largest wavevector at which entries end, relative to ln(q1 / q0). Borders of panels at
+# the end itself would lose second derivatives by q1. A kink beyond has an effect of 1e-16.
+_MARGIN = 1e-8
 
 
 @physical
@@ -74,37 +80,24 @@ def softening_factors(softened: Softened, q: jax.Array) -> tuple[jax.Array, jax.
 def knots(softened: Softened) -> jax.Array:
     """Return the wavevectors [1/m] at which the strain equals an entry of the table.
 
-    f and g have kinks at these wavevectors. If the strain does not reach an entry, the nearer end of the
-    roughness is returned.
+    f and g have kinks at these wavevectors. If the strain does not reach an entry, the result is close to
+    the nearer end of the roughness.
     """
     laws, softening = softened.laws, softened.softening
     first = jax.lax.stop_gradient(functools.reduce(jnp.minimum, [law.q[0] for law in laws]))
     last = jax.lax.stop_gradient(functools.reduce(jnp.maximum, [law.q[-1] for law in laws]))
     log_target = 2 * (jnp.log(softening.strain) - jnp.log(softening.factor))
-    target = jax.lax.stop_gradient(jnp.exp(log_target))
-    end = jnp.log(last / first)
-    tiny = jnp.log(jnp.asarray(1e-30, end.dtype))
+    beyond = [log_ratio(first, law.q[0]) for law in laws]
+    farthest = jnp.log(last / first) * (1 - _MARGIN)
 
-    def square(t):
-        return _square_slope(laws, first * jnp.exp(t))
+    def excess(log_distance):
+        distance = jnp.exp(log_distance)
+        moments = [cumulative_moment(law, 2, more + distance) for law, more in zip(laws, beyond, strict=True)]
+        return floored_log(functools.reduce(jnp.add, moments)) - log_target
 
-    def halve(_, bounds):
-        low, high = bounds
-        middle = 0.5 * (low + high)
-        below = square(jnp.exp(middle)) < target
-        return jnp.where(below, middle, low), jnp.where(below, high, middle)
-
-    bounds = jnp.full_like(target, tiny), jnp.full_like(target, jnp.log(end))
-    low, high = jax.lax.fori_loop(0, _HALVINGS, halve, jax.lax.stop_gradient(bounds))
-    t = jax.lax.stop_gradient(jnp.exp(0.5 * (low + high)))
-    inside = jax.lax.stop_gradient((target > square(jnp.exp(tiny))) & (target < square(end)))
-    # Far outside, the square and its derivative overflow.
-    target = jnp.exp(jnp.where(inside, log_target, 0.0))
-    for _ in range(_NEWTON_STEPS):
-        value, slope = jax.jvp(square, (t,), (jnp.ones_like(t),))
-        # Outside there is neither a root nor a slope.
-        t = jnp.where(inside, t - (value - target) / jnp.where(inside, slope, 1.0), t)
-    return first * jnp.exp(t)
+    # The logarithm of the strain is nearly linear in the logarithm of the distance.
+    ends = jnp.full_like(log_target, math.log(_NEAREST)), jnp.full_like(log_target, jnp.log(farthest))
+    return first * jnp.exp(jnp.exp(root(excess, *ends)[0]))
 
 
 def _square_slope(laws, q):

@@ -33,9 +33,10 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from rubberfric.base.fixed_points import first, implicit, zero
+from rubberfric.base.fixed_points import implicit
 from rubberfric.base.logarithms import floored_log
 from rubberfric.base.quadrature import gauss, typed
+from rubberfric.base.roots import first, zero
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
 from rubberfric.theory.area.partial_contact import (
     TWO_OVER_ROOT_PI,
