@@ -15,7 +15,7 @@ Rows = list[tuple[Any, ...]]  # cells of a sheet
 
 # Suffixes of the tables of measured data that are read.
 TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".xlsx")
-# Largest size in bytes of a file that is read; typical measured data have a hundredth of it.
+# Largest size in bytes of a file that is read. Typical measured data have a hundredth of it.
 LARGEST_FILE = 2**26
 # Largest number of cells of a workbook. Openpyxl reads some 200 000 cells in a second.
 MOST_CELLS = 1_000_000
