@@ -39,7 +39,7 @@ _ROUNDS = 4
 _EXACT = 1e-4
 # Prior standard deviation of a term, in units of the estimate from the loss at its peak.
 _ALIKE = 2.0
-# Smallest part of a measured value that a spectrum gives; its logarithm is finite.
+# Smallest part of a measured value that a spectrum gives. Its logarithm is finite.
 _LEAST = 1e-6
 # Prior standard deviation of the contradiction, which remains at nodes in a gap of the data.
 _UNKNOWN = 10.0

@@ -23,7 +23,7 @@ from fitting.uncertainty.covariance import Uncertainty, from_jacobian
 from rubberfric.base import POSITIVE, as_leaf, check_values, shown
 from rubberfric.materials import Shift
 
-# Decades between neighbouring frequencies; a term in the middle of a wider gap would not be determined: its
+# Decades between neighbouring frequencies. A term in the middle of a wider gap would not be determined: its
 # loss is less than a fifth of its peak at all frequencies.
 _GAP = 2.0
 # Largest distance of a given relaxation time from the range of 1/omega in decades, where its loss is 1 % of

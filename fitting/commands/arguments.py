@@ -287,7 +287,7 @@ def _count(text: str) -> int:
     return int(text)
 
 
-# Largest number of fits; the data of more would exceed the memory of many machines.
+# Largest number of fits. The data of more would exceed the memory of many machines.
 _MOST = 10**6
 
 

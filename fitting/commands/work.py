@@ -48,7 +48,7 @@ from rubberfric.plot import save_figure
 _PROGRAM = "rubberfric-fit"
 _POINTS = ("velocity", "pressure", "temperature")
 KEYS = (*_POINTS, "n", "criterion", "relative", "draws", "seed")
-# Options in the table [fit] of a job that a calibration uses; the others concern the search.
+# Options in the table [fit] of a job that a calibration uses. The others concern the search.
 _SHARED_OPTIONS = ("key", "discrepancy")
 # Largest numbers of candidates, of measurements to choose, and of draws.
 _MOST = {"candidates": 100_000, "n": MOST_MEASUREMENTS, "draws": 100_000}

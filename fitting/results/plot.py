@@ -28,7 +28,7 @@ LABELS = {
 }
 # A residual is drawn at the edge of the axes if it exceeds this multiple of the median, and the rest by half.
 _OUTLYING = 8.0
-# Largest number of conditions that are drawn with lines; above it data sets are drawn without lines.
+# Largest number of conditions that are drawn with lines. Above it data sets are drawn without lines.
 _CURVES = 10
 # Number of points of a line.
 _POINTS = 120

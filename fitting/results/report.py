@@ -22,7 +22,7 @@ from fitting.uncertainty.intervals import LEVEL
 from rubberfric.analysis import contact_model_name, theory_error
 from rubberfric.base import unit_of
 
-# Largest number of elements listed for a key path; longer arrays show the first and the last.
+# Largest number of elements listed for a key path. Longer arrays show the first and the last.
 LISTED = 24
 # Correlation above which a pair is reported. A weaker one widens error bars by less than 16 %.
 _CORRELATED = 0.5

@@ -56,7 +56,7 @@ _ENOUGH = 10
 # Largest tail index of such weights. Means over weights with heavier tails converge too slowly (Vehtari et
 # al.).
 _HEAVY = 0.7
-# Smallest number of degrees of freedom; in few dimensions it costs little.
+# Smallest number of degrees of freedom. In few dimensions it costs little.
 _FEWEST = 4
 # Pilot draws over all draws. Fewer describe the posterior less well, and more take longer.
 _PILOT = 0.2
@@ -64,7 +64,7 @@ _PILOT = 0.2
 _GUIDE = 0.25
 # Most pilot runs. Each further one takes as many draws as the final run, for fits with a poor proposal only.
 _ROUNDS = 4
-# Points in one call of the compiled function; calls are distributed over cores.
+# Points in one call of the compiled function. Calls are distributed over cores.
 _POINTS = 256
 
 

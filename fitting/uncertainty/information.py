@@ -44,9 +44,9 @@ from rubberfric.base import quick_jit, recurring_length
 from rubberfric.scene import cast, result_dtype
 
 Conditions = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # velocity, pressure, temperature
-# Largest number of passes through all chosen points; a few suffice.
+# Largest number of passes through all chosen points. A few suffice.
 _PASSES = 50
-# An exchange must gain more than this; rounding alone would cycle.
+# An exchange must gain more than this. Rounding alone would cycle.
 _LEAST = 1e-10
 # Largest share of the variance that one row removes, also after rounding.
 _MOST = 1 - 1e-15

@@ -40,7 +40,7 @@ _PRESSURES = 64
 # Points that a batch of few pairs reaches by taking more pressures.
 _FEWEST_POINTS = 1024
 
-# Up to this many batches are made equally large; longer maps share one compiled function.
+# Up to this many batches are made equally large. Longer maps share one compiled function.
 _FEW = 8
 
 MEMORY = 2**28  # bytes that the compiled functions of all devices of a process may hold

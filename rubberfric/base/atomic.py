@@ -12,7 +12,7 @@ StrPath = str | os.PathLike[str]
 
 # Suffixes of the tables of measured data that are read.
 TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".xlsx")
-# Largest size in bytes of a file that is read; typical measured data have a hundredth of it.
+# Largest size in bytes of a file that is read. Typical measured data have a hundredth of it.
 LARGEST_FILE = 2**26
 # First bytes of a compound document: an old .xls, or any workbook with a password.
 COMPOUND_START = b"\xd0\xcf\x11\xe0"

@@ -24,7 +24,7 @@ NONNEGATIVE: Rule = ("must be >= 0", lambda x: x >= 0)
 # Rule for numbers of any sign.
 FINITE: Rule = ("must be finite", lambda x: np.isfinite(x))
 
-# Ranges of magnitudes in SI; numbers outside are probably in another unit, see `objects.leaf`.
+# Ranges of magnitudes in SI. Numbers outside are probably in another unit, see `objects.leaf`.
 PLAUSIBLE_STRESS = (1e2, 1e13)  # [Pa]
 PLAUSIBLE_TEMPERATURE = (1e2, 1e3)  # [K]
 PLAUSIBLE_WAVEVECTOR = (0.1, 1e12)  # [1/m]

@@ -22,7 +22,7 @@ from rubberfric.base.atomic import StrPath, as_path
 _Given = ParamSpec("_Given")
 _Found = TypeVar("_Found")
 
-# Total size in bytes above which the oldest folders are removed; the entries of a fit have some 2 MB.
+# Total size in bytes above which the oldest folders are removed. The entries of a fit have some 2 MB.
 LARGEST_CACHE = 2**30
 
 

@@ -10,10 +10,10 @@ import weakref
 from collections.abc import Callable
 from typing import Any, Self, TextIO
 
-# Seconds between two updates in a notebook; each sends a message to its page.
+# Seconds between two updates in a notebook. Each sends a message to its page.
 _PAUSE = 0.1
 _TICK = 1.0  # seconds between two updates of a clock
-# Characters of a line in a terminal; a longer line would wrap and could not be replaced.
+# Characters of a line in a terminal. A longer line would wrap and could not be replaced.
 _WIDTH = 79
 
 

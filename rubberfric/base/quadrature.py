@@ -13,7 +13,7 @@ from jax.typing import ArrayLike
 from numpy.polynomial import chebyshev, legendre
 
 # Nodes between neighbouring Gauss nodes. Exact to rounding for power laws of exponent 6 over panels of one
-# e-fold; error 1e-7 for the widest panels, ten decades of plateau in 12 panels.
+# e-fold. The error is 1e-7 for the widest panels, ten decades of plateau in 12 panels.
 _IN_A_GAP = 5
 
 # Detail of the angular means over ln q that `panels` and `angular_order` resolve.

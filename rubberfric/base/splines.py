@@ -18,7 +18,8 @@ _DEGREE = 9
 BESIDE = _DEGREE // 2
 # Number of entries on either side that determine a coefficient. The outermost weight is 4e-11 of the largest.
 MARGIN = 16
-# Entries before the cell of the lowest position; one more, because rounding may place it in the cell before.
+# Entries before the cell of the lowest position. There is one more, because rounding may place it in the cell
+# before.
 BEFORE = BESIDE + MARGIN + 1
 
 

@@ -86,7 +86,7 @@ _TEMPERATURE = {"K": 1.0, "C": 1.0, "°C": 1.0, "°F": 5 / 9}  # kelvins per deg
 _OFFSETS = {"C": ZERO_CELSIUS, "°C": ZERO_CELSIUS, "°F": 459.67 * 5 / 9}  # zeros of the scales [K]
 _LENGTHS = {"m": 1.0, "cm": 1e2, "mm": 1e3, "um": 1e6, "nm": 1e9}  # number of each length in a metre
 _WAVEVECTOR = {f"1/{length}": per for length, per in _LENGTHS.items()}  # angular wavevectors [1/m]
-# Spatial frequencies; 1/m of a column n or "spatial frequency" is cycles/m.
+# Spatial frequencies. 1/m of a column n or "spatial frequency" is cycles/m.
 _CYCLES = {f"{of}/{length}": 2 * math.pi * per for of in ("cycles", "1") for length, per in _LENGTHS.items()}
 # 1/m is no unit of a wavenumber, which may be 2 pi over the wavelength or one over it.
 _NUMBER = {f"rad/{length}": per for length, per in _LENGTHS.items()}
@@ -217,12 +217,12 @@ SPELLINGS = {
     }.items()
 }
 _NAMES = {spelling: name for name, spellings in SPELLINGS.items() for spelling in spellings}
-# Set values and temperatures of a surface, used if the column itself is missing; the first one counts.
+# Set values and temperatures of a surface, used if the column itself is missing. The first one counts.
 SET_VALUES = {"f_set": "f", "T_set": "T", "T_surface": "T"}
 # Columns of exports that are never read.
 _UNUSED = ("Set", "t", "t_set", *(f"{m}_{n}" for m in "EG" for n in ("relax", "stor_filt", "loss_filt")))
 
-# Other spellings of units; signs such as µ, ², ⁻¹ and · are recognised in all of them.
+# Other spellings of units. Signs such as µ, ², ⁻¹ and · are recognised in all of them.
 UNIT_SPELLINGS = {
     "C": ("°C", "\u00baC", "℃", "degC", "deg C", "° C", "Grad C", "Cel"),
     "K": ("Kelvin",),
@@ -254,7 +254,7 @@ _DOUBLES = '"\u2033\u201d'
 # One sign for each prime, and for the Greek letter mu.
 _ONE_SIGN = str.maketrans({p: "'" for p in _PRIMES} | {d: "''" for d in _DOUBLES} | {"\u00b5": "\u03bc"})
 _LOGARITHM = re.compile(r"(?:log_?10|log|lg)[ _(]\s*(.+?)\s*\)?")
-# Longer texts are no titles; the patterns take seconds on a file without line ends.
+# Longer texts are no titles. The patterns take seconds on a file without line ends.
 LONGEST_TITLE = 1000
 # Units behind an underscore, as in "freq_hz".
 _SUFFIXES = {

@@ -29,7 +29,7 @@ MOST_HOLES = 0.25
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}  # units [m]
 _LENGTH_IN_BRACKETS = re.compile(r".*[\[(]([^\[\]()]+)[\])]\s*")
 _HOLES = frozenset(("", "nan", "n/a", "na", "bad", "no data", "null", "none", "-", "--", "---", "***"))
-# No height in any unit is as large; 1.7e38 and 3.4e38 stand for holes.
+# No height in any unit is as large. 1.7e38 and 3.4e38 stand for holes.
 _NO_HEIGHT = 1e30
 # Numbers that often stand for holes.
 _USUAL_SENTINELS = frozenset((-999.0, 9999.0, -9999.0, 99999.0, -99999.0, 999999.0, -999999.0))

@@ -20,7 +20,7 @@ from rubberfric.base.objects.physical import Kind, check_kind, kinds, physical
 from rubberfric.materials.in_series import times
 from rubberfric.materials.shifts import Shift, log_vertical
 
-# Poisson's ratios of stable solids that do not widen when stretched; 0.5 is incompressible.
+# Poisson's ratios of stable solids that do not widen when stretched. 0.5 is incompressible.
 POISSON = between(0.0, 0.5)
 
 

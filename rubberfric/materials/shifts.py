@@ -27,7 +27,7 @@ from rubberfric.base.checks import (
 from rubberfric.base.objects.fields import Number, Vector, child, leaf
 from rubberfric.base.objects.physical import Kind, physical
 
-# Largest table in which all entries are compared; longer tables are searched by a loop.
+# Largest table in which all entries are compared. Longer tables are searched by a loop.
 _FEW = 64
 BOLTZMANN_EV = 8.617333262e-5  # Boltzmann constant [eV/K], CODATA 2018 (exact to the digits given)
 

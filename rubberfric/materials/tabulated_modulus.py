@@ -21,13 +21,13 @@ from rubberfric.materials.shifts import Shift
 # Largest span of a table in ln omega, 26 decades, which is the length of the grid of angular means.
 LONGEST_TABLE = 60.0
 
-# Extent of a rounded knot in widths; beyond it the deviation is 1e-20 of the change of slope.
+# Extent of a rounded knot in widths. The deviation beyond it is 1e-20 of the change of slope.
 REACH = 9.0
 
 # Steps of the grid of `OnGrid` per smoothing width.
 _PER_DETAIL = 6
 
-# Degree of the polynomials for a rounded knot between two entries of a grid; error 1e-16.
+# Degree of the polynomials for a rounded knot between two entries of a grid. The error is 1e-16.
 _DEGREE = 13
 
 

@@ -20,7 +20,8 @@ from rubberfric.base.objects.physical import check_kind, physical
 from rubberfric.roughness.spectra import BrokenPowerLaw, SelfAffine, Spectrum, log_ratio
 from rubberfric.roughness.tabulated import Table, check_ends
 
-# Number of directions for the harmonics of a stretched surface; exact to rounding up to ratios of 30.
+# Number of directions for the harmonics of a stretched surface. They are exact to rounding up to ratios of
+# 30.
 _DIRECTIONS = 1024
 
 

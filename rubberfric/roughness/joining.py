@@ -20,7 +20,7 @@ from rubberfric.roughness.tabulated import TabulatedSpectrum
 METHODS = ("crossover", "mean")
 # Neighbouring entries closer than this relative distance are merged.
 _SAME = 1e-9
-# Newton steps for two moments; convergence is quadratic from a few per cent.
+# Newton steps for two moments. Convergence is quadratic from a few per cent.
 _STEPS = 8
 
 

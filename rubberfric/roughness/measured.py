@@ -27,7 +27,7 @@ _STEEPEST = 1.1
 _SIGNIFICANT = 2.0
 # Noise begins to flatten C where it is about half of C. At q1, C is this factor larger.
 _ABOVE_NOISE = 2.5
-# Neighbouring points give a slope up to a fifth smaller than the spectrum; a larger difference is reported.
+# Neighbouring points give a slope up to a fifth smaller than the spectrum. A larger difference is reported.
 _LARGER = 1.4
 # Usual rms slope at the cutoff for rubber on roads.
 _USUAL_SLOPE = 1.3

@@ -49,7 +49,7 @@ from rubberfric.base.objects.physical import check_kind
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.roughness.spectra import Spectrum, log_ratio, mean_growth
 
-# Factors of C; for a line they follow the self-affine factor, and for Wr the factor q.
+# Factors of C. For a line they follow the self-affine factor, and for Wr the factor q.
 NORMALISATIONS = {
     "C": 1.0,
     "C_iso": 4 * math.pi**2,

@@ -33,7 +33,7 @@ from rubberfric.base.quadrature import (
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio
 
 # sqrt(G) has a branch point a quarter of an e-fold below the end of a plateau. Equal panels cannot resolve
-# it; a border of a contact panel at this distance beyond the end can.
+# it. A border of a contact panel at this distance beyond the end can.
 _BEYOND_ROLLOFF = 0.6
 
 # Weight of the exponent of q^2 C in a piece's share of the panels.

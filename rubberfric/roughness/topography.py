@@ -28,7 +28,7 @@ from rubberfric.base.checks import check_choice, shown
 from rubberfric.roughness.measured import MeasuredSpectrum
 
 WINDOWS = ("hann", "none")
-# Highest degree of detrending polynomials in x (and y); more would remove roughness.
+# Highest degree of detrending polynomials in x (and y). More would remove roughness.
 _DEGREES = (None, 0, 1, 2)
 # Smallest number of points along an axis.
 _LEAST = 8

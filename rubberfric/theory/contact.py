@@ -28,7 +28,7 @@ from rubberfric.theory.area.partial_contact import (
 from rubberfric.theory.contributions import Contribution, Terms, total
 from rubberfric.theory.structure import SurfaceTemperatures
 
-# With too few panels the interpolant of <|F|^2> can be negative. Down to this G, P is 1 to 1e-12; below it G
+# With too few panels the interpolant of <|F|^2> can be negative. Down to this G, P is 1 to 1e-12. Below it G
 # is unknown.
 _NO_CONTACT_LOST = -0.01
 

@@ -18,6 +18,7 @@ from support.oracles import oracle, oracle_heating
 
 # Halvings and order of the panels, for values and for derivatives.
 MESHES = {"option": ((150, 12), None), "derivative": ((150, 12), (90, 12)), "part": ((50, 16), (30, 10))}
+# Weights of the central difference of sixth order.
 WEIGHTS = (3 / 4, -3 / 20, 1 / 60)
 
 

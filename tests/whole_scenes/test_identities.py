@@ -45,8 +45,9 @@ SCENES = {
 }
 SLOW = ("elastic", "two-slabs", "corrected")
 
-# Factors of all fields of these names, of velocity and pressure, and of area, friction and separation.
+# Fields that are stresses.
 STRESSES = ("E_inf", "E", "young")
+# Factors of all fields of these names, of velocity and pressure, and of area, friction and separation.
 GROUPS = {
     "stiffness over pressure": (dict.fromkeys(STRESSES, 7.0), 1.0, 7.0, (1, 1, 1)),
     "softness over pressure": (dict.fromkeys(STRESSES, 1e-3), 1.0, 1e-3, (1, 1, 1)),
@@ -82,8 +83,9 @@ DEAD = rf.Prony(3e6, np.zeros(3), np.array([1e-6, 1.0, 1.0]), 0.4)  # all moduli
 ALIVE = rf.Elastic(3e6, 0.4)  # the same stiffness without terms
 KNOTS = np.array([100.0, 250.0, 1000.0, 9e3, 3.1e4])
 ENTRIES = np.asarray(rf.power_spectrum(ROAD, KNOTS * np.array([1 + 1e-13, 1, 1, 1, 1 - 1e-13])))
-# Two elastic solids are one with 1/E_r = sum of 1/E_r and the spectra C_1 + C_2.
+# One solid in place of two elastic solids, with 1/E_r = sum of 1/E_r.
 SUM = rf.Elastic(1 / ((1 - 0.4**2) / 3e6 + (1 - 0.3**2) / 2e7), 0.0)
+# The spectrum C_1 + C_2 of two equal roads.
 TWICE = replace(ROAD, h_rms=5e-4 * np.sqrt(2))
 
 # A scene, another one that is nearly or exactly the same, the velocity, and the relative tolerance.

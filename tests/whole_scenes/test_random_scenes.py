@@ -69,9 +69,10 @@ TOLERANCE = np.array([[1e-6], [1e-5]])
 # Floors of area, friction and separation: a separation underflows, ~ e^(-x^2), in full
 # contact, its derivatives 1e-60 before it, and zero weights stand for 1e-30 of the solid, which may relax.
 FLOOR = np.array([1e-280, 1e-12, 1e-200])
-# Tolerances of Euler's identities for stress, time and height. Tabulated moduli are integrated across their
-# kinks, and that over nodes of q v that stay fixed; errors 1e-5 ... 1e-3.
+# Tolerances of Euler's identities for stress, time and height.
 SCALING_TOLERANCE = np.array([[1e-9], [1e-9], [1e-9]])
+# Tolerances of these identities for tabulated moduli. They are integrated across their kinks over nodes of
+# q v that stay fixed, with errors of 1e-5 ... 1e-3 in the identity for time.
 TABULATED_TOLERANCE = np.array([[1e-9], [3e-3], [1e-9]])
 
 # Every example compiles to the same function: how long one takes says nothing about it.

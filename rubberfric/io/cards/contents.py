@@ -19,7 +19,7 @@ from rubberfric.base.units import bulk_from_young, shear_from_young
 from rubberfric.io.cards.text import need
 
 # Change of ln b_T between the temperatures of a table. The law for b_T interpolates ln b_T, and the programs
-# interpolate the moduli; the difference between the two is below 1e-4.
+# interpolate the moduli. The difference between the two is below 1e-4.
 _FINE = 0.028
 # Relative difference of Poisson's ratios at two temperatures that counts as a constant ratio.
 _CONSTANT = 1e-6

@@ -20,7 +20,7 @@ from rubberfric.base.units import young_from_shear
 Values = dict[str, np.ndarray]
 # Largest plausible nominal contact area [m^2].
 _LARGEST_AREA = 1.0
-# Parts of titles of a velocity between the surfaces; a plain "speed" beside a slip angle is the travel speed.
+# Parts of titles of a velocity between the surfaces. With a slip angle, a plain "speed" is the travel speed.
 _SLIDING = ("slid", "slip", "gleit", "gliss")
 
 

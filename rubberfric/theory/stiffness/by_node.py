@@ -35,7 +35,7 @@ _POINTS = 12
 # Points before the cell of a look-up, so that the cell is the middle one, where the error is smallest.
 _BEFORE = _POINTS // 2 - 1
 
-# Largest -ln cos(phi) on the grid; the share e^-28 = 7e-13 of the circle beyond it is neglected.
+# Largest -ln cos(phi) on the grid. The share e^-28 = 7e-13 of the circle beyond it is neglected.
 _DEEPEST = 28.0
 
 # Span of y if it is unknown at trace time: 45 decades of relaxation times with ten decades of wavevectors.
@@ -44,10 +44,10 @@ _WIDEST = 190.0
 # Step of the trapezoidal rule for a relaxation spectrum and isotropic roughness: error 1e-11.
 _ANGULAR_STEP = 0.3
 
-# Harmonics that halve the step; cos(2 m phi) has a pole of order 2 m at t = i pi / 2.
+# Harmonics that halve the step. cos(2 m phi) has a pole of order 2 m at t = i pi / 2.
 _HARMONICS = 4
 
-# Value of t at which the step is larger by sqrt(2); with 5 the error is 2e-10.
+# Value of t at which the step is larger by sqrt(2). With 5 the error is 2e-10.
 _GROWTH = 7.0
 
 # Steps of the trapezoidal rule per finest detail of E.

@@ -29,10 +29,10 @@ _POINTS = 20
 # Entries after x on which the mean depends, through the polynomial between x and the entry before it.
 LEAD = _POINTS // 2 - 1
 
-# Smallest length of a block; shorter ones take more time than the products that they save.
+# Smallest length of a block. Shorter ones take more time than the products that they save.
 _BLOCK = 64
 
-# Largest s; the share e^-36 of the circle beyond it is neglected.
+# Largest s. The share e^-36 of the circle beyond it is neglected.
 _DEPTH = 36.0
 
 # Smallest s at which the weights are sums of a few powers of e^-s. More powers would be needed below.

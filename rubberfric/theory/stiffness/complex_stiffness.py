@@ -28,18 +28,18 @@ from rubberfric.theory.structure import AT_REFERENCE, RoughSurface, SurfaceTempe
 # Distance in ln omega from the relaxation times at which E' is constant and E'' a power of omega, to 1e-14.
 _RELAXED = 16.0
 
-# The same distance from the rounded ends of a table. There the means are two powers of q v; a third one
-# contributes e^-32 below the table.
+# Distance in ln omega below the rounded lower end of a table at which the means are two powers of q v. A
+# third power contributes e^-32.
 _BELOW_TABLE = 8.0
 
-# Above the table the third power contributes e^-27.
+# Distance in ln omega above the rounded upper end of a table at which the means are two powers of q v. A
+# third power contributes e^-27.
 _ABOVE_TABLE = 9.0
 
 # Largest ln(E''/E') at the lowest frequency that `FrequencyRange.rest` allows for.
 _MOST_EXCESS = 40.0
 
-
-# The same for the grid of a tabulated modulus in series with another solid.
+# Largest ln(E''/E') at the lowest frequency for the grid of a tabulated modulus in series with another solid.
 MOST_EXCESS_OF_TABLE = 15.0
 
 

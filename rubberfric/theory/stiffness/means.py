@@ -34,7 +34,7 @@ from rubberfric.theory.structure import (
     rough_surfaces_of,
 )
 
-# Number of tables kept; each takes 0.4 MB for each kind of mean.
+# Number of tables kept. Each takes 0.4 MB for each kind of mean.
 _KEPT = 4
 
 # Number of compiled functions that build tables.
