@@ -33,6 +33,7 @@ from jax.typing import ArrayLike
 from rubberfric.applications.patch import Patch
 from rubberfric.base.checks import POSITIVE, UnitWarning, as_array, check_values, is_concrete, shown
 from rubberfric.base.quadrature import Quadrature
+from rubberfric.base.roots import root
 from rubberfric.roughness.moments import safe_root
 from rubberfric.scene.scene import Scene, result_dtype, warn_of_conditions
 from rubberfric.scene.settings import default_quadrature
@@ -45,10 +46,12 @@ Kind = Literal["angle", "ratio"]
 _PRESSURES = 8
 # Number of Gauss nodes between two kinks of the pressure.
 _NODES = 24
+# Number of slips among which the peak is searched.
+_SLIPS = 33
 # Number of even intervals in which the first sliding element is searched.
 _INTERVALS = 64
-# Number of halvings of this interval; 2^-50 of it is below rounding.
-_HALVINGS = 50
+# Share of the length next to the leading edge, whose elements slide if the next ones do.
+_EDGE = 1e-12
 
 
 class Grip(NamedTuple):
@@ -136,6 +139,82 @@ def _grip(patch, kind, slip, load, mu):
         one = jax.vmap(one)
     force, moment, sliding = one(sigma, load / patch.area, jnp.broadcast_to(mu, (*shape, mu.shape[-1])))
     return Grip(force, force / load, moment if kind == "angle" else None, sliding)
+
+
+class PeakGrip(NamedTuple):
+    """Results of `peak_grip`, each of the broadcast shape.
+
+    Attributes
+    ----------
+    slip : slip at the largest force [rad] or [-]
+    force, coefficient : largest force [N], and the same divided by the load [-]
+    inside : True if the peak is inside the range of slips, False if the force is largest at an end
+    """
+
+    slip: jax.Array
+    force: jax.Array
+    coefficient: jax.Array
+    inside: jax.Array
+
+
+def peak_grip(
+    scene: Scene,
+    patch: Patch,
+    speed: ArrayLike,
+    load: ArrayLike,
+    temperature: ArrayLike | None = None,
+    kind: Kind = "angle",
+    *,
+    between: tuple[float, float] = (1e-3, 0.5),
+    quadrature: Quadrature | None = None,
+) -> PeakGrip:
+    """Return the largest force over the slip, and the slip at which it occurs.
+
+    Slip and force have derivatives by all numbers of scene, patch and conditions.
+
+    ::
+
+        peak = rf.applications.peak_grip(scene, patch, 10.0, 3000.0, 300.0)
+        by_modulus = jax.grad(lambda s: rf.applications.peak_grip(s, patch, 10.0, 3000.0, 300.0).coefficient)
+
+    Parameters
+    ----------
+    scene, patch, speed, load, temperature, kind, quadrature : as in `grip`
+    between : smallest and largest slip, both positive, or both negative for a braked wheel
+        Of several peaks, the highest is returned. Peaks closer than a fifth in slip may be missed.
+
+    Returns
+    -------
+    PeakGrip. At an end of the range the slip has derivatives 0.
+
+    Raises
+    ------
+    ValueError : an invalid range, and as `grip`
+    """
+    low, high = (float(end) for end in between)
+    if not (low < high and low * high > 0):
+        raise ValueError(f"between = {shown(between)}: must be two slips of one sign, low < high")
+    sign = np.sign(low)
+    ends = np.log(np.sort(np.abs([low, high])))
+    at = jnp.linspace(*ends, _SLIPS)
+    speed, load = (jnp.asarray(a)[..., None] for a in (speed, load))
+    temperature = None if temperature is None else jnp.asarray(temperature)[..., None]
+
+    def force(log_slip):
+        slip = sign * jnp.exp(log_slip)
+        return sign * grip(scene, patch, slip, speed, load, temperature, kind, quadrature=quadrature).force
+
+    def slope(log_slip):
+        return jax.jvp(force, (log_slip,), (jnp.ones_like(log_slip),))[1]
+
+    forces = jax.lax.stop_gradient(force(at))
+    k = jnp.argmax(forces, -1)[..., None]
+    log_slip, inside = root(slope, at[jnp.maximum(k - 1, 0)], at[jnp.minimum(k + 1, _SLIPS - 1)])
+    # Without a change of sign of the slope, the largest force is at an end of the range.
+    log_slip = jnp.where(inside, log_slip, jnp.where(k == 0, ends[0], ends[1]).astype(log_slip.dtype))
+    slip = sign * jnp.exp(log_slip[..., 0])
+    largest = sign * force(log_slip)[..., 0]
+    return PeakGrip(slip, largest, largest / load[..., 0], inside[..., 0])
 
 
 def slip_stiffness(patch: Patch) -> jax.Array:
@@ -230,25 +309,11 @@ def _clustered(count):
 
 
 def _first_sliding(excess, dtype):
-    """Return the first s at which `excess` exceeds 0, or 1 if none does, with its derivative.
-
-    Only its first derivative is right, which is all that force and moment need up to second order.
-    """
-    grid = jnp.linspace(0.0, 1.0, _INTERVALS + 1, dtype=dtype)
-    still = jax.lax.stop_gradient
-    over = still(jax.vmap(excess)(grid[1:])) > 0
+    """Return the first s at which `excess` exceeds 0, or 1 if none does, with its derivatives."""
+    # At the edge itself stress and friction may both be 0.
+    grid = jnp.linspace(0.0, 1.0, _INTERVALS + 1, dtype=dtype).at[0].set(_EDGE)
+    over = jax.lax.stop_gradient(jax.vmap(excess)(grid[1:])) > 0
     k = jnp.argmax(over)
-    slides = jnp.any(over)
-
-    def halve(_, ends):
-        low, high = ends
-        middle = 0.5 * (low + high)
-        above = still(excess(middle)) > 0
-        return jnp.where(above, low, middle), jnp.where(above, middle, high)
-
-    low, high = jax.lax.fori_loop(0, _HALVINGS, halve, (grid[k], grid[k + 1]))
-    s = jnp.where(slides, 0.5 * (low + high), 1.0)
-    inside = slides & (s > 2.0**-_HALVINGS)
-    value, slope = jax.jvp(excess, (s,), (jnp.ones_like(s),))
-    rises = inside & (slope > 0)
-    return s - jnp.where(rises, value - still(value), 0.0) / jnp.where(rises, still(slope), 1.0)
+    start, found = root(excess, grid[k], grid[k + 1])
+    # Elements slide from the beginning if the stress exceeds the friction within the first interval.
+    return jnp.where(jnp.any(over), jnp.where(found, start, 0.0), 1.0)

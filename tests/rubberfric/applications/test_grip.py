@@ -13,7 +13,7 @@ import scipy.optimize
 from support.scenes.common import ROAD, SHEAR, SHIFTED_TREAD
 
 import rubberfric as rf
-from rubberfric.applications import MeasuredPressure, Patch, Trapezoid, grip, slip_stiffness
+from rubberfric.applications import MeasuredPressure, Patch, Trapezoid, grip, peak_grip, slip_stiffness
 from rubberfric.applications.brush_model import brush
 
 L, W, K, LOAD = 0.12, 0.15, 2e7, 3000.0
@@ -207,6 +207,49 @@ def test_second_derivatives():
         difference = (gradient(unit) - gradient(-unit)) / (2 * step)
         np.testing.assert_allclose(hessian[i], difference, rtol=1e-5, atol=1e-7)
     np.testing.assert_allclose(hessian, hessian.T, atol=1e-10)
+
+
+@pytest.mark.parametrize("kind", ["angle", pytest.param("ratio", marks=pytest.mark.slow)])
+def test_peak(kind):
+    """Against a search of SciPy, and derivatives of force and slip against differences of such searches."""
+    between = (1e-3, 0.8) if kind == "angle" else (-0.8, -1e-3)
+    sign = np.sign(between[0])
+
+    def searched(stiffness, shear):
+        patch, scene = TYRE.replace(stiffness=stiffness), SCENE.replace("shear.tau_f0", shear)
+        value = jax.jit(lambda x: sign * grip(scene, patch, sign * jnp.exp(x), 3.0, LOAD, 300.0, kind).force)
+        grid = np.linspace(*np.log(np.sort(np.abs(between))), 200)
+        k = int(np.argmax(value(grid)))
+        slope = jax.jit(jax.grad(value))
+        x = scipy.optimize.brentq(lambda x: float(slope(x)), grid[k - 1], grid[k + 1], xtol=1e-14)
+        return float(value(x)), x
+
+    def found(x):
+        patch = TYRE.replace(stiffness=K * jnp.exp(x[0]))
+        scene = SCENE.replace("shear.tau_f0", 6.5e6 * jnp.exp(x[1]))
+        peak = peak_grip(scene, patch, 3.0, LOAD, 300.0, kind, between=between)
+        return jnp.stack([sign * peak.force, jnp.log(sign * peak.slip)])
+
+    zero, step = jnp.zeros(2), 1e-3
+    force, log_slip = found(zero)
+    exact = searched(K, 6.5e6)
+    assert float(force) == pytest.approx(exact[0], rel=1e-12)
+    assert float(log_slip) == pytest.approx(exact[1], abs=1e-7)
+    slopes = jax.jit(jax.jacrev(found))(zero)
+    for i, unit in enumerate(np.eye(2)):
+        up, down = (searched(*(np.array([K, 6.5e6]) * np.exp(s * step * unit))) for s in (1, -1))
+        np.testing.assert_allclose(slopes[:, i], (np.array(up) - np.array(down)) / (2 * step), rtol=1e-4)
+
+
+def test_peak_at_an_end():
+    """In a range of small slips the force rises everywhere."""
+    rising = peak_grip(SCENE, TYRE, 3.0, np.array([LOAD, 2 * LOAD]), 300.0, between=(1e-3, 5e-3))
+    assert not np.any(rising.inside)
+    np.testing.assert_allclose(rising.slip, 5e-3, rtol=1e-12)
+    np.testing.assert_allclose(rising.force[0], grip(SCENE, TYRE, 5e-3, 3.0, LOAD, 300.0).force, rtol=1e-12)
+    for wrong in ((0.1, 0.01), (-0.1, 0.1), (0.0, 0.1)):
+        with pytest.raises(ValueError, match="must be two slips of one sign"):
+            peak_grip(SCENE, TYRE, 3.0, LOAD, 300.0, between=wrong)
 
 
 def test_jit_and_vmap():
