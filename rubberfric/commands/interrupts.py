@@ -32,9 +32,10 @@ SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP"
 # Functions in which an exception would do damage. JAX waits for XLA's compiler in the first one: the compiler
 # would keep running, and the process would end with a segmentation fault. A partly imported extension module
 # cannot be imported again. Python ignores exceptions in callbacks of the garbage collector and of weak
-# references.
+# references. JAX starts a thread while it starts its backends. An exception would leave this thread waiting,
+# and the process would end 60 s later.
 _DELAYING = ("backend_compile_and_load", "_find_and_load", "_xla_gc_callback", "__del__")
-_DELAYING_MODULES = ("weakref", "_weakrefset")
+_DELAYING_MODULES = ("weakref", "_weakrefset", "jax._src.xla_bridge")
 _AGAIN = 0.02  # seconds after which a signal in these functions is raised again
 
 
