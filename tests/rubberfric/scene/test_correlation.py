@@ -67,19 +67,22 @@ STEP = 3e-5  # step of the difference, relative to a number
 
 
 def _errors_of_derivatives(lower, upper, coherence, quadrature):
-    """Return the errors of the derivatives of ln A and ln u by all numbers of both spectra and the coherence.
+    """Return the errors of the derivatives of ln A and ln u by all numbers of a pair and its pressure.
 
     Errors are differences from ONE_SIDED, divided by the largest derivative. The first axis is forward and
     reverse mode. The numbers of the lower spectrum decrease and all others increase. AD takes the same side,
     because kinks of the lower spectrum come first where kinks coincide.
     """
-    start, rebuilt = ravel_pytree((lower, upper, coherence))
+    scene = _scene(coherence, lower, upper)
+    others = (upper, coherence, scene.lower.material, scene.upper.material, 2e4)
+    start, rebuilt = ravel_pytree((lower, others))
     sides = np.where(np.arange(start.size) < len(ravel_pytree(lower)[0]), -1.0, 1.0)
 
     def values(numbers):
-        lower, upper, coherence = rebuilt(numbers)
-        scene = _scene(0.0, lower, upper).replace({"correlation.coherence": coherence})
-        solved = rf.solve(scene, 0.0, 2e4, quadrature=quadrature, quantities=("area", "separation"))
+        lower, (upper, coherence, first, second, pressure) = rebuilt(numbers)
+        spectra = {"lower.spectrum": lower, "upper.spectrum": upper, "correlation.coherence": coherence}
+        pair = scene.replace(spectra | {"lower.material": first, "upper.material": second})
+        solved = rf.solve(pair, 0.0, pressure, quadrature=quadrature, quantities=("area", "separation"))
         return jnp.log(jnp.stack([solved.area, solved.separation]))
 
     steps = sides * STEP * np.where(start == 0, 1.0, np.abs(start))
