@@ -35,7 +35,7 @@ def zener():
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n not in ("half-space", "coating"))) for n in SCENES]
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n != "half-space")) for n in SCENES]
 )
 def test_it_equals_a_prony_series(name, zener):
     """Values, and the derivatives by its three moduli and times."""

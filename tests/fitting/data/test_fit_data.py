@@ -421,7 +421,7 @@ ABSENT = "must not be given; "
         ("mu,p\n-,Pa\n0.5,1e5\n", {}, "no column v or log10_v: the table must have one"),
         ("f,E_stor\nHz,Pa\n1,1e6\n", {}, "no column E_loss: the table must have one"),
         ("v,log10_v,mu\nm/s,log10(m/s),-\n1,0,0.5\n", {}, "column 'log10_v': v is given twice"),
-        ("v,mu,p\nm/s,-,atm\n1,0.5,1\n", {}, "column p: unit 'atm': must be one of Pa, kPa, MPa, GPa"),
+        ("v,mu,p\nm/s,-,torr\n1,0.5,1\n", {}, "column p: unit 'torr': must be one of Pa, kPa, MPa, GPa"),
         ("v,mu,p\nm/s,-,Pa\n1,0.5,-1\n", {}, "line 3: p = '-1': must be > 0"),
         ("v,mu,p\nm/s,-,Pa\n1,nan,1\n", {}, "line 3: mu = 'nan': must be finite"),
         ("v,A_over_A0\nm/s,-\n1,0\n", {"pressure": 1e5}, "line 3: A_over_A0 = '0': must be > 0"),

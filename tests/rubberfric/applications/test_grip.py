@@ -209,7 +209,8 @@ def test_second_derivatives():
     np.testing.assert_allclose(hessian, hessian.T, atol=1e-10)
 
 
-@pytest.mark.parametrize("kind", ["angle", pytest.param("ratio", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["angle", "ratio"])
 def test_peak(kind):
     """Against a search of SciPy, and derivatives of force and slip against differences of such searches."""
     between = (1e-3, 0.8) if kind == "angle" else (-0.8, -1e-3)
