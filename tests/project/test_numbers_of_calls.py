@@ -172,8 +172,21 @@ STRICT = {
 }
 
 
-@pytest.mark.parametrize("dtype", [None, np.float32, pytest.param(np.float64, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", STRICT)
+# Scenes that take long to trace; in other precisions than that of Python numbers they are slow tests.
+LONG_TO_TRACE = ("long-range adhesion", "heating", "two rubbers", "softening", "law", "coating")
+
+
+@pytest.mark.parametrize(
+    ("name", "dtype"),
+    [
+        pytest.param(
+            *(name, dtype),
+            marks=[pytest.mark.slow] * (dtype is np.float64 or (dtype is not None and name in LONG_TO_TRACE)),
+        )
+        for name in STRICT
+        for dtype in (None, np.float32, np.float64)
+    ],
+)
 def test_strict_promotion_of_dtypes(name, dtype):
     given = STRICT[name] if dtype is None else as_arrays(STRICT[name], dtype)
     T = 303.0 if rf.scene.takes_temperature(given) else None

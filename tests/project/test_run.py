@@ -66,7 +66,11 @@ HUNGRY = "import numpy as np\n\ndef test_memory():\n    assert np.ones({size}).a
 @pytest.mark.skipif(memory.peak() == 0, reason="needs Linux, which reports the memory of a process")
 @pytest.mark.parametrize(
     ("size", "workers", "expected"),
-    [(1, ("-n", "1"), (0, False)), (40_000_000, ("-n", "1"), (1, True)), (40_000_000, (), (1, True))],
+    [
+        (1, ("-n", "1"), (0, False)),
+        (40_000_000, ("-n", "1"), (1, True)),
+        pytest.param(40_000_000, (), (1, True), marks=pytest.mark.slow),
+    ],
 )
 def test_too_much_memory_fails_the_run(size, workers, expected, tmp_path):
     pytest.importorskip("xdist")
