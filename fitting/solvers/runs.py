@@ -18,7 +18,7 @@ from fitting.solvers.objective import INTERRUPTED, OUT_OF_STEPS, RUNNING, Iterat
 from fitting.solvers.options import Solver
 from fitting.solvers.ordered import each_fit, x_of
 from fitting.solvers.problem import Problem, Targets
-from fitting.solvers.steps import Engine, make_engine
+from fitting.solvers.steps import Engine, advance, make_engine, start
 
 # Number of fits in a batch. More fits of one run wait for the slowest one at the end.
 FIT_BATCH = 4
@@ -70,7 +70,7 @@ class Progress:
             stepping = running.size >= engine.count or not fresh.size
             which = (running if stepping else fresh)[: engine.count]
             here, iterate = jax.tree.map(lambda a, at=which: a[at], (targets, self.iterate))
-            new = engine.step(here, iterate) if stepping else engine.start(here, iterate)
+            new = advance(engine, here, iterate) if stepping else start(engine, here, iterate)
             self.pending = which, new, self.steps[which] + stepping, before + time.monotonic() - began
             self.take_in()
             yield stepping

@@ -28,7 +28,7 @@ from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.objective import RUNNING
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import residuals
-from fitting.solvers.steps import make_engine
+from fitting.solvers.steps import advance, make_engine, start
 from fitting.uncertainty.covariance import uncertainty
 
 pytestmark = pytest.mark.benchmark
@@ -50,14 +50,14 @@ def trace(solver, problem, budget):
     """(seconds, x, cost) after every step of a solver, compiled beforehand."""
     engine, targets = make_engine(solver, problem, None, 1, 1)
     blank = engine.blank(targets, problem.start[None])
-    engine.step(targets, engine.start(targets, blank))
+    advance(engine, targets, start(engine, targets, blank))
     points, begin = [], time.perf_counter()
-    state = engine.start(targets, blank)
+    state = start(engine, targets, blank)
     while time.perf_counter() - begin < budget:
         points.append((time.perf_counter() - begin, np.asarray(state.x[0]), float(state.cost[0])))
         if int(state.status[0]) != RUNNING or len(points) > solver.max_steps:
             break
-        state = engine.step(targets, state)
+        state = advance(engine, targets, state)
     return points
 
 

@@ -5,10 +5,10 @@ import pytest
 from support.scenes.fits import E_INF, ROAD, E
 
 import fitting
+import fitting.solvers.runs as runs_module
 import rubberfric as rf
 from fitting import Gaussian, ModulusData, Positive, fit
 from fitting.solvers.objective import NOT_FINITE
-from fitting.solvers.steps import Engine
 
 SCENE = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])))
 OMEGA = np.logspace(0, 7, 8)
@@ -28,7 +28,7 @@ def interrupt_start(monkeypatch):
     """Return a function that raises KeyboardInterrupt in the n-th evaluation of a start, counted from 1."""
 
     def interrupt(n):
-        calls, start = [], Engine.start
+        calls, start = [], runs_module.start
 
         def stopped(*arguments):
             calls.append(None)
@@ -36,7 +36,7 @@ def interrupt_start(monkeypatch):
                 raise KeyboardInterrupt
             return start(*arguments)
 
-        monkeypatch.setattr(Engine, "start", stopped)
+        monkeypatch.setattr(runs_module, "start", stopped)
         return calls
 
     return interrupt
@@ -63,7 +63,7 @@ def test_if_the_starts_so_far_are_not_finite(monkeypatch):
             raise KeyboardInterrupt
         return iterate._replace(status=iterate.status * 0 + NOT_FINITE, nfev=iterate.nfev + 1)
 
-    monkeypatch.setattr(Engine, "start", start)
+    monkeypatch.setattr(runs_module, "start", start)
     with pytest.raises(KeyboardInterrupt):
         fit(SCENE, moduli(), FREE, starts=6)
     assert len(calls) == 2
