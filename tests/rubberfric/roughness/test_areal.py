@@ -140,10 +140,10 @@ def test_profiles_of_a_random_surface(hurst, ratio):
 @pytest.mark.parametrize("ratio", [1, 2, 4])
 @pytest.mark.parametrize("hurst", [0.5, 0.65, 0.8, 1.0])
 def test_profiles_of_ten_random_surfaces(hurst, ratio):
-    """The mean over ten draws; a single draw of q_r = q0 has a rms height with 3 % of scatter itself."""
+    """The mean over the draws, and every draw with a plateau; with q_r = q0 the surfaces differ by 2 %."""
     error = errors(hurst, ratio, 10)
-    print(hurst, ratio, "mean", error.mean(0), "rms", np.sqrt(np.mean(error**2, 0)))
-    assert abs(error[:, 0].mean()) < 0.03 and abs(error[:, 1].mean()) < 0.05
+    assert abs(error[:, 0].mean()) < 0.01 and np.abs(error[:, 1]).max() < 0.05
+    assert ratio == 1 or np.abs(error[:, 0]).max() < 0.03
 
 
 @pytest.mark.slow
@@ -187,3 +187,13 @@ def test_what_is_refused(call, message):
     with pytest.raises(ValueError, match=re.escape(message)) as error:
         call()
     assert "\n" not in str(error.value)
+
+
+def test_single_precision():
+    """In SI, where C would be as small as 1e-30."""
+    q = np.geomspace(1e3, 1e7, 25)
+    line = 1e-3 * q**-2.6
+    found = areal(np.float32(q), np.float32(line), 0.01)
+    assert found.C.dtype == np.float32
+    np.testing.assert_allclose(found.C, areal(q, line, 0.01).C, rtol=2e-4)
+    np.testing.assert_allclose(found.relative, areal(q, line, 0.01).relative, rtol=2e-3)
