@@ -75,8 +75,9 @@ class ArealSpectrum(NamedTuple):
     q : wavevectors [1/m], shape (n,)
     C : spectrum [m^4], > 0, shape (n,)
     covariance : covariance of ln C [-], shape (n, n)
-        It is the inverse of the Fisher information plus the penalty: the covariance of the estimate, plus the
-        covariance of its bias by the penalty [Nychka, J. Am. Stat. Assoc. 83 (1988) 1134].
+        It is the inverse of the Fisher information plus the inverse variance of the kinks that the penalty
+        assumes: the covariance of the estimate, plus the covariance of its bias by the penalty
+        [Nychka, J. Am. Stat. Assoc. 83 (1988) 1134].
     """
 
     q: jax.Array
@@ -170,8 +171,9 @@ def areal_spectrum(
     -----
     An exact table of a broken power law with kinks at its entries gives its C to 1e-9. The function can be
     compiled with jit and is differentiable with respect to q and C_1D, at the chosen lambda and without the
-    change of the weights with the data. The C_1D of finite profiles also contains the window and the
-    detrending, which `MeasuredSpectrum.areal` takes into account.
+    change of the weights with the data. A roll-off in bins of less than about five modes may be missed; C is
+    then too large below it, by more than its standard errors. The C_1D of finite profiles also contains the
+    window and the detrending, which `MeasuredSpectrum.areal` takes into account.
     """
     q, C_1D = (as_leaf(name, value, 1) for name, value in (("q", q), ("C_1D", C_1D)))
     check_lengths("areal_spectrum", q=q, C_1D=C_1D)
@@ -216,7 +218,10 @@ def _areal(q, C_1D, relative, at, q1):
     problem = (knots, q, measured, weight, q1)
     log_C, penalty = _fitted(*jax.lax.stop_gradient((start, problem)), known)
     # Only this step is differentiated: of the condition for a minimum, by the implicit function theorem.
-    change, inverse, deviance, freedom = _step(problem, jax.lax.stop_gradient(log_C), penalty)
+    change, root, deviance, freedom = _step(problem, jax.lax.stop_gradient(log_C), penalty)
+    # The penalty is minus the logarithm of a Laplace distribution of kinks, whose variance is 2/lambda^2.
+    prior = jnp.minimum(penalty / math.sqrt(2), 1 / _ROUNDED)
+    inverse = _inverse_root(root, prior * _bends(knots))
     if not known:
         inverse *= jnp.sqrt(deviance / _left(n, freedom))
     to = _interpolation(knots, at)
@@ -266,7 +271,7 @@ def _scatter(log_C):
 
 
 def _step(problem, log_C, penalty):
-    """Return the Fisher step of ln C, a root of the inverse information, the deviance and the freedom.
+    """Return the Fisher step of ln C, a root of the information of the data, the deviance and the freedom.
 
     The freedom is the trace of the influence matrix, the number of parameters that the data determine.
     """
@@ -280,16 +285,20 @@ def _step(problem, log_C, penalty):
     # The weights of a quadratic penalty with the same gradient as the absolute value.
     rounded = jax.lax.stop_gradient(penalty / jnp.sqrt(bend**2 + _ROUNDED**2))
     root = jnp.sqrt(weight)[:, None] * slopes
-    eye = jnp.eye(knots.shape[0], dtype=q.dtype)
-    rows = jnp.concatenate([root, jnp.sqrt(rounded)[:, None] * bends, math.sqrt(_DAMPING) * eye])
-    triangle = jnp.linalg.qr(jax.lax.stop_gradient(rows), mode="r")
-    inverse = jax.scipy.linalg.solve_triangular(triangle, eye)
+    inverse = _inverse_root(root, jnp.sqrt(rounded)[:, None] * bends)
     downhill = slopes.T @ (weight * residual) - bends.T @ (rounded * bend)
     change = inverse @ (inverse.T @ downhill)
     freedom = jnp.sum((root @ inverse) ** 2)
     # max against rounding: the terms are not negative
     deviance = 2 * jnp.sum(weight * jnp.maximum(residual - difference, 0.0))
-    return change, inverse, deviance, freedom
+    return change, root, deviance, freedom
+
+
+def _inverse_root(*rows):
+    """Return R^-1 of the information R^T R of rows, which has the damping added."""
+    eye = jnp.eye(rows[0].shape[1], dtype=rows[0].dtype)
+    rows = jax.lax.stop_gradient(jnp.concatenate([*rows, math.sqrt(_DAMPING) * eye]))
+    return jax.scipy.linalg.solve_triangular(jnp.linalg.qr(rows, mode="r"), eye)
 
 
 def _left(n, freedom):

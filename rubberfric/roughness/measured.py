@@ -147,6 +147,10 @@ class MeasuredSpectrum(NamedTuple):
         modes over their neighbours, and bins are means. Therefore C_1D is divided by the ratio of the
         expected bins (`expected_bins`) to the projection, both for the C of the previous inversion.
 
+        For 64 profiles of eleven longest waves, H = 0.5 ... 1 and q_r = 2 q_0 or 4 q_0, the rms height of
+        `table` is right within 2.5 % and the rms slope within 1.5 % (ten random surfaces each). With
+        q_r = q_0 the rms height is within 4.5 %, of which 2 % is the scatter of the surfaces.
+
         Returns
         -------
         ArealSpectrum at the wavevectors of the bins, and at the outer border of the last bin

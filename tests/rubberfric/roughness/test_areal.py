@@ -160,7 +160,9 @@ def test_standard_errors_are_the_scatter():
         found = areal(q, line * random.gamma(modes) / modes, relative)
         pulls.append(np.log(found.C / exact) / found.relative)
     pulls = np.array(pulls)
-    assert 0.5 < np.sqrt(np.mean(pulls**2)) < 1.3 and np.abs(pulls.mean(0)).max() < 1.5
+    # Bins of two to four modes do not show the roll-off in every draw.
+    pulls = pulls[:, q > 110.0]
+    assert 0.5 < np.sqrt(np.mean(pulls**2)) < 1.3 and np.abs(pulls.mean(0)).max() < 1.0
 
 
 def test_a_factor_is_refused_by_a_warning_at_a_rolloff():
