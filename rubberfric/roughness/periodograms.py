@@ -55,7 +55,7 @@ def expected_bins(
     sampled = np.exp(np.interp(np.log(np.maximum(q, q[1])), np.log(coarse), np.log(values)))
     covariance = np.fft.irfft(sampled, _SAMPLES * n)[:n] * _SAMPLES * n * step
     power = _expected_power(covariance, *sampling) / (n**2 * np.mean(sampling.window**2) * cell)
-    # Modes k = 1 ... n/2; the last one has no negative of its own if n is even.
+    # Modes k = 1 ... n/2. The last one equals its negative if n is even.
     weight = np.full(n // 2, 2.0)
     weight[-1] -= n % 2 == 0
     ends = np.searchsorted(np.cumsum(weight), np.cumsum(modes) - 0.5)

@@ -38,7 +38,7 @@ def projected(x, end=np.inf):
 
 
 def test_a_broken_power_law_is_recovered():
-    """Without an end, and with an end, where C_1D is 0."""
+    """C continues, or ends at q1, where C_1D is 0."""
     line = np.array([projected(q) for q in KNOTS])
     found = areal(KNOTS, line, 1e-7)
     np.testing.assert_allclose(found.C, TRUTH, rtol=1e-8)
@@ -148,7 +148,7 @@ def test_profiles_of_ten_random_surfaces(hurst, ratio):
 
 @pytest.mark.slow
 def test_standard_errors_are_the_scatter():
-    """Of ln C over 40 draws of a spectrum with a chi-squared distribution, in units of the stated error."""
+    """The scatter of ln C over 40 draws of chi-squared distributed bins, in units of the stated error."""
     modes = np.maximum(KNOTS / 25, 1.0).repeat(3)
     q = np.geomspace(50.0, 1.9e3, modes.size)
     line = np.array([projected(x) for x in q])
