@@ -97,7 +97,7 @@ READING: dict[str, dict[str, Any]] = {
     "relative": {"type": float, "metavar": "R", "help": "error of the data, 0.05 for 5 %%"},
     "body": {"choices": _BODIES, "help": "body of moduli or spectra"},
     "normalisation": {"metavar": "NAME", "help": "normalisation of spectra, see `rubberfric.roughness`"},
-    "hurst": {"type": float, "metavar": "H", "help": "Hurst exponent, needed for a spectrum along a line"},
+    "hurst": {"type": float, "metavar": "H", "help": "Hurst exponent, for a line without a roll-off"},
     "poisson": {"type": float, "metavar": "NU", "help": "Poisson's ratio, needed for shear moduli"},
     "columns": {
         "nargs": "+",
@@ -178,7 +178,7 @@ def _spectrum_parser() -> Parser:
     add("--unit", metavar="UNIT", help="unit of a height map without units: m, mm, um, nm")
     text = "normalisation of a spectrum: C, C_iso, C_1D, C_1D_one_sided, W1, Wr, ISO_8608 ..."
     add("--normalisation", metavar="NAME", help=text)
-    text = "Hurst exponent of a noisy spectrum along a line, taken as self-affine"
+    text = "Hurst exponent, if a spectrum along a line is taken as self-affine without a roll-off"
     add("--hurst", type=float, metavar="H", help=text)
     text = "largest wavevector to fit [1/m] (default: the end of the resolved range)"
     add("--q1", type=float, metavar="Q", help=text)

@@ -42,6 +42,8 @@ _BINS = 10
 _LEAST_FITTED = 4
 # No surface and no filter has a spectrum that falls as steeply, C ~ q^-20.
 _CLIFF = 20
+# Standard error of ln C from which on C is not used, because it is unknown by a factor of e.
+_UNKNOWN = 1.0
 # Facing body of a new scene with roughness.
 _BLOCK = rf.Elastic(1e7, 0.5)
 # Contact shear with which a fit begins, of the size that tread rubber has on asphalt.
@@ -171,10 +173,13 @@ def _measured_spectrum(arguments):
         return data, None, _end(found, data), text
     x, traces = rf.io.read_traces(arguments.data)
     found = rf.roughness.spectrum_of_profile(x, traces, per_decade=_BINS)
-    C = rf.roughness.areal_spectrum(found.q, found.C)
+    areal = found.areal()
+    C, relative = (np.asarray(values)[: found.q.size] for values in (areal.C, areal.relative))
+    known = relative < _UNKNOWN
     text = f"{len(traces)} traces of {x.size} heights; the surface is taken as isotropic\n{found.report()}"
-    # The tilt of the traces affects the lowest wavevector.
-    data = SpectrumData(found.q[1:], np.asarray(C)[1:])
+    # The lowest wavevector also contains longer waves than the traces.
+    known[0] = False
+    data = SpectrumData(found.q[known], C[known], relative=relative[known])
     return data, float(found.q[0]), _end(found, data), text
 
 

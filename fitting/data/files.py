@@ -78,10 +78,11 @@ def read(
         never contains the body.
     normalisation, hurst : normalisation, and H, of a spectrum in a CSV file
         See `rubberfric.roughness.normalisation`. The normalisation is required for a spectrum, unless a title
-        names it: W1 and Wr of Gwyddion, Gd of ISO 8608. It is "C" for a file of `write`. With H, a spectrum
-        along a line is converted as for a self-affine surface, without H by `areal_spectrum`, which needs a
-        smooth table. A column "wavenumber" needs the unit rad/m or cycles/m unless the normalisation is
-        "W1", "Wr", "C_1D_one_sided" (rad/m) or "ISO_8608" (cycles/m).
+        names it: W1 and Wr of Gwyddion, Gd of ISO 8608. It is "C" for a file of `write`. Without H, a
+        spectrum along a line is inverted by `areal_spectrum`, with the relative errors of the file if it has
+        them. They are kept as errors of C. With H it is converted as for a self-affine surface without a
+        roll-off. A column "wavenumber" needs the unit rad/m or cycles/m unless the normalisation is "W1",
+        "Wr", "C_1D_one_sided" (rad/m) or "ISO_8608" (cycles/m).
     poisson : Poisson's ratio [-], needed for a table of shear moduli, E = 2 (1 + poisson) G
         A "storage modulus" is read as E' if `poisson` is None, and as G' otherwise.
     columns : list of "name [unit]", or None
@@ -241,7 +242,10 @@ def _read_spectrum(path, optional, normalisation, hurst, layout):
     table = read_density(path, normalisation, optional, increasing=ordered, **layout)
     for name in table.keys() & {"C", "sigma_C"}:
         try:
-            table[name] = np.asarray(spectrum_from(normalisation, table["q"], table[name], hurst))
+            own = table.get("relative_sigma") if ordered else None
+            table[name] = np.asarray(
+                spectrum_from(normalisation, table["q"], table[name], hurst, relative=own)
+            )
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
     return table

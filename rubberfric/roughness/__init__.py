@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from rubberfric.roughness.joining import Joint as Joint
     from rubberfric.roughness.joining import join_spectra as join_spectra
     from rubberfric.roughness.joining import resample as resample
+    from rubberfric.roughness.lines import ArealSpectrum as ArealSpectrum
+    from rubberfric.roughness.lines import areal_spectrum as areal_spectrum
+    from rubberfric.roughness.lines import line_spectrum as line_spectrum
     from rubberfric.roughness.measured import MeasuredSpectrum as MeasuredSpectrum
     from rubberfric.roughness.measured import ResolvedRange as ResolvedRange
     from rubberfric.roughness.moments import LARGEST_WAVEVECTOR as LARGEST_WAVEVECTOR
@@ -22,11 +25,9 @@ if TYPE_CHECKING:
     from rubberfric.roughness.moments import with_cutoff as with_cutoff
     from rubberfric.roughness.normalisation import LINES as LINES
     from rubberfric.roughness.normalisation import NORMALISATION_RULE as NORMALISATION_RULE
-    from rubberfric.roughness.normalisation import areal_spectrum as areal_spectrum
     from rubberfric.roughness.normalisation import check_normalisation as check_normalisation
     from rubberfric.roughness.normalisation import density_column as density_column
     from rubberfric.roughness.normalisation import find_normalisation as find_normalisation
-    from rubberfric.roughness.normalisation import line_spectrum as line_spectrum
     from rubberfric.roughness.normalisation import spectrum_as as spectrum_as
     from rubberfric.roughness.normalisation import spectrum_from as spectrum_from
     from rubberfric.roughness.spectra import SelfAffine as SelfAffine

@@ -11,8 +11,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 import scipy
 
+from rubberfric.roughness.lines import ArealSpectrum, areal_spectrum, line_spectrum
 from rubberfric.roughness.moments import cutoff, rms_slope
 from rubberfric.roughness.normalisation import check_normalisation, spectrum_from
+from rubberfric.roughness.periodograms import Sampling, expected_bins
 from rubberfric.roughness.tabulated import TabulatedSpectrum
 
 # Width of an octave in ln q, the narrowest range of a fit of the slope d ln C / d ln q.
@@ -31,6 +33,13 @@ _ABOVE_NOISE = 2.5
 _LARGER = 1.4
 # Usual rms slope at the cutoff for rubber on roads.
 _USUAL_SLOPE = 1.3
+
+# Corrections of the bins of a profile for window and detrending; the third changes the rms height by less
+# than 1 %, for profiles as short as the longest wave.
+_CORRECTIONS = 3
+# Ratio of a wavevector to the largest one of a profile beyond which C adds 2 % to C_1D for H = 0, and less
+# for larger H.
+_BEYOND = 30.0
 
 Limit = Literal["grid", "noise", "smoothing", "no surface"]
 _TEXT = {
@@ -80,6 +89,7 @@ class MeasuredSpectrum(NamedTuple):
     rms_slope : rms gradient of a map, or rms slope along a profile [-], from differences of the detrended
         heights of neighbouring points (Sdq, Rdq). It includes noise. An isotropic surface has sqrt(2) times
         the rms slope of its profiles.
+    sampling : window and detrending of a profile; None for a map
     """
 
     q: np.ndarray
@@ -92,6 +102,7 @@ class MeasuredSpectrum(NamedTuple):
     dimensions: int
     rms_height: float
     rms_slope: float
+    sampling: Sampling | None
 
     def knots(self) -> tuple[np.ndarray, np.ndarray]:
         r"""Return entries (q, C) of a log-log linear table with the mean square height of all bins.
@@ -111,9 +122,7 @@ class MeasuredSpectrum(NamedTuple):
         arrays q [1/m] and C [m^4] (profile: [m^3]), with an entry for each bin and one or two ends
         """
         q, C = self.q, self.C
-        if not (C > 0).all():
-            i = int(np.argmin(C))
-            raise ValueError(f"C[{i}] = {C[i]:g} at q = {q[i]:g} 1/m: must be > 0; use fewer bins per_decade")
+        self._check_positive()
         # The cells of n modes and of q = 0 fill a circle of radius q, or a line from -q to q.
         cells = np.array([1.0, 1.0 + self.modes.sum()]) * self.cell
         low, high = np.sqrt(cells / np.pi) if self.dimensions == 2 else cells / 2
@@ -135,20 +144,65 @@ class MeasuredSpectrum(NamedTuple):
         change = scipy.optimize.brentq(miss, -30.0, 30.0, xtol=1e-13, rtol=1e-14)
         return np.exp(log_q), np.exp(log_C + change * share)
 
+    def areal(self) -> ArealSpectrum:
+        """Return the areal spectrum C(q) of an isotropic surface from the spectrum of its profiles.
+
+        `areal_spectrum` inverts the projection. Detrending removes most of the first bin, the window spreads
+        modes over their neighbours, and bins are means. Therefore C_1D is divided by the ratio of the
+        expected bins (`expected_bins`) to the projection, both for the C of the previous inversion.
+
+        For 64 profiles of eleven longest waves, H = 0.5 ... 1 and q_r = 2 q_0 or 4 q_0, the rms height of
+        `table` is right within 2.5 % and the rms slope within 1.5 % (ten random surfaces each). With
+        q_r = q_0 the rms height is within 4.5 %, of which 2 % is the scatter of the surfaces.
+
+        Returns
+        -------
+        ArealSpectrum at the wavevectors of the bins, and at the outer border of the last bin
+            The surface is assumed to have no waves below q[0]. C continues beyond the last bin with the
+            slope of the last piece.
+
+        Raises
+        ------
+        ValueError : for a map, if a bin has C = 0, and if C does not decrease at all.
+        """
+        if self.sampling is None:
+            raise ValueError("areal() is for profiles; a map has C already")
+        self._check_positive()
+        high = (1.0 + self.modes.sum()) * self.cell / 2
+        ends = np.array([high, _BEYOND * high])[int(high < self.q[-1] * (1 + 1e-9)) :]
+        at, ratio = np.append(self.q, ends), 1.0
+        for _ in range(_CORRECTIONS):
+            whole = areal_spectrum(self.q, self.C / ratio, self.relative, at=at).table()
+
+            def projected(q, table=whole):
+                return np.asarray(line_spectrum(table, q))
+
+            ratio = expected_bins(projected, self.cell, self.modes, self.sampling) / projected(self.q)
+        return areal_spectrum(self.q, self.C / ratio, self.relative, at=at[:-1])
+
+    def _check_positive(self):
+        if not (self.C > 0).all():
+            i = int(np.argmin(self.C))
+            raise ValueError(
+                f"C[{i}] = {self.C[i]:g} at q = {self.q[i]:g} 1/m: must be > 0; use fewer bins per_decade"
+            )
+
     def table(self, hurst: float | None = None) -> TabulatedSpectrum:
-        """Return the TabulatedSpectrum with the entries of `knots`.
+        """Return the spectrum for a scene, with the entries of `knots` (map) or `areal` (profile).
 
         For a map, the rms height of the table is (h_rms^2 - left_out)^(1/2).
 
         Parameters
         ----------
-        hurst : H [-], 0 ... 1, only for a profile. C_1D is converted by the factor of a self-affine surface
-            (`spectrum_from`). The rms height of the table is then larger than the rms height of the profile,
-            by a factor of 1.36 at H = 0.8.
+        hurst : H [-], 0 ... 1, only for a profile. C_1D of `knots` is converted by the factor of a
+            self-affine surface (`spectrum_from`), which is wrong at a roll-off.
         """
-        check_normalisation("C_1D" if self.dimensions == 1 else "C", hurst)
+        name = "C_1D" if self.dimensions == 1 else "C"
+        check_normalisation(name, hurst, table=True)
+        if self.dimensions == 1 and hurst is None:
+            return self.areal().table()
         q, C = self.knots()
-        return TabulatedSpectrum(q, spectrum_from("C_1D" if self.dimensions == 1 else "C", q, C, hurst))
+        return TabulatedSpectrum(q, spectrum_from(name, q, C, hurst))
 
     def resolved(self) -> ResolvedRange:
         """Return the upper end of the range in which the spectrum is the spectrum of the surface.

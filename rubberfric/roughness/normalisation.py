@@ -16,14 +16,10 @@ All integrals are from 0 to infinity. contact.engineering and SurfaceTopography 
 [Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001]. C_1D is two-sided: half of the mean
 square height is at q < 0. The displacement spectral density of ISO 8608 and ISO 13473-4 is one-sided.
 
-The spectra along a line and of the surface are related by Abel's transform,
-
-.. math:: C_\mathrm{1D}(q) = \int_{-\infty}^\infty dq_y\, C\big(\sqrt{q^2 + q_y^2}\big),\qquad
-          C(q) = -\frac{1}{\pi} \int_q^\infty \frac{C_\mathrm{1D}'(x)}{\sqrt{x^2 - q^2}}\, dx
-
-(`line_spectrum`, `areal_spectrum`). C at q depends on C_1D at all larger wavevectors. For a power law
-without ends the transform is a factor (`spectrum_from` with `hurst`), which is wrong at a roll-off, on a
-plateau and within a factor 2 of a cutoff.
+A spectrum along a line is the projection of C, and C at q depends on C_1D at all larger wavevectors.
+`rubberfric.roughness.areal_spectrum` inverts the projection. For a power law without ends the projection is a
+factor (`spectrum_from` with `hurst`), which is wrong at a roll-off, on a plateau and within a factor 2 of a
+cutoff.
 """
 
 import math
@@ -35,19 +31,15 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.checks import (
-    POSITIVE,
     as_array,
     as_leaf,
     between,
-    check_increasing,
-    check_lengths,
     check_values,
     is_concrete,
     shown,
+    warn_caller,
 )
-from rubberfric.base.objects.physical import check_kind
-from rubberfric.base.quadrature import gauss, typed
-from rubberfric.roughness.spectra import Spectrum, log_ratio, mean_growth
+from rubberfric.roughness.lines import areal_spectrum
 
 # Factors of C. For a line they follow the self-affine factor, and for Wr the factor q.
 NORMALISATIONS = {
@@ -80,14 +72,21 @@ _ANGULAR = {
     "W1": '"ISO_8608" (h_rms^2 = int G_d dn)',
 }
 
-# Gauss nodes of Abel's kernel between q and 2 q.
-_NODES = 24
-# Terms of the series of Abel's kernel beyond 2 q. Each is at most 1/4 of the previous one, the last 2e-16.
-_TERMS = 27
+# C_1D falls more slowly than this share of the slope of a self-affine surface, -(1 + 2 H), before a roll-off.
+_FLAT = 0.5
+# The slope at the beginning of a table is fitted over this factor of q. A roll-off from about 2 q[0] on is found.
+_BEGINNING = 3.0
+# Smallest number of entries of this fit, because single modes scatter by a factor of 2.
+_LEAST = 5
 
 
 def spectrum_from(
-    normalisation: str, q: ArrayLike, values: ArrayLike, hurst: ArrayLike | None = None
+    normalisation: str,
+    q: ArrayLike,
+    values: ArrayLike,
+    hurst: ArrayLike | None = None,
+    *,
+    relative: ArrayLike | None = None,
 ) -> jax.Array:
     r"""Return C(q) from a spectrum in another normalisation.
 
@@ -101,7 +100,9 @@ def spectrum_from(
     q : wavevectors [1/m], any shape; q = 2 pi n for a spectrum over cycles per metre
     values : spectrum in that normalisation, [m^4], or [m^3] for Wr and along a line
     hurst : H [-], 0 ... 1, only along a line
-        The surface is assumed self-affine. None uses `areal_spectrum`, for a table that increases in q.
+        The surface is assumed self-affine without a roll-off. None uses `areal_spectrum`, for a table that
+        increases in q.
+    relative : standard errors of ln(values) [-], only for `areal_spectrum`, or None if they are unknown
 
     Returns
     -------
@@ -110,26 +111,39 @@ def spectrum_from(
     Raises
     ------
     ValueError : if the normalisation is unknown, if entries are masked, or if H is outside 0 ... 1 or not
-        needed. Without H along a line, also for single values, and if noise makes C negative.
+        needed. Without H along a line, also for single values, and for tables that `areal_spectrum` refuses.
 
     Notes
     -----
     The factor for a line is exact for C ~ q^(-2(1 + H)) without ends. Below the roll-off its error is of the
-    order of q/q_r. Within a factor 2 of a cutoff C is too small. `areal_spectrum` makes no such assumption.
+    order of q_r/q. Within a factor 2 of a cutoff C is too small. The rms height is 1.09 to 1.40 times too
+    large if there is a roll-off. A UserWarning says so if a table along a line begins with a slope of less
+    than half of -(1 + 2 H). `areal_spectrum` makes no such assumption.
     """
     if np.ma.is_masked(values) or np.ma.is_masked(q):
         raise ValueError("q or values has masked entries; leave them out, q[~values.mask]")
     if normalisation in LINES and hurst is None and jnp.ndim(q) == 1 and jnp.ndim(values) == 1:
-        scale = NORMALISATIONS[normalisation]
-        C = areal_spectrum(q, as_array(values) / scale)
-        if is_concrete(C) and not np.all(np.asarray(C) > 0):
-            i = int(np.argmin(np.asarray(C) > 0))
-            raise ValueError(
-                f"hurst is missing: C is not positive at q = {float(as_array(q)[i]):.4g} 1/m because of noise"
-                " in the spectrum along a line; must be given, 0 ... 1, or smooth the spectrum"
-            )
-        return C
-    return as_array(values) / _factor(normalisation, q, hurst)
+        return areal_spectrum(q, as_array(values) / NORMALISATIONS[normalisation], relative).C
+    factor = _factor(normalisation, q, hurst)
+    if normalisation in LINES and is_concrete(q) and is_concrete(values) and is_concrete(hurst):
+        _warn_of_rolloff(np.asarray(q, float), np.asarray(values, float), hurst)
+    return as_array(values) / factor
+
+
+def _warn_of_rolloff(q, values, hurst):
+    """Warn if C_1D falls slowly at the beginning of a table, where the factor of a power law is wrong."""
+    if q.ndim != 1 or values.shape != q.shape or q.size < _LEAST or not ((q > 0) & (values > 0)).all():
+        return
+    order = np.argsort(q)
+    q, values = q[order], values[order]
+    count = max(int(np.sum(q <= _BEGINNING * q[0])), _LEAST)
+    slope = np.polyfit(np.log(q[:count]), np.log(values[:count]), 1)[0]
+    if slope > -_FLAT * (1 + 2 * float(np.max(hurst))):
+        warn_caller(
+            f"hurst = {shown(hurst)}: C_1D falls only as q^{slope:.2g} from q = {q[0]:.3g} 1/m on because of"
+            " a roll-off, and the rms height becomes up to 1.4 times too large; leave hurst out",
+            UserWarning,
+        )
 
 
 def density_column(normalisation: str) -> str:
@@ -228,137 +242,3 @@ def _factor(normalisation, q, hurst):
     H = jnp.asarray(hurst)
     ratio = jnp.exp(jax.scipy.special.gammaln(H + 0.5) - jax.scipy.special.gammaln(H + 1))
     return scale * math.sqrt(math.pi) * ratio * jnp.asarray(q)
-
-
-def line_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
-    r"""Return the spectrum along a line of an isotropic surface, exact for its broken power law.
-
-    .. math:: C_\mathrm{1D}(q) = 2 \int_q^\infty \frac{C(x)\, x}{\sqrt{x^2 - q^2}}\, dx,\qquad
-              h_\mathrm{rms}^2 = 2 \int_0^\infty C_\mathrm{1D}\, dq
-
-    Parameters
-    ----------
-    spectrum : SelfAffine or TabulatedSpectrum
-    q : wavevectors along the line, > 0 [1/m], any shape
-        Below the spectrum's range C_1D tends to a constant. Above the range C_1D is 0.
-
-    Returns
-    -------
-    C_1D [m^3], shape of q, with errors of 1e-13 for slopes d ln C / d ln q of -20 ... 20
-
-    Notes
-    -----
-    C_1D is differentiable with respect to the spectrum and q, except at the ends of C, where C_1D is like a
-    square root.
-    """
-    check_kind("spectrum", spectrum, Spectrum)
-    return _line_spectrum(spectrum, _positive("q", q))
-
-
-@jax.jit
-def _line_spectrum(spectrum, q):
-    law = spectrum.power_law()
-    pieces = (law.q[:-1], law.q[1:], law.log_value[:-1], law.exponent, jnp.ones_like(law.exponent))
-    return 2 * law.height2 * _abel(q, *pieces)
-
-
-def areal_spectrum(q: ArrayLike, C_1D: ArrayLike, at: ArrayLike | None = None) -> jax.Array:
-    r"""Return the spectrum C of an isotropic surface from C_1D along a line, by Abel's inversion.
-
-    .. math:: C(q) = -\frac{1}{\pi} \int_q^\infty \frac{C_\mathrm{1D}'(x)}{\sqrt{x^2 - q^2}}\, dx
-
-    The result is exact for a table that is log-log linear between its entries and continues beyond the last
-    entry with the slope of its last piece.
-
-    Parameters
-    ----------
-    q : wavevectors along the line, strictly increasing, > 0 [1/m], shape (n,), n >= 2
-    C_1D : spectrum along a line, > 0 [m^3], shape (n,), h_rms^2 = 2 int C_1D dq
-    at : wavevectors, >= q[0] [1/m], any shape, or None for q
-
-    Returns
-    -------
-    C [m^4], shape of `at`
-
-    Raises
-    ------
-    ValueError : if the table is invalid or does not decrease at its end.
-
-    Notes
-    -----
-    The result is as sensitive to noise as a derivative. C is negative where C_1D increases steeply, which
-    does not occur for an isotropic surface. Smooth the table first (`resample`), or use `spectrum_from`.
-    """
-    q, C_1D = (as_leaf(name, value, 1) for name, value in (("q", q), ("C_1D", C_1D)))
-    check_lengths("areal_spectrum", q=q, C_1D=C_1D)
-    if q.shape[0] < 2:
-        raise ValueError(f"q has {q.shape[0]} entries: must have at least 2")
-    for name, value in (("q", q), ("C_1D", C_1D)):
-        check_values(name, value, POSITIVE)
-    check_increasing("q", q)
-    found, end = _areal(q, C_1D, q if at is None else _positive("at", at))
-    check_values("slope of C_1D at its end", end, ("must be < 0", lambda x: x < 0))
-    return found
-
-
-@jax.jit
-def _areal(q, C_1D, at):
-    """Return C [m^4], and d ln C_1D / d ln q of the last piece, which must be negative."""
-    log = jnp.log(C_1D)
-    slope = jnp.diff(log) / log_ratio(q[1:], q[:-1])
-    # The last piece again from the last entry, without an end.
-    last = slope[-1:]
-    slope = jnp.concatenate([slope, last])
-    end = jnp.concatenate([q[1:], jnp.full_like(last, jnp.inf)])
-    return _abel(at, q, end, log, slope, -slope) / math.pi, last[0]
-
-
-def _positive(name, value):
-    value = jnp.asarray(value)
-    value = value if jnp.issubdtype(value.dtype, jnp.floating) else value.astype(float)
-    check_values(name, value, POSITIVE)
-    return value
-
-
-@jax.jit
-def _abel(x, start, end, log_value, exponent, weight):
-    """Sum weight int f(q) / (q sqrt(q^2 - x^2)) dq over all pieces, where every integral covers q > x.
-
-    In a piece, f is a power of q that equals exp(log_value) at the start of the piece. For q < 2 x, Gauss
-    nodes in arcosh(q/x) remove the root. For q > 2 x, the root is a series in (x/q)^2, in which each term is
-    a power of q.
-    """
-    x = x[..., None]
-    shape = (*x.shape[:-1], start.shape[0])
-    start, end, log_value, exponent = (jnp.broadcast_to(a, shape) for a in (start, end, log_value, exponent))
-    u0, u1 = (_arcosh(jnp.clip(border, x, 2 * x), x) for border in (start, end))
-    nodes, weights = (typed(table, x) for table in gauss(_NODES))
-    u = u0[..., None] + (u1 - u0)[..., None] * nodes
-    ratio = jnp.log(jnp.cosh(u)) + jnp.log(x / start)[..., None]
-    # An empty piece far from x must not overflow before the multiplication by its width 0.
-    ratio = jnp.where((u1 > u0)[..., None], ratio, 0.0)
-    near = jnp.exp(log_value[..., None] + exponent[..., None] * ratio) / jnp.cosh(u)
-    near = (u1 - u0) * jnp.sum(near * weights, -1) / x
-    begin = jnp.maximum(start, 2 * x)
-    empty = end <= begin
-    begin = jnp.where(empty, start, begin)
-    endless = jnp.isinf(end)
-    width = log_ratio(jnp.where(endless | empty, begin, end), begin)
-    k = np.arange(_TERMS)
-    root = typed([math.comb(2 * n, n) / 4.0**n for n in range(_TERMS)], x)
-    powers = jnp.exp(typed(2.0 * k, x) * jnp.log(jnp.where(empty, 0.5, x / begin))[..., None])
-    order = exponent[..., None] - typed(1.0 + 2 * k, x)
-    endless, width = endless[..., None], width[..., None]
-    falling = jnp.where(endless, order, -1.0)  # the order of other pieces may be 0
-    terms = jnp.where(endless, -1 / falling, width * mean_growth(order * width))
-    series = jnp.sum(root * powers * terms, -1)
-    far = jnp.exp(log_value + exponent * jnp.log(begin / start)) / begin * series
-    return jnp.sum(weight * (near + jnp.where(empty, 0.0, far)), -1)
-
-
-def _arcosh(q, x):
-    """Return arcosh(q / x) for x <= q <= 2 x. The derivative at q = x, which is infinite, is set to 0."""
-    excess = (q - x) / x
-    beyond = excess > 0
-    excess = jnp.where(beyond, excess, 1.0)
-    return jnp.where(beyond, jnp.log1p(excess + jnp.sqrt(excess * (excess + 2))), 0.0)

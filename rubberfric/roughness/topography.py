@@ -18,6 +18,7 @@ the same modes. The spectrum contains the instrument's resolution and noise.
 """
 
 import itertools
+import math
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from numpy.typing import ArrayLike
 
 from rubberfric.base.checks import check_choice, shown
 from rubberfric.roughness.measured import MeasuredSpectrum
+from rubberfric.roughness.periodograms import Sampling
 
 WINDOWS = ("hann", "none")
 # Highest degree of detrending polynomials in x (and y). More would remove roughness.
@@ -61,8 +63,8 @@ def spectrum_of_profile(
 
     Returns
     -------
-    MeasuredSpectrum with q from 2 pi / length to pi / spacing. `table(hurst)` returns a spectrum for a scene.
-    `knots()` returns entries for `spectrum_from("C_1D", q, C, hurst)` and `areal_spectrum(q, C)`.
+    MeasuredSpectrum with q from 2 pi / length to pi / spacing. `areal()` returns the spectrum C(q) of an
+    isotropic surface with standard errors, and `table()` a spectrum for a scene.
 
     Raises
     ------
@@ -173,6 +175,7 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
                 sum(np.mean((np.diff(heights, axis=k) / d) ** 2) for k, d in zip(axes, spacings, strict=True))
             )
         ),
+        sampling=Sampling(w, _trends(grid, detrend)) if len(grid) == 1 else None,
     )
 
 
@@ -207,10 +210,18 @@ def _detrended(height, degree):
     """Subtract the least-squares polynomial of the given total degree from heights."""
     if degree is None:
         return height
-    axes = np.meshgrid(*(np.linspace(-1, 1, n) for n in height.shape), indexing="ij")
-    powers = [p for p in np.ndindex(*([degree + 1] * height.ndim)) if sum(p) <= degree]
+    basis = _trends(height.shape, degree)
+    return height - (basis @ (basis.T @ height.ravel())).reshape(height.shape)
+
+
+def _trends(shape, degree):
+    """Return orthonormal columns that span the polynomials of the given total degree on a grid."""
+    if degree is None:
+        return np.zeros((math.prod(shape), 0))
+    axes = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
+    powers = [p for p in np.ndindex(*([degree + 1] * len(shape))) if sum(p) <= degree]
     basis = np.stack([np.prod([a**k for a, k in zip(axes, p, strict=True)], 0).ravel() for p in powers], 1)
-    return height - (basis @ np.linalg.lstsq(basis, height.ravel())[0]).reshape(height.shape)
+    return np.linalg.qr(basis)[0]
 
 
 def _heights(height, dimensions):

@@ -134,7 +134,7 @@ def test_gradients_are_finite_everywhere():
         for leaf in jax.tree.leaves(slopes):
             assert np.isfinite(leaf).all()
     assert np.isfinite(
-        jax.jit(jax.jacrev(lambda C: rf.roughness.areal_spectrum(np.asarray(TABLE.q), C)))(TABLE.C)
+        jax.jit(jax.jacrev(lambda C: rf.roughness.areal_spectrum(np.asarray(TABLE.q), C).C))(TABLE.C)
     ).all()
 
 
@@ -149,7 +149,7 @@ def test_single_precision():
 
 @pytest.mark.parametrize("hurst", [0.1, 0.83, 1.0])
 def test_a_power_law_is_a_factor(hurst):
-    """C_1D = int C dqy of C = q^-2(1+H) by scipy, and back by Abel's inversion and the factor."""
+    """C_1D = int C dqy of C = q^-2(1+H) by scipy, and back by the inversion and the factor."""
     q = np.geomspace(1e2, 1e6, 30)
     C = 1e-6 * q ** (-2 * (1 + hurst))
     half = scipy.integrate.quad(lambda s: (1 + s * s) ** (-1 - hurst), 0, np.inf, epsabs=0, epsrel=1e-13)[0]
@@ -158,43 +158,23 @@ def test_a_power_law_is_a_factor(hurst):
     np.testing.assert_allclose(
         rf.roughness.spectrum_from("C_1D_surfacetopography", q, 2 * np.pi * line, hurst), C, rtol=1e-11
     )
-    np.testing.assert_allclose(rf.roughness.areal_spectrum(q, line), C, rtol=1e-11)
-    beyond = rf.roughness.areal_spectrum(q, line, at=1.1 * q)
+    np.testing.assert_allclose(rf.roughness.areal_spectrum(q, line).C, C, rtol=1e-11)
+    beyond = rf.roughness.areal_spectrum(q, line, at=1.1 * q).C
     np.testing.assert_allclose(beyond, C * 1.1 ** (-2 - 2 * hurst), rtol=1e-11)
-
-
-def test_abel_inversion_of_a_kinked_table():
-    q, line = np.array([50.0, 200.0, 3e3]), np.array([3e-10, 2e-10, 4e-13])
-    slopes = np.diff(np.log(line)) / np.diff(np.log(q))
-    at = np.array([50.0, 120.0, 1e3, 3e3, 1e4])
-
-    def piece(x, slope, value, start, end):
-        low, high = (mp.acosh(max(b, x) / mp.mpf(x)) for b in (start, min(end, 1e30)))
-
-        def f(u):
-            return slope * value * (x * mp.cosh(u) / start) ** slope / (x * mp.cosh(u))
-
-        return -mp.quad(f, mp.linspace(low, high, int(high - low) + 2)) / mp.pi
-
-    with mp.workdps(30):
-        exact = [
-            float(piece(x, slopes[0], 3e-10, 50.0, 200.0) + piece(x, slopes[1], 2e-10, 200.0, np.inf))
-            for x in at
-        ]
-    np.testing.assert_allclose(rf.roughness.areal_spectrum(q, line, at=at), exact, rtol=1e-12)
 
 
 def test_round_trip_and_what_the_factor_does_at_the_ends():
     surface = rf.SelfAffine(100.0, 1000.0, 1e12, 0.8, 5e-4)
-    q = np.geomspace(10.0, 1e10, 901)
+    q = np.geomspace(10.0, 1e10, 91)
     line = rf.roughness.line_spectrum(surface, q)
     at = np.array([150.0, 400.0, 1500.0, 1e4, 1e7])
-    error = np.abs(rf.roughness.areal_spectrum(q, line, at=at) / rf.power_spectrum(surface, at) - 1)
-    # Straight lines between 100 entries a decade miss the kink at the roll-off; C_1D has none beyond it.
-    assert error.max() < 0.02 and (error[3:] < 1e-9).all()
-    factor = rf.roughness.spectrum_from("C_1D", q, line, 0.8)
+    error = np.abs(rf.roughness.areal_spectrum(q, line, at=at).C / rf.power_spectrum(surface, at) - 1)
+    # The roll-off is an entry, and C below the end q0 = 100 of the surface, another entry, decreases to 0.
+    assert error.max() < 1e-6 and (error[2:] < 1e-9).all()
+    with pytest.warns(UserWarning, match="roll-off"):
+        factor = rf.roughness.spectrum_from("C_1D", q, line, 0.8)
     ratio = np.asarray(factor / rf.power_spectrum(surface, q))
-    assert ratio[np.searchsorted(q, 200.0)] > 3
+    assert ratio[np.searchsorted(q, 199.0)] > 3
     np.testing.assert_allclose(ratio[(q > 1e3) & (q < 1e8)], 1, rtol=1e-10)
     cut = rf.SelfAffine(100.0, 1000.0, 1e6, 0.8, 5e-4)
     near_end = rf.roughness.spectrum_from(
@@ -228,7 +208,6 @@ def test_conversion_is_traced():
     np.testing.assert_allclose(slope, float(exact), rtol=1e-12)
 
 
-areal = rf.roughness.areal_spectrum
 from_name = rf.roughness.spectrum_from
 
 
@@ -240,10 +219,6 @@ from_name = rf.roughness.spectrum_from
         (lambda: from_name("C_1D", 1.0, 1.0, 1.2), "hurst = 1.2: must be between 0.0 and 1.0"),
         (lambda: rf.roughness.spectrum_as("C_iso", 1.0, 1.0, 0.8), "hurst = 0.8: must be absent"),
         (lambda: rf.roughness.line_spectrum(ROAD, 0.0), "q = 0.0: must be > 0"),
-        (lambda: areal([1.0, 2.0], [1.0, 2.0]), "slope of C_1D at its end = 1.0: must be < 0"),
-        (lambda: areal([1.0], [1.0]), "q has 1 entries: must have at least 2"),
-        (lambda: areal([1.0, 2.0], [1.0, -1.0]), "C_1D[1] = -1.0: must be > 0"),
-        (lambda: areal([2.0, 1.0], [1.0, 0.5]), "q[1] = 1.0 after 2.0: must increase strictly"),
     ],
 )
 def test_what_is_refused(call, message):
@@ -288,7 +263,7 @@ def test_scene_files(tmp_path):
             "q,C_1D\n1/m,m^3\n1,1\n2,1\n",
             "C_1D",
             "",
-            "slope of C_1D at its end",
+            "C_1D[-1] = 1: must be below the largest entry",
         ),
         ("q,C\n1/m,m^4\n1,1\n2,1\n", "C_1D", ", hurst = 0.8", "column 'C': must be one of q, log10_q, C_1D"),
         ("q,C_1D\n1/m,m^4\n1,1\n2,1\n", "C_1D", ", hurst = 0.8", "column C_1D: unit 'm^4': must be one of"),

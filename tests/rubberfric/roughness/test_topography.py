@@ -183,10 +183,10 @@ def test_knots_of_a_profile_have_its_mean_square_height(n, window, per_decade):
     np.testing.assert_allclose(rf.roughness.moment(table, 0) / exact, factor, rtol=1e-9)
 
 
-def test_table_needs_hurst_for_a_profile_only():
+def test_table_takes_hurst_for_a_profile_only():
     height = rng(4).standard_normal((16, 16))
-    with pytest.raises(ValueError, match="hurst is missing: must be given"):
-        rf.roughness.spectrum_of_profile(1.0, height[0]).table()
+    profile = rf.roughness.spectrum_of_profile(1.0, height[0].cumsum(), per_decade=5)
+    np.testing.assert_array_equal(profile.table().C, profile.areal().C)
     with pytest.raises(ValueError, match=r"hurst = 0\.8: must be absent"):
         rf.roughness.spectrum_of_topography(height, 1.0).table(0.8)
     with pytest.raises(ValueError, match=r"C\[0\] = 0 at q = .*: must be > 0; use fewer bins"):

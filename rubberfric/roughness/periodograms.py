@@ -1,0 +1,78 @@
+r"""Expected periodograms of profiles: what a window, detrending and bins make of a spectrum C_1D.
+
+A profile of n heights has the covariances R of a random profile with the spectrum C_1D,
+
+.. math:: R(x) = \int_{-\infty}^\infty C_\mathrm{1D}(q)\, e^{iqx}\, dq
+
+With the windowed and detrended heights z = W (1 - B B^T) h, where the columns of B are orthonormal
+polynomials, the expected power of a mode is f^H W (1 - B B^T) R (1 - B B^T) W f. R is a Toeplitz matrix, so
+that Fourier transforms compute its products.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+# Wavevectors per mode at which C_1D is sampled; C_1D is straight between them except next to a cutoff.
+_SAMPLES = 8
+# Wavevectors per decade at which C_1D is computed; ln C_1D is linear in ln q in between.
+_PER_DECADE = 60
+
+
+class Sampling(NamedTuple):
+    """How the heights of a profile were transformed.
+
+    Attributes
+    ----------
+    window : factor of every height, shape (n,)
+    trends : orthonormal columns that were subtracted first, shape (n, k)
+    """
+
+    window: np.ndarray
+    trends: np.ndarray
+
+
+def expected_bins(
+    spectrum: Callable[[np.ndarray], np.ndarray], cell: float, modes: np.ndarray, sampling: Sampling
+) -> np.ndarray:
+    """Return the expected mean of C_1D [m^3] in the bins of a profile with the given spectrum.
+
+    Parameters
+    ----------
+    spectrum : function of wavevectors > 0 [1/m] that returns C_1D [m^3]
+    cell : distance of the modes [1/m]
+    modes : number of modes of every bin, counting q and -q, without q = 0; bins are in order
+    sampling : window and trends
+    """
+    n = sampling.window.size
+    step = cell / _SAMPLES
+    # Up to the shortest wave, of two heights; shorter waves are taken as absent.
+    q = step * np.arange(_SAMPLES * n // 2 + 1)
+    count = int(np.log10(q[-1] / q[1]) * _PER_DECADE) + 2
+    coarse = np.geomspace(q[1], q[-1], count)
+    values = np.maximum(spectrum(coarse), np.finfo(float).tiny)
+    sampled = np.exp(np.interp(np.log(np.maximum(q, q[1])), np.log(coarse), np.log(values)))
+    covariance = np.fft.irfft(sampled, _SAMPLES * n)[:n] * _SAMPLES * n * step
+    power = _expected_power(covariance, *sampling) / (n**2 * np.mean(sampling.window**2) * cell)
+    # Modes k = 1 ... n/2. The last one equals its negative if n is even.
+    weight = np.full(n // 2, 2.0)
+    weight[-1] -= n % 2 == 0
+    ends = np.searchsorted(np.cumsum(weight), np.cumsum(modes) - 0.5)
+    sums = np.cumsum(weight * power[1 : n // 2 + 1])[ends]
+    return np.diff(sums, prepend=0.0) / modes
+
+
+def _expected_power(covariance, window, trends):
+    """Return the expected abs(F)^2 of modes k = 0 ... n - 1, for the covariances at distances 0 ... n - 1."""
+    n = window.size
+    # Covariances of the windowed heights, summed over pairs of heights of every distance modulo n.
+    pairs = np.fft.irfft(np.abs(np.fft.rfft(window, 2 * n)) ** 2, 2 * n)[:n] * covariance
+    power = np.fft.fft(pairs + np.append(0.0, pairs[:0:-1])).real
+    circulant = np.concatenate([covariance, [0.0], covariance[:0:-1]])
+    transform = np.fft.rfft(circulant)[:, None] * np.fft.rfft(trends, 2 * n, axis=0)
+    spread = np.fft.irfft(transform, 2 * n, axis=0)[:n]
+    own, other = (np.fft.fft(window[:, None] * each, axis=0) for each in (trends, spread))
+    between = trends.T @ spread
+    power -= 2 * np.sum(own.conj() * other, 1).real
+    return power + np.einsum("ka,ab,kb->k", own, between, own.conj()).real
