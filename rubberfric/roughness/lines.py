@@ -43,8 +43,9 @@ from rubberfric.roughness.moments import moment
 from rubberfric.roughness.spectra import Spectrum, log_ratio, mean_growth
 from rubberfric.roughness.tabulated import TabulatedSpectrum
 
-# Abel's kernel: Gauss nodes between q and 2 q, and terms of the series beyond, each 1/4 of the previous one.
+# Gauss nodes of Abel's kernel between q and 2 q.
 _NODES = 24
+# Terms of the series of Abel's kernel beyond 2 q. Each is at most 1/4 of the previous one, the last 2e-16.
 _TERMS = 27
 
 # Weights lambda of the penalty, in units of the deviance. The kink of a roll-off, a change of slope by
@@ -54,15 +55,19 @@ _PENALTIES = 10.0 ** np.arange(3, -7, -1)
 _ROUNDED = 0.1
 # C continues beyond the last entry at least as steeply as for H = 0. C_1D diverges from -1 on.
 _FLATTEST = -2.0
-# Fisher steps for every lambda, which begin at the solution for the previous one, and for the best lambda.
-_STEPS, _LAST_STEPS = 4, 10
+# Fisher steps for every lambda, which begin at the solution for the previous one.
+_STEPS = 4
+# Fisher steps for the best lambda.
+_LAST_STEPS = 10
 # Largest change of ln C in a step; the deviance is not quadratic beyond.
 _LONGEST = 2.0
 # Information on ln C that a step assumes in addition (Levenberg), for entries that no value depends on. It
 # is small compared with one mode, which has the information 1.
 _DAMPING = 1e-2
-# Differences of ln C_1D - ln f beyond which the residual does not grow, against overflow.
-_LOWEST, _HIGHEST = -5.0, 3.0
+# Smallest difference ln C_1D - ln f that counts. Smaller ones do not change the residual 1 - r.
+_LOWEST = -5.0
+# Largest difference ln C_1D - ln f. The residual does not grow beyond, against overflow.
+_HIGHEST = 3.0
 # Most knots. 100 are 20 per decade over five decades; the run time is proportional to them.
 _KNOTS = 100
 

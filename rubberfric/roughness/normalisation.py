@@ -74,7 +74,8 @@ _ANGULAR = {
 
 # C_1D falls more slowly than this share of the slope of a self-affine surface, -(1 + 2 H), before a roll-off.
 _FLAT = 0.5
-# The slope at the beginning of a table is fitted over this factor of q. A roll-off from about 2 q[0] on is found.
+# The slope at the beginning of a table is fitted over this factor of q. A roll-off from about 2 q[0] on is
+# found.
 _BEGINNING = 3.0
 # Smallest number of entries of this fit, because single modes scatter by a factor of 2.
 _LEAST = 5
