@@ -60,18 +60,17 @@ class Engine(NamedTuple):
         if isinstance(self.solver, LevenbergMarquardt):
             return memory_of_evaluation(self.structure, self.numbers, starts, self.devices)
         iterate = self.blank(targets, starts)
-        static, given = (self.solver, self.structure), self.full((targets, iterate))
+        static, given = (self.solver, self.structure), self._full((targets, iterate))
         return _step_of_solver.memory(self.devices, static, self.numbers, *given)
 
-    def full(self, tree):
+    def _full(self, tree):
         """Repeat rows of the arrays of a pytree, so that their number is `count`."""
         return jax.tree.map(lambda a: a[np.resize(np.arange(len(a)), self.count)], tree)
 
-    def call(self, function, *arguments):
-        """Return the results of a compiled function for `count` fits."""
+    def _call(self, function, *arguments):
         return function(self.devices, self.structure, self.numbers, *arguments)
 
-    def evaluated(self, targets, z, which=None, slopes=False):
+    def _evaluated(self, targets, z, which=None, slopes=False):
         """Return predicted rows of the fits `which`, and their derivatives by z, with 0 for other fits."""
         which = np.arange(len(z)) if which is None else which
         variables = self.structure.variables
@@ -83,18 +82,18 @@ class Engine(NamedTuple):
         full[0][which], full[1][which] = rows, by_x
         return full
 
-    def levenberg_marquardt_step(self, targets, iterate):
+    def _levenberg_marquardt_step(self, targets, iterate):
         """Take one step of each running fit, with one Jacobian and several evaluations of the residuals."""
         x, running = np.asarray(iterate.x), np.asarray(iterate.status) == RUNNING
-        rows_and_slopes = self.evaluated(targets, x, np.flatnonzero(running), slopes=True)
-        plan, trial = self.call(_plan_step, targets, iterate, *rows_and_slopes)
+        rows_and_slopes = self._evaluated(targets, x, np.flatnonzero(running), slopes=True)
+        plan, trial = self._call(_plan_step, targets, iterate, *rows_and_slopes)
         while (which := np.flatnonzero(running & ~np.asarray(trial.done))).size:
-            rows, _ = self.evaluated(targets, x + np.asarray(trial.move), which)
-            trial = self.call(_after_evaluation, targets, iterate, plan, trial, rows)
+            rows, _ = self._evaluated(targets, x + np.asarray(trial.move), which)
+            trial = self._call(_after_evaluation, targets, iterate, plan, trial, rows)
         tolerance = np.full(len(x), self.solver.tolerance, x.dtype)
-        return self.call(_accept, targets, iterate, plan, trial, tolerance)
+        return self._call(_accept, targets, iterate, plan, trial, tolerance)
 
-    def at_bounds(self, targets, before, after):
+    def _at_bounds(self, targets, before, after):
         """Take other steps from x with elements near a bound on it, and return the iterates of lower cost.
 
         The second step is for fits that the first left above the cost of `after`. Elements stay on the bound
@@ -108,14 +107,14 @@ class Engine(NamedTuple):
         tried = (x != after.x).any(1)
         if not tried.any():
             return after
-        costs = np.asarray(self.call(_costs, targets, self.evaluated(targets, x)[0]))
+        costs = np.asarray(self._call(_costs, targets, self._evaluated(targets, x)[0]))
         status = np.where(tried & np.isfinite(costs), after.status, CONVERGED)
         if not np.any(status == RUNNING):
             return after
         there = after._replace(x=x, cost=costs, status=status, nfev=after.nfev + 1, njev=after.njev + 1)
         highest = after.cost + 0.01 * NEGLIGIBLE * np.maximum(1.0, after.cost)
         for _ in range(2):
-            there = self.levenberg_marquardt_step(targets, there)
+            there = self._levenberg_marquardt_step(targets, there)
             lower = tried & (np.asarray(there.cost) < highest)
             if np.all(lower | (status != RUNNING)):
                 break
@@ -126,8 +125,8 @@ class Engine(NamedTuple):
 
 def start(engine: Engine, targets: Targets, iterate: Iterate) -> Iterate:
     """Evaluate the cost at the starts of at most `count` fits, and return the new iterates."""
-    rows, _ = engine.evaluated(targets, iterate.x)
-    cost = np.asarray(engine.call(_costs, *engine.full((targets, rows))))[: len(iterate.x)]
+    rows, _ = engine._evaluated(targets, iterate.x)
+    cost = np.asarray(engine._call(_costs, *engine._full((targets, rows))))[: len(iterate.x)]
     status = np.where(np.isfinite(cost), RUNNING, NOT_FINITE)
     return iterate._replace(cost=cost, status=status, nfev=iterate.nfev + 1)
 
@@ -137,15 +136,15 @@ def advance(engine: Engine, targets: Targets, iterate: Iterate) -> Iterate:
     if not np.any(iterate.status == RUNNING):
         return iterate
     fits = len(iterate.x)
-    targets, iterate = engine.full((targets, iterate))
+    targets, iterate = engine._full((targets, iterate))
     iterate.status[fits:] = CONVERGED
     if not isinstance(engine.solver, LevenbergMarquardt):
         static = engine.solver, engine.structure
         after = _step_of_solver(engine.devices, static, engine.numbers, targets, iterate)
     else:
-        after = engine.levenberg_marquardt_step(targets, iterate)
+        after = engine._levenberg_marquardt_step(targets, iterate)
         if engine.structure.variables.order:
-            after = engine.at_bounds(targets, iterate, after)
+            after = engine._at_bounds(targets, iterate, after)
     return jax.tree.map(lambda a: np.asarray(a)[:fits], after)
 
 

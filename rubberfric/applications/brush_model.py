@@ -196,7 +196,7 @@ def peak_grip(
         raise ValueError(f"between = {shown(between)}: must be two slips of one sign, low < high")
     sign = np.sign(low)
     ends = np.log(np.sort(np.abs([low, high])))
-    at = jnp.linspace(*ends, _SLIPS)
+    at = jnp.linspace(ends[0], ends[1], _SLIPS)
     speed, load = (jnp.asarray(a)[..., None] for a in (speed, load))
     temperature = None if temperature is None else jnp.asarray(temperature)[..., None]
 

@@ -72,6 +72,7 @@ SCENES = {
 SLOW = (
     "shear relaxes",
     "shear relaxes on a slab",
+    "shear relaxes on elastic",
     "rough rubber",
     "vertical shift",
     "tabulated spectrum",

@@ -96,6 +96,7 @@ def test_single_precision_is_tried_until_it_is_lost_in_rounding():
     assert sweep.in_float32("abc", [1e-1, 1e-8, 1e-3]) == ["a", "c"]
 
 
+@pytest.mark.slow
 def test_gradient_errors_are_those_of_all_sensitivities():
     """The definition, written out with a plain Jacobian."""
 
