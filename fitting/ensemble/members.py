@@ -56,7 +56,7 @@ class EnsembleResult:
     cost : cost at x, shape (members,)
     status : how each member ended, a constant of `fitting.solvers.objective`, shape (members,)
     nfev, njev : evaluations of the residuals and of their Jacobian, shape (members,)
-    seconds : wall time without compilation, summed over all runs that a checkpoint joins
+    seconds : wall time, with compilation in the first run, summed over all runs that a checkpoint joins
     devices : number of devices in the (last) run
     batch : number of members per device that took a step together; 0 if no step was left to take
     peak : memory of each device for a step, as stated by the compiler [B]

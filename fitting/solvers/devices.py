@@ -3,8 +3,8 @@
 `over_fits` compiles a function of one fit for several fits. The fits are dealt to the devices in turn. A
 processor takes its fits one after the other: one fit keeps a core busy, its working set stays in the cache,
 empty places take no time, and the results are bit-identical for every number of fits. An accelerator takes
-all its fits in one vectorised function. The results, a few numbers for each fit, go to all processes, so that
-each process takes the same decisions.
+all its fits in one vectorised function. The results, a few numbers for each fit, go to all processes. Each
+process computes the steps from them (`fitting.solvers.steps`), so all processes need equal processors.
 """
 
 import functools
@@ -47,6 +47,11 @@ class Devices(NamedTuple):
         """Number of devices."""
         return 1 if self.mesh is None else self.mesh.size
 
+    @property
+    def several_processes(self) -> bool:
+        """True if the devices belong to several processes."""
+        return self.mesh is not None and len({one.process_index for one in self.mesh.devices.flat}) > 1
+
     def everywhere(self, tree: Any) -> Any:
         """Return a pytree of arrays with a copy on each device."""
         return tree if self.mesh is None else jax.tree.map(lambda a: _put(a, self.mesh, P()), tree)
@@ -75,11 +80,10 @@ class OverFits:
     ----------
     function : function of (static, shared, *arguments)
         `static` is hashable, `shared` is a pytree for all fits, and `arguments` are pytrees for one fit.
-    is_short : True for a function of a few small arrays, which all devices vectorise
     """
 
-    def __init__(self, function: Callable[..., Any], is_short: bool = False):
-        self.function, self.is_short = function, is_short
+    def __init__(self, function: Callable[..., Any]):
+        self.function = function
         self.program = functools.lru_cache(maxsize=16)(self._program)
 
     def __call__(self, devices: Devices, static: Any, shared: Any, *arguments: Any) -> Any:
@@ -125,7 +129,7 @@ class OverFits:
 
         def of_a_device(static, shared, count, arguments):
             one = functools.partial(traced, static, shared)
-            if devices.vectorised or self.is_short:
+            if devices.vectorised:
                 return jax.vmap(one)(*arguments)
             first = jax.tree.map(lambda a: a[0], arguments)
             places = len(jax.tree.leaves(arguments)[0])
@@ -153,14 +157,14 @@ class OverFits:
         several.__name__ = several.__qualname__ = f"several_{self.function.__name__.strip('_')}"
         quick = quick_options() if is_quick else None
         options: dict[str, Any] = {"static_argnums": 0, "compiler_options": quick}
-        if devices.mesh is not None:
+        if devices.mesh is not None and devices.several_processes:
             options["out_shardings"] = NamedSharding(devices.mesh, P())
         return jax.jit(several, **options)
 
 
-def over_fits(*, is_short: bool = False) -> Callable[[Callable[..., Any]], OverFits]:
-    """Return a decorator of a function of one fit, which is compiled for several fits."""
-    return functools.partial(OverFits, is_short=is_short)
+def over_fits(function: Callable[..., Any]) -> OverFits:
+    """Return a function of one fit, compiled for several fits, as a decorator."""
+    return OverFits(function)
 
 
 def _put(array, mesh, spec):

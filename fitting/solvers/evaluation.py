@@ -75,20 +75,20 @@ def _by_forward_mode(structure):
     )
 
 
-@over_fits()
+@over_fits
 def _rows(structure, shared, x):
     """Return the result of `rows_of` at one x, and an array of shape (rows, 0) instead of derivatives."""
     values = rows_of(structure, shared[0], x)
     return values, jnp.zeros((values.size, 0), x.dtype)
 
 
-@over_fits()
+@over_fits
 def _both(structure, shared, x):
     """Return the result of `rows_of` at one x and the derivatives, by the mode that suits each block."""
     return rows_and_slopes(structure, shared[0], x)
 
 
-@over_fits()
+@over_fits
 def _along(structure, shared, x):
     """Return the result of `rows_of` at one x, and derivatives by its first elements."""
     numbers, directions = shared

@@ -4,6 +4,7 @@ For least squares, the model and the step are separate compiled functions, becau
 compilation time. A step of Levenberg-Marquardt evaluates the residuals several times.
 """
 
+import functools
 from typing import NamedTuple
 
 import jax
@@ -23,6 +24,7 @@ from fitting.solvers.options import Solver
 from fitting.solvers.ordered import each_fit, put_on_bounds, slopes_of_x, x_of, z_of
 from fitting.solvers.problem import FitStructure, Numbers, Problem, Targets
 from fitting.solvers.residuals import in_errors, loss_of, padded, rounding, slopes_in_errors, solver_objective
+from rubberfric.base import quick_jit
 
 
 class Engine(NamedTuple):
@@ -32,6 +34,7 @@ class Engine(NamedTuple):
     ----------
     solver : Solver
     structure, numbers : of the problem, see `fitting.solvers.residuals.padded`
+    placed : the numbers on all devices
     size : largest number of fits of a device in one batch
     devices : Devices on which the fits run
     """
@@ -39,6 +42,7 @@ class Engine(NamedTuple):
     solver: Solver
     structure: FitStructure
     numbers: Numbers
+    placed: Numbers
     size: int
     devices: Devices
 
@@ -58,24 +62,25 @@ class Engine(NamedTuple):
     def memory(self, targets: Targets, starts: np.ndarray) -> int:
         """Return the memory of a device for a step [B], after compilation of its largest function."""
         if isinstance(self.solver, LevenbergMarquardt):
-            return memory_of_evaluation(self.structure, self.numbers, starts, self.devices)
+            return memory_of_evaluation(self.structure, self.placed, starts, self.devices)
         iterate = self.blank(targets, starts)
         static, given = (self.solver, self.structure), self._full((targets, iterate))
-        return _step_of_solver.memory(self.devices, static, self.numbers, *given)
+        return _step_of_solver.memory(self.devices, static, self.placed, *given)
 
     def _full(self, tree):
         """Repeat rows of the arrays of a pytree, so that their number is `count`."""
         return jax.tree.map(lambda a: a[np.resize(np.arange(len(a)), self.count)], tree)
 
     def _call(self, function, *arguments):
-        return function(self.devices, self.structure, self.numbers, *arguments)
+        return function(self.structure, self.numbers, *arguments)
 
     def _evaluated(self, targets, z, which=None, slopes=False):
         """Return predicted rows of the fits `which`, and their derivatives by z, with 0 for other fits."""
         which = np.arange(len(z)) if which is None else which
         variables = self.structure.variables
         at = variables, self.numbers.constants, z[which], targets.moving[which]
-        rows, by_x = evaluate_rows(self.structure, self.numbers, each_fit(x_of, *at), slopes, self.devices)
+        x = each_fit(x_of, *at)
+        rows, by_x = evaluate_rows(self.structure, self.placed, x, slopes, self.devices)
         if slopes and variables.order:
             by_x = by_x @ each_fit(slopes_of_x, *at)
         full = [np.zeros((len(z), *part.shape[1:]), part.dtype) for part in (rows, by_x)]
@@ -140,7 +145,7 @@ def advance(engine: Engine, targets: Targets, iterate: Iterate) -> Iterate:
     iterate.status[fits:] = CONVERGED
     if not isinstance(engine.solver, LevenbergMarquardt):
         static = engine.solver, engine.structure
-        after = _step_of_solver(engine.devices, static, engine.numbers, targets, iterate)
+        after = _step_of_solver(engine.devices, static, engine.placed, targets, iterate)
     else:
         after = engine._levenberg_marquardt_step(targets, iterate)
         if engine.structure.variables.order:
@@ -165,15 +170,30 @@ def make_engine(
     targets = jax.tree.map(lambda a: a[None], problem.targets) if targets is None else targets
     of = padded(problem, targets)
     full = jax.tree.map(lambda a: np.broadcast_to(a, (fits, *a.shape[1:])), of.targets)
-    return Engine(solver, of.structure, devices.everywhere(of.numbers), size, devices), full
+    placed = devices.everywhere(of.numbers)
+    return Engine(solver, of.structure, of.numbers, placed, size, devices), full
 
 
-@over_fits(is_short=True)
+def _by_fit(function):
+    """Compile a short function of one fit for a batch of fits, on one device of each process.
+
+    Several processors would wait for each other's threads.
+    """
+
+    @quick_jit(static_argnums=(0,))
+    @functools.wraps(function)
+    def several(structure, numbers, *arguments):
+        return jax.vmap(functools.partial(function, structure, numbers))(*arguments)
+
+    return several
+
+
+@_by_fit
 def _costs(structure, numbers, targets, rows):
     return loss_of(structure, numbers).cost(in_errors(structure, numbers, targets, rows))
 
 
-@over_fits(is_short=True)
+@_by_fit
 def _plan_step(structure, numbers, targets, iterate, rows, slopes):
     plain = in_errors(structure, numbers, targets, rows)
     jacobian = slopes_in_errors(structure, numbers, targets, slopes)
@@ -181,18 +201,18 @@ def _plan_step(structure, numbers, targets, iterate, rows, slopes):
     return plan, first_trial(plan)
 
 
-@over_fits(is_short=True)
+@_by_fit
 def _after_evaluation(structure, numbers, targets, iterate, plan, trial, rows):
     ahead = in_errors(structure, numbers, targets, rows)
     return after_evaluation(plan, trial, ahead, iterate, loss_of(structure, numbers))
 
 
-@over_fits(is_short=True)
+@_by_fit
 def _accept(structure, _, targets, iterate, plan, trial, tolerance):
     return accept(plan, trial, iterate, tolerance=tolerance, rounding=rounding(structure, targets))
 
 
-@over_fits()
+@over_fits
 def _step_of_solver(static, numbers, targets, iterate):
     """Take one step of a first-order solver."""
     solver, structure = static

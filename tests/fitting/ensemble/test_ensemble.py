@@ -177,10 +177,10 @@ def test_two_processes_do_not_change_a_bit(tmp_path, members, whole):
 def test_a_second_ensemble_compiles_no_fit(members):
     with compilations() as compiled:
         fitting.run_ensemble(members, batch=3)
-        assert "several_accept" in " ".join(map(str, compiled))
+        assert "accept" in " ".join(map(str, compiled))
         compiled.clear()
         fitting.run_ensemble(members, batch=3)
-    assert "several" not in " ".join(map(str, compiled))
+    assert "accept" not in " ".join(map(str, compiled))
 
 
 # --- memory
@@ -295,7 +295,8 @@ def test_kills_lose_nothing_but_the_steps_since_the_checkpoint(tmp_path, whole, 
             assert np.sum(begun & (status != 0)) >= told
     finished(start("modulus", out, path))
     assert_same(dict(np.load(out)), whole)
-    assert sorted(os.listdir(tmp_path)) == ["out.npz", "run.h5"]
+    # A process that is killed while it writes cannot remove the hidden folder of the new file.
+    assert [name for name in sorted(os.listdir(tmp_path)) if name[0] != "."] == ["out.npz", "run.h5"]
 
 
 @pytest.fixture
