@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import json
 import os
 import random
 import re
@@ -19,7 +20,7 @@ import numpy as np
 import pytest
 from support.counting.compilations import compilations
 from support.ensembles import ensemble_cases as cases
-from support.folders import PYTHONPATH
+from support.folders import PYTHONPATH, ROOT
 
 import fitting
 from fitting.ensemble.run import largest_batch
@@ -148,6 +149,17 @@ def test_devices_change_friction_by_rounding_at_most(tmp_path):
     np.testing.assert_array_equal(found["one_status"][good], CONVERGED)
     np.testing.assert_allclose(found["one_cost"][good], found["cost"][good], rtol=1e-12)
     np.testing.assert_allclose(found["one_x"][good], found["x"][good], rtol=1e-7)
+
+
+@pytest.mark.slow
+def test_full_batches_on_two_devices_end():
+    """Batches of 32 members with 20 parameters, in which both devices once waited for each other."""
+    program = ROOT / "tests" / "support" / "ensembles" / "ensemble_twin.py"
+    environment = os.environ | {"JAX_NUM_CPU_DEVICES": "2", "JAX_PLATFORMS": "cpu", "PYTHONPATH": PYTHONPATH}
+    command = [sys.executable, str(program), "ensemble", "64", "float64"]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=200, check=True)
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert (found["devices"], found["batch"], found["failed"]) == (2, 32, 0)
 
 
 @pytest.mark.slow
