@@ -10,7 +10,6 @@ Approximation Theory and Approximation Practice, SIAM 2013, chapters 2, 3 and 8]
 coefficients are halved. Finally the interpolation is compared with the model at points of the map.
 """
 
-import functools
 import itertools
 import math
 from collections.abc import Callable, Iterator
@@ -22,6 +21,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebpts1, chebvander
 
 from rubberfric.base.compilation import quick_jit
+from rubberfric.base.quadrature import chebyshev_transform
 from rubberfric.io.results import Conditions, Interpolation, result_shape
 from rubberfric.scene.interface import shear_friction
 from rubberfric.scene.scene import Scene
@@ -98,7 +98,7 @@ class PressureSeries(NamedTuple):
             return self.values[np.argmin(np.abs(self.nodes[:, None] - log_pressure), 0)]
         size, middle = self.nodes.size, 0.5 * (self.nodes[0] + self.nodes[-1])
         place = (log_pressure - middle) / (0.5 * (self.nodes[-1] - self.nodes[0])) * chebpts1(size)[-1]
-        basis = chebvander(place, size - 1) @ _series(size)
+        basis = chebvander(place, size - 1) @ chebyshev_transform(size)
         return basis @ self.values * np.exp(np.multiply.outer(log_pressure - middle, self.exponents))
 
 
@@ -122,7 +122,7 @@ class Interpolant(NamedTuple):
         ends = np.searchsorted(panel[order], np.arange(self.edges.size))
         values = {name: series.at(log_pressure) for name, series in self.values.items()}
         coefficients = {
-            name: one[:, :-1].reshape(log_pressure.size, -1, _NODES) @ _series(_NODES).T
+            name: one[:, :-1].reshape(log_pressure.size, -1, _NODES) @ chebyshev_transform(_NODES).T
             for name, one in values.items()
         }
         found = {name: np.empty((log_pressure.size, x.size)) for name in values}
@@ -365,14 +365,6 @@ def _a_few(values):
 # --- Chebyshev series
 
 
-@functools.cache
-def _series(count):
-    """Return the matrix from values at the nodes to Chebyshev coefficients, of shape (count, count)."""
-    matrix = 2 / count * chebvander(chebpts1(count), count - 1).T
-    matrix[0] /= 2
-    return matrix
-
-
 def _last_coefficients(values):
     """Return the largest of the last three Chebyshev coefficients over the last axis, relative to the values.
 
@@ -382,6 +374,6 @@ def _last_coefficients(values):
     size = np.abs(values)
     changes = (values.min(-1) < 0) & (values.max(-1) > 0)
     scale = np.where(changes, size.max(-1), size.min(-1))
-    last = np.max(np.abs(values @ _series(values.shape[-1])[-3:].T), -1)
+    last = np.max(np.abs(values @ chebyshev_transform(values.shape[-1])[-3:].T), -1)
     without = np.where(size.max(-1) > 0, np.inf, 0.0)
     return np.where(scale > 0, last / np.where(scale > 0, scale, 1.0), without)

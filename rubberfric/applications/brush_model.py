@@ -29,17 +29,24 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
+from numpy.polynomial.chebyshev import chebpts1
 
 from rubberfric.applications.patch import Patch
-from rubberfric.base.checks import POSITIVE, UnitWarning, as_array, check_values, is_concrete, shown
-from rubberfric.base.quadrature import Quadrature
+from rubberfric.base.checks import POSITIVE, UnitWarning, as_array, check_kind, check_values, shown
+from rubberfric.base.quadrature import Quadrature, chebyshev_sum, chebyshev_transform, gauss, typed
 from rubberfric.base.roots import root
 from rubberfric.roughness.moments import safe_root
 from rubberfric.scene.scene import Scene, result_dtype, warn_of_conditions
 from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import friction
 
-Kind = Literal["angle", "ratio"]
+SlipKind = Literal["angle", "ratio"]
+
+# Rules of the slip, by its kind.
+_RANGES = {
+    "angle": ("must be between -pi/2 and pi/2; is it in degrees?", lambda x: np.abs(x) < np.pi / 2),
+    "ratio": ("must be > -1", lambda x: x > -1),
+}
 
 # Number of pressures at which friction is computed, Chebyshev nodes in the root of p. The force then has an
 # error of 1e-8, and of 1e-6 where contact is nearly full. In ln p, ten nodes are needed.
@@ -78,7 +85,7 @@ def grip(
     speed: ArrayLike,
     load: ArrayLike,
     temperature: ArrayLike | None = None,
-    kind: Kind = "angle",
+    kind: SlipKind = "angle",
     *,
     quadrature: Quadrature | None = None,
 ) -> Grip:
@@ -111,10 +118,9 @@ def grip(
     ------
     ValueError : a slip, speed or load outside its range, an unknown kind, and as `rubberfric.friction`
     """
-    if kind not in ("angle", "ratio"):
+    if kind not in _RANGES:
         raise ValueError(f"kind = {shown(kind)}: must be 'angle' or 'ratio'")
-    if not isinstance(patch, Patch):
-        raise ValueError(f"patch is a {type(patch).__name__}: must be a Patch")
+    check_kind("patch", patch, Patch)
     slip, speed, load = _conditions(scene, slip, speed, load, kind)
     sliding_speed = speed * (jnp.sin(jnp.abs(slip)) if kind == "angle" else jnp.abs(slip))
     mean = load / patch.area
@@ -163,7 +169,7 @@ def peak_grip(
     speed: ArrayLike,
     load: ArrayLike,
     temperature: ArrayLike | None = None,
-    kind: Kind = "angle",
+    kind: SlipKind = "angle",
     *,
     between: tuple[float, float] = (1e-3, 0.5),
     quadrature: Quadrature | None = None,
@@ -228,44 +234,25 @@ def slip_stiffness(patch: Patch) -> jax.Array:
 def _conditions(scene, slip, speed, load, kind):
     dtype = result_dtype(scene, slip, speed, load)
     slip, speed, load = (as_array(a, dtype) for a in (slip, speed, load))
-    limits = (-np.pi / 2, np.pi / 2) if kind == "angle" else (-1.0, np.inf)
-    if is_concrete(slip):
-        text = "must be between -pi/2 and pi/2; is it in degrees?" if kind == "angle" else "must be > -1"
-        check_values("slip", slip, (text, lambda x: (x > limits[0]) & (x < limits[1])))
-    for name, value in (("speed", speed), ("load", load)):
-        if is_concrete(value):
-            check_values(name, value, POSITIVE)
+    check_values("slip", slip, _RANGES[kind])
+    check_values("speed", speed, POSITIVE)
+    check_values("load", load, POSITIVE)
     return slip, speed, load
-
-
-def _chebyshev(count):
-    """Return Chebyshev points z in (-1, 1), and the matrix from values there to Chebyshev coefficients."""
-    angle = (np.arange(count) + 0.5) * np.pi / count
-    matrix = 2.0 / count * np.cos(np.arange(count)[:, None] * angle)
-    matrix[0] *= 0.5
-    return np.cos(angle), matrix
 
 
 def _pressures(patch, dtype):
     """Return the pressures at which friction is computed, divided by the highest one."""
     if patch.shape.is_constant:
         return jnp.ones(1, dtype)
-    z, _ = _chebyshev(_PRESSURES)
-    return jnp.asarray((0.5 * (1 + z)) ** 2, dtype)
+    return jnp.asarray((0.5 * (1 + chebpts1(_PRESSURES))) ** 2, dtype)
 
 
 def _friction_at(mu, relative):
     """Return friction at pressures `relative` to the highest one, from its values at `_pressures`."""
     if mu.shape[0] == 1:
         return mu[0]
-    matrix = jnp.asarray(_chebyshev(mu.shape[0])[1], mu.dtype)
-    coefficients = matrix @ mu
-    z = 2 * safe_root(jnp.maximum(relative, 0.0)) - 1
-    # Clenshaw's recurrence, whose derivatives are finite at both ends.
-    first = second = jnp.zeros_like(z)
-    for c in coefficients[:0:-1]:
-        first, second = c + 2 * z * first - second, first
-    return coefficients[0] + z * first - second
+    coefficients = typed(chebyshev_transform(mu.shape[0]), mu) @ mu
+    return chebyshev_sum(coefficients, 2 * safe_root(jnp.maximum(relative, 0.0)) - 1)
 
 
 def brush(
@@ -289,7 +276,7 @@ def brush(
 
     start = _first_sliding(lambda s: rise * s - limit(s), sigma.dtype)
     kinks = jnp.asarray(shape.kinks(), sigma.dtype)
-    t, weight = (jnp.asarray(a, sigma.dtype) for a in _clustered(_NODES))
+    t, weight = (typed(table, sigma) for table in _clustered(_NODES))
     low = jnp.maximum(kinks[:-1], start)[:, None]
     length = jnp.maximum(kinks[1:], start)[:, None] - low
     s = low + length * t
@@ -303,8 +290,7 @@ def brush(
 
 def _clustered(count):
     """Return nodes and weights on (0, 1), for functions of the root of the distance from both ends."""
-    x, w = np.polynomial.legendre.leggauss(count)
-    x, w = 0.5 * (x + 1), 0.5 * w
+    x, w = gauss(count)
     return x * x * (3 - 2 * x), 6 * x * (1 - x) * w
 
 

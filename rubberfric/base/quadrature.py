@@ -145,6 +145,25 @@ def cumulative(order: int) -> np.ndarray:
     return _frozen((weight[:, None] * before)[:, :, None] * basis[:, None, :])
 
 
+@functools.cache
+def chebyshev_transform(count: int) -> np.ndarray:
+    """Return the matrix from values at the Chebyshev nodes (chebpts1) to `count` Chebyshev coefficients."""
+    matrix = 2 / count * chebyshev.chebvander(chebyshev.chebpts1(count), count - 1).T
+    matrix[0] /= 2
+    return _frozen(matrix)
+
+
+def chebyshev_sum(coefficients: jax.Array, u: jax.Array) -> jax.Array:
+    """Return a Chebyshev series at u by Clenshaw's recurrence, which compiles quickly.
+
+    Its derivatives are finite at u = -1 and 1.
+    """
+    twice, one, two = 2 * u, jnp.zeros_like(u), jnp.zeros_like(u)
+    for c in coefficients[:0:-1]:
+        one, two = twice * one - two + c, one
+    return u * one - two + coefficients[0]
+
+
 def chebyshev_fit(
     function: Callable[[np.ndarray], np.ndarray], low: float, high: float, degree: int
 ) -> np.ndarray:

@@ -25,7 +25,7 @@ from numpy.polynomial import chebyshev
 from rubberfric.base.checks import POSITIVE, between
 from rubberfric.base.objects.fields import Number, OptionalNumber, leaf, static
 from rubberfric.base.objects.physical import PhysicalObject, physical
-from rubberfric.base.quadrature import typed
+from rubberfric.base.quadrature import chebyshev_sum, typed
 
 # e-folds of k below the smallest 2q. There the terms differ from their closed form by (k/2q)^2, 4e-11 at the
 # end.
@@ -222,15 +222,7 @@ def _closed(heating, x, velocity, kind):
     share = z / (1 + z)
     table = typed(_tables()[kind], z)
     u = 1 - 2 / (1 + z)
-    return velocity * (root / jnp.sqrt(speed)) * share * _chebyshev(table, u) * (heating.radius / root**2)
-
-
-def _chebyshev(coefficients, u):
-    """Evaluate a Chebyshev series at u by Clenshaw's recursion, which compiles quickly."""
-    twice, one, two = 2 * u, jnp.zeros_like(u), jnp.zeros_like(u)
-    for c in coefficients[:0:-1]:
-        one, two = twice * one - two + c, one
-    return u * one - two + coefficients[0]
+    return velocity * (root / jnp.sqrt(speed)) * share * chebyshev_sum(table, u) * (heating.radius / root**2)
 
 
 @functools.cache
