@@ -1,6 +1,6 @@
 """Devices on which several fits run side by side.
 
-`over_fits` compiles a function of one fit for several fits. The fits are dealt to the devices in turn. A
+`OverFits` compiles a function of one fit for several fits. The fits are dealt to the devices in turn. A
 processor takes its fits one after the other: one fit keeps a core busy, its working set stays in the cache,
 empty places take no time, and the results are bit-identical for every number of fits. An accelerator takes
 all its fits in one vectorised function. The results, a few numbers for each fit, go to all processes. Each
@@ -21,8 +21,8 @@ from rubberfric.base import quick_options
 
 AXIS = "fits"
 
-# Largest number of points that a device evaluates in one call. Few enough that one point takes no longer for
-# the empty places beside it.
+# Largest number of points that a device evaluates in one call. The empty places of a single point hardly take
+# time.
 PLACES = 8
 
 
@@ -74,7 +74,7 @@ def mesh_of(devices: Sequence[jax.Device]) -> Mesh | None:  # pyright: ignore[re
 
 
 class OverFits:
-    """A function of one fit, compiled for several fits.
+    """A function of one fit, compiled for several fits. The class serves as a decorator.
 
     Parameters
     ----------
@@ -162,14 +162,7 @@ class OverFits:
         return jax.jit(several, **options)
 
 
-def over_fits(function: Callable[..., Any]) -> OverFits:
-    """Return a function of one fit, compiled for several fits, as a decorator."""
-    return OverFits(function)
-
-
 def _put(array, mesh, spec):
-    if isinstance(array, jax.Array):
-        return array  # the result of another function, on all devices
     # A callback fills the array, because the devices may belong to several processes.
     array = np.asarray(array)
     return jax.make_array_from_callback(array.shape, NamedSharding(mesh, spec), lambda index: array[index])

@@ -14,7 +14,7 @@ import numpy as np
 
 from fitting.parameters.scenes import by_name
 from fitting.parameters.variables import Array
-from fitting.solvers.devices import Devices, default_device, over_fits
+from fitting.solvers.devices import Devices, OverFits, default_device
 from fitting.solvers.problem import CURVE_QUANTITIES, FitStructure, Numbers, Problem
 from fitting.solvers.residuals import (
     Padded,
@@ -75,20 +75,20 @@ def _by_forward_mode(structure):
     )
 
 
-@over_fits
+@OverFits
 def _rows(structure, shared, x):
     """Return the result of `rows_of` at one x, and an array of shape (rows, 0) instead of derivatives."""
     values = rows_of(structure, shared[0], x)
     return values, jnp.zeros((values.size, 0), x.dtype)
 
 
-@over_fits
+@OverFits
 def _both(structure, shared, x):
     """Return the result of `rows_of` at one x and the derivatives, by the mode that suits each block."""
     return rows_and_slopes(structure, shared[0], x)
 
 
-@over_fits
+@OverFits
 def _along(structure, shared, x):
     """Return the result of `rows_of` at one x, and derivatives by its first elements."""
     numbers, directions = shared

@@ -88,9 +88,8 @@ class Progress:
     def ends(self, problem: Problem, moving: Array, interrupted: bool) -> Runs:
         """Return the results; fits that run still have the status INTERRUPTED or OUT_OF_STEPS."""
         iterate, late = self.iterate, INTERRUPTED if interrupted else OUT_OF_STEPS
-        moving = np.broadcast_to(moving, np.shape(iterate.x))
         return Runs(
-            each_fit(x_of, problem.variables, problem.numbers.constants, np.asarray(iterate.x), moving),
+            each_fit(x_of, problem.variables, problem.numbers.constants, iterate.x, moving),
             np.where(self.begun, iterate.cost, np.inf),
             np.where(iterate.status == RUNNING, late, iterate.status),
             np.asarray(iterate.nfev),
@@ -121,7 +120,6 @@ def run_fits(
     batch : number of fits that run side by side. If None, `FIT_BATCH`, or the number of fits if smaller.
         Each batch size needs its own compilation.
     """
-    targets = jax.tree.map(lambda a: a[None], problem.targets) if targets is None else targets
     starts, max_steps = np.asarray(starts), max_steps or solver.max_steps
     size = batch or min(FIT_BATCH, len(starts))
     engine, targets = make_engine(solver, problem, targets, len(starts), size)

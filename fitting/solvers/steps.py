@@ -10,7 +10,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from fitting.solvers.devices import Devices, default_device, over_fits
+from fitting.solvers.devices import Devices, OverFits, default_device
 from fitting.solvers.evaluation import evaluate_rows, memory_of_evaluation
 from fitting.solvers.levenberg_marquardt import (
     LevenbergMarquardt,
@@ -212,7 +212,7 @@ def _accept(structure, _, targets, iterate, plan, trial, tolerance):
     return accept(plan, trial, iterate, tolerance=tolerance, rounding=rounding(structure, targets))
 
 
-@over_fits
+@OverFits
 def _step_of_solver(static, numbers, targets, iterate):
     """Take one step of a first-order solver."""
     solver, structure = static
