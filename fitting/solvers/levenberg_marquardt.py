@@ -36,9 +36,10 @@ from fitting.solvers.objective import (
 
 TRIALS = (0.1, 0.55, 3.0)  # times the damping of the last step
 STIFFER = 30.0  # factor of the damping after a step that did not lower the cost
-SOFTEST, STIFFEST = 1e-30, 1e9  # dampings, divided by the largest singular value squared
-# Parts of the predicted decrease of the cost that make a larger damping or a correction unnecessary.
-SUFFICIENT, GOOD = 0.5, 0.9
+SOFTEST = 1e-30  # smallest damping, divided by the largest singular value squared
+STIFFEST = 1e9  # largest damping, divided by the largest singular value squared
+SUFFICIENT = 0.5  # part of the predicted decrease of the cost that makes a larger damping unnecessary
+GOOD = 0.9  # part of the predicted decrease of the cost that makes a correction unnecessary
 CORRECTIONS = 3  # largest number of corrections of a move
 SMALL = 1e-3  # size of a correction, relative to the move, below which it is omitted
 LONGEST_STEP = 3.0  # largest change of any x in a step: a factor of 20 for a Positive parameter

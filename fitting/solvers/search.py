@@ -125,8 +125,12 @@ def _escaped(problem, x, start):
 
 # Significance level of the chi-square test; points around fits with a larger chi-square are tried.
 _CHANCE = 1e-3
-# Number of random points, steps along each x, and largest number of both, which take as long as a few steps.
-_DRAWN, _STEPS, _MOST = 8, (1.0, -1.0), 32
+# Number of random points.
+_DRAWN = 8
+# Steps along each x.
+_STEPS = (1.0, -1.0)
+# Largest number of random points and steps, which take as long as a few steps of the solver.
+_MOST = 32
 # Steps away from a neighbour to which a number is equal.
 _INWARD = (0.01, 0.1, 0.3, 1.0)
 # Largest number of times that a fit continues from a lower point.

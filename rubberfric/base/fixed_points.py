@@ -18,12 +18,18 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-_HISTORY, _MOST_STEPS = 7, 80
+# Number of previous steps that are combined.
+_HISTORY = 7
 
-# A row takes its last step if its residual divided by its largest element is below this tolerance. The first
-# value is for the iteration, the second for the linear systems of the derivatives. The last step reduces the
-# residual at least tenfold, and friction then has an error of 1e-12.
-_TOLERANCE, _LINEAR_TOLERANCE = 1e-7, 1e-9
+# Largest number of evaluations of a residual.
+_MOST_STEPS = 80
+
+# A row takes its last step if its residual divided by its largest element is below this tolerance. The last
+# step reduces the residual at least tenfold, and friction then has an error of 1e-12.
+_TOLERANCE = 1e-7
+
+# The same tolerance for the linear systems of the derivatives. Their last step reduces the residual likewise.
+_LINEAR_TOLERANCE = 1e-9
 
 
 class Inverse(NamedTuple):
