@@ -23,6 +23,7 @@ from rubberfric.materials.shifts import Shift, VerticalShift
 from rubberfric.materials.slab import Layer
 from rubberfric.roughness.spectra import Spectrum
 from rubberfric.scene.interface import ShearLaw
+from rubberfric.scene.patch import PressureShape
 from rubberfric.scene.scene import Body, Scene
 
 HERE = Path(__file__).parent
@@ -37,8 +38,9 @@ PLACES = (
     ("Contact shear", "shear", ShearLaw),
     ("Shifts with temperature", "shift", Shift),
     ("Vertical shifts", "vertical", VerticalShift),
+    ("Pressures of a patch", "patch.pressure", PressureShape),
 )
-OTHERS = ("heating", "softening", "adhesion", "correlation", "thermal")
+OTHERS = ("heating", "softening", "adhesion", "correlation", "thermal", "patch")
 
 
 def document() -> str:

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from rubberfric import roughness as roughness
     from rubberfric.analysis import FrictionMap as FrictionMap
     from rubberfric.analysis import friction_map as friction_map
-    from rubberfric.applications import Patch as Patch
     from rubberfric.applications import grip as grip
     from rubberfric.base import units as units
     from rubberfric.base.checks import UnitWarning as UnitWarning
@@ -47,9 +46,14 @@ if TYPE_CHECKING:
     from rubberfric.scene import ContactShear as ContactShear
     from rubberfric.scene import Correlation as Correlation
     from rubberfric.scene import Heating as Heating
+    from rubberfric.scene import MeasuredPressure as MeasuredPressure
+    from rubberfric.scene import Parabolic as Parabolic
+    from rubberfric.scene import Patch as Patch
     from rubberfric.scene import Scene as Scene
     from rubberfric.scene import Softening as Softening
     from rubberfric.scene import ThermalProperties as ThermalProperties
+    from rubberfric.scene import Trapezoid as Trapezoid
+    from rubberfric.scene import Uniform as Uniform
     from rubberfric.scene import same as same
     from rubberfric.scene import tuned as tuned
     from rubberfric.theory import Solution as Solution

@@ -6,15 +6,11 @@ TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
     from rubberfric.applications.brush_model import Grip as Grip
     from rubberfric.applications.brush_model import PeakGrip as PeakGrip
+    from rubberfric.applications.brush_model import friction_points as friction_points
     from rubberfric.applications.brush_model import grip as grip
+    from rubberfric.applications.brush_model import grip_of_friction as grip_of_friction
     from rubberfric.applications.brush_model import peak_grip as peak_grip
     from rubberfric.applications.brush_model import slip_stiffness as slip_stiffness
     from rubberfric.applications.conductance import contact_conductance as contact_conductance
-    from rubberfric.applications.patch import MeasuredPressure as MeasuredPressure
-    from rubberfric.applications.patch import Parabolic as Parabolic
-    from rubberfric.applications.patch import Patch as Patch
-    from rubberfric.applications.patch import PressureShape as PressureShape
-    from rubberfric.applications.patch import Trapezoid as Trapezoid
-    from rubberfric.applications.patch import Uniform as Uniform
 
 lazily(__name__, __file__, load=True)

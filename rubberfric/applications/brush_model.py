@@ -31,11 +31,11 @@ import numpy as np
 from jax.typing import ArrayLike
 from numpy.polynomial.chebyshev import chebpts1
 
-from rubberfric.applications.patch import Patch
 from rubberfric.base.checks import POSITIVE, UnitWarning, as_array, check_kind, check_values, shown
 from rubberfric.base.quadrature import Quadrature, chebyshev_sum, chebyshev_transform, gauss, typed
 from rubberfric.base.roots import root
 from rubberfric.roughness.moments import safe_root
+from rubberfric.scene.patch import Patch
 from rubberfric.scene.scene import Scene, result_dtype, warn_of_conditions
 from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import friction
@@ -121,22 +121,42 @@ def grip(
     if kind not in _RANGES:
         raise ValueError(f"kind = {shown(kind)}: must be 'angle' or 'ratio'")
     check_kind("patch", patch, Patch)
-    slip, speed, load = _conditions(scene, slip, speed, load, kind)
-    sliding_speed = speed * (jnp.sin(jnp.abs(slip)) if kind == "angle" else jnp.abs(slip))
+    dtype = result_dtype(scene, patch, slip, speed, load, temperature)
+    slip, speed, load = _conditions(dtype, slip, speed, load, kind)
+    points = friction_points(patch, slip, speed, load, temperature, kind)
     mean = load / patch.area
-    pressures = (mean * patch.shape.highest())[..., None] * _pressures(patch, slip.dtype)
-    at = None if temperature is None else jnp.asarray(temperature)[..., None]
     warn_of_conditions(velocity=speed, pressure=mean, temperature=temperature)
     if quadrature is None:
         quadrature = default_quadrature(scene, mean, separation=False)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnitWarning)  # of low pressures next to the edges
-        mu = friction(scene, sliding_speed[..., None], pressures, at, quadrature=quadrature)
-    return _grip(patch, kind, slip, load, mu)
+        mu = friction(scene, *points, quadrature=quadrature)
+    return grip_of_friction(patch, slip, load, mu, kind)
 
 
-@functools.partial(jax.jit, static_argnums=1)
-def _grip(patch, kind, slip, load, mu):
+def friction_points(
+    patch: Patch,
+    slip: jax.Array,
+    speed: jax.Array,
+    load: jax.Array,
+    temperature: ArrayLike | None = None,
+    kind: SlipKind = "angle",
+) -> tuple[jax.Array, jax.Array, jax.Array | None]:
+    """Return the velocities, pressures and temperatures at which `grip` needs the friction.
+
+    A last axis counts the pressures along the patch. For its arguments see `grip`.
+    """
+    sliding_speed = speed * (jnp.sin(jnp.abs(slip)) if kind == "angle" else jnp.abs(slip))
+    highest = load / patch.area * patch.shape.highest()
+    at = None if temperature is None else as_array(temperature, slip.dtype)[..., None]
+    return sliding_speed[..., None], highest[..., None] * _pressures(patch, slip.dtype), at
+
+
+@functools.partial(jax.jit, static_argnames="kind")
+def grip_of_friction(
+    patch: Patch, slip: jax.Array, load: jax.Array, mu: jax.Array, kind: SlipKind = "angle"
+) -> Grip:
+    """Return the `Grip` of a patch for the friction coefficients at the `friction_points`."""
     sigma = jnp.tan(slip) if kind == "angle" else slip / (1 + slip)
     shape = jnp.broadcast_shapes(slip.shape, load.shape, mu.shape[:-1])
     sigma, load = jnp.broadcast_to(sigma, shape), jnp.broadcast_to(load, shape)
@@ -200,11 +220,12 @@ def peak_grip(
     low, high = (float(end) for end in between)
     if not (low < high and low * high > 0):
         raise ValueError(f"between = {shown(between)}: must be two slips of one sign, low < high")
-    sign = np.sign(low)
+    sign = float(np.sign(low))
     ends = np.log(np.sort(np.abs([low, high])))
-    at = jnp.linspace(ends[0], ends[1], _SLIPS)
-    speed, load = (jnp.asarray(a)[..., None] for a in (speed, load))
-    temperature = None if temperature is None else jnp.asarray(temperature)[..., None]
+    dtype = result_dtype(scene, patch, speed, load, temperature)
+    at = jnp.linspace(ends[0], ends[1], _SLIPS, dtype=dtype)
+    speed, load = (as_array(a, dtype)[..., None] for a in (speed, load))
+    temperature = None if temperature is None else as_array(temperature, dtype)[..., None]
 
     def force(log_slip):
         slip = sign * jnp.exp(log_slip)
@@ -231,8 +252,7 @@ def slip_stiffness(patch: Patch) -> jax.Array:
     return 0.5 * patch.stiffness * patch.length**2 * patch.width
 
 
-def _conditions(scene, slip, speed, load, kind):
-    dtype = result_dtype(scene, slip, speed, load)
+def _conditions(dtype, slip, speed, load, kind):
     slip, speed, load = (as_array(a, dtype) for a in (slip, speed, load))
     check_values("slip", slip, _RANGES[kind])
     check_values("speed", speed, POSITIVE)

@@ -196,7 +196,12 @@ def _build(path, key, cls, content):
 
 
 def _build_child(path, key, field, content):
-    """Return the object of a field from the TOML table at `key`, which names one of several kinds."""
+    """Return the object of a field from the TOML table at `key`, which names one of several kinds.
+
+    The name of a kind without keys may stand for its table.
+    """
+    if isinstance(content, str) and content in field.names:
+        content = {"kind": content}
     check_keys(path, key, content, content)
     if not issubclass(field.role, Kind):
         return _build(path, key, field.role, content)

@@ -9,6 +9,12 @@ if TYPE_CHECKING:
     from rubberfric.scene.interface import Adhesion as Adhesion
     from rubberfric.scene.interface import ContactShear as ContactShear
     from rubberfric.scene.interface import Correlation as Correlation
+    from rubberfric.scene.patch import MeasuredPressure as MeasuredPressure
+    from rubberfric.scene.patch import Parabolic as Parabolic
+    from rubberfric.scene.patch import Patch as Patch
+    from rubberfric.scene.patch import PressureShape as PressureShape
+    from rubberfric.scene.patch import Trapezoid as Trapezoid
+    from rubberfric.scene.patch import Uniform as Uniform
     from rubberfric.scene.scene import Body as Body
     from rubberfric.scene.scene import Scene as Scene
     from rubberfric.scene.scene import cast as cast

@@ -31,6 +31,7 @@ from rubberfric.roughness.anisotropy import slope_anisotropy
 from rubberfric.roughness.spectra import Spectrum
 from rubberfric.scene.heating import Heating, ThermalProperties
 from rubberfric.scene.interface import Adhesion, Correlation, ShearLaw
+from rubberfric.scene.patch import Patch
 from rubberfric.scene.softening import Softening
 
 _Tree = TypeVar("_Tree")
@@ -126,6 +127,8 @@ class Scene(PhysicalObject):
         work of adhesion in the contact area, of short or long range.
     correlation : Correlation or None
         correlation of the roughness of both solids, which must be at rest.
+    patch : Patch or None
+        contact patch of a tyre or a test wheel, for fits to `fitting.SlipData`; changes no friction.
     contact_model : "paper" or "boundary_elements" (static)
         With "boundary_elements", area and friction follow a law that was fitted to boundary elements
         (`rubberfric.theory.area.boundary_elements_law`), for one rough surface. Both solids are half-spaces,
@@ -154,6 +157,7 @@ class Scene(PhysicalObject):
     softening: Softening | None = child(default=None)
     adhesion: Adhesion | None = child(default=None)
     correlation: Correlation | None = child(default=None)
+    patch: Patch | None = child(default=None)
     contact_model: Literal["paper", "boundary_elements"] = static(default="paper")
     quadrature: Quadrature | None = setting(default=None)
 

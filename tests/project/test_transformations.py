@@ -26,6 +26,9 @@ T = np.array([281.0, 291.5, 303.0, 318.0])
 FINE = rf.SelfAffine(1e4, 3e4, 1e6, 0.8, 2e-7)
 # Few nodes, because the transformations of results are tested, not their accuracy.
 COARSE = rf.Quadrature(order=8, panels=6, graded=3, ratio=6.0)
+PRESSURES = ("Parabolic", "Uniform", "Trapezoid", "MeasuredPressure")
+# Shares of the length of a patch, at no kink of the pressure.
+SHARES = np.array([0.03, 0.31, 0.66, 0.97])
 Q = np.array([250.0, 9e2, 7e3, 2e4])  # within the cut-offs of the examples
 
 
@@ -78,6 +81,12 @@ def _layered(layer, q):
     return layer.E_r_S_bar(0.4, q, jnp.ones_like(q), 0.3 * jnp.ones_like(q))
 
 
+def _slipping(patch, speed):
+    """Side force at slip angles of which most elements stick, some, and few."""
+    scene, angle = cast(_on_road(rf.Body(TREAD)), speed.dtype), 0.3 * speed / (1 + speed)
+    return rf.grip(scene, patch, angle, 1e-2, 3e3, quadrature=rf.Quadrature()).force
+
+
 # Return results of an object of each class at four arguments.
 ANSWERS = {
     **dict.fromkeys(("Elastic", "Prony", "PronyShear", "TabulatedModulus"), (_modulus, OMEGA)),
@@ -91,6 +100,8 @@ ANSWERS = {
     "Heating": (_heating, OMEGA),
     "Adhesion": (_pulled, OMEGA),
     "Correlation": (_resting, OMEGA),
+    **dict.fromkeys(PRESSURES, (lambda shape, s: shape.relative(s), SHARES)),
+    "Patch": (_slipping, OMEGA),
     "Body": (lambda body, v: _area(rf.Scene(rf.Body(rf.Rigid(), ROAD), body), v), OMEGA),
     "Scene": (_area, OMEGA),
 }
@@ -133,6 +144,11 @@ IN_SCENES = {
     "ThermalProperties": lambda thermal: _on_road(
         rf.Body(SHIFTED_TREAD, thermal=thermal), heating=EXAMPLES["Heating"]
     ),
+    "Patch": lambda patch: _on_road(rf.Body(TREAD), patch=patch),
+    **dict.fromkeys(
+        PRESSURES,
+        lambda shape: _on_road(rf.Body(TREAD), patch=rf.Patch(0.1, 0.2, 5e7, shape)),
+    ),
     "Body": _on_road,
     "Scene": lambda scene: scene,
 }
@@ -161,14 +177,13 @@ CASES = {name: (given, *ANSWERS[name]) for name, given in EXAMPLES.items() if na
 }
 LONG = ("Body", "Scene", "Heating", "SelfAffine", "TabulatedAnisotropic", "Adhesion")
 LONG += ("Anisotropic", "Coating", "Correlation", "Softening", "TabulatedSpectrum", "TabulatedModulus")
-LONG += ("TabulatedShift", "TabulatedVertical")
+LONG += ("TabulatedShift", "TabulatedVertical", "Patch")
 PARAMETERS = slow_if(lambda name: name in LONG or name.endswith("in a scene"), {name: name for name in CASES})
 
 
 def test_no_class_is_left_out():
     """Every class of scenes that `rubberfric` exports has an example, an answer and a scene."""
-    classes = {cls for cls in _below(PhysicalObject) if cls.__module__.startswith("rubberfric.")}
-    parts = {cls.__name__ for cls in classes if not cls.__module__.startswith("rubberfric.applications")}
+    parts = {cls.__name__ for cls in _below(PhysicalObject) if cls.__module__.startswith("rubberfric.")}
     exported = {name for name in parts if hasattr(rf, name)}
     silent = {"Rigid", "ThermalProperties"}  # which answer nothing by themselves
     tables = {

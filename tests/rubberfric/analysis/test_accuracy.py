@@ -190,6 +190,7 @@ def test_errors_fall_along_the_ladder():
     assert first > 1e-4 and middle < 1e-2 * first and last < 1e-2 * middle
 
 
+@pytest.mark.slow
 def test_the_setting_of_calls_without_one_has_its_row_and_its_line():
     """Settings are sorted by increasing work."""
     automatic = rf.analysis.default_quadrature(SCENE, 1e5)

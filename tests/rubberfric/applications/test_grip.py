@@ -13,8 +13,10 @@ import scipy.optimize
 from support.scenes.common import ROAD, SHEAR, SHIFTED_TREAD
 
 import rubberfric as rf
-from rubberfric.applications import MeasuredPressure, Patch, Trapezoid, grip, peak_grip, slip_stiffness
+from rubberfric import MeasuredPressure, Patch, Trapezoid
+from rubberfric.applications import grip, peak_grip, slip_stiffness
 from rubberfric.applications.brush_model import brush
+from rubberfric.scene import cast
 
 L, W, K, LOAD = 0.12, 0.15, 2e7, 3000.0
 MEAN = LOAD / (L * W)
@@ -244,10 +246,11 @@ def test_peak(kind):
 
 def test_peak_at_an_end():
     """In a range of small slips the force rises everywhere."""
-    rising = peak_grip(SCENE, TYRE, 3.0, np.array([LOAD, 2 * LOAD]), 300.0, between=(1e-3, 5e-3))
+    patch = TYRE.replace(pressure="uniform")  # which needs the friction at one pressure
+    rising = peak_grip(SCENE, patch, 3.0, np.array([LOAD, 2 * LOAD]), 300.0, between=(1e-3, 5e-3))
     assert not np.any(rising.inside)
     np.testing.assert_allclose(rising.slip, 5e-3, rtol=1e-12)
-    np.testing.assert_allclose(rising.force[0], grip(SCENE, TYRE, 5e-3, 3.0, LOAD, 300.0).force, rtol=1e-12)
+    np.testing.assert_allclose(rising.force[0], grip(SCENE, patch, 5e-3, 3.0, LOAD, 300.0).force, rtol=1e-12)
     for wrong in ((0.1, 0.01), (-0.1, 0.1), (0.0, 0.1)):
         with pytest.raises(ValueError, match="must be two slips of one sign"):
             peak_grip(SCENE, TYRE, 3.0, LOAD, 300.0, between=wrong)
@@ -260,6 +263,28 @@ def test_jit_and_vmap():
     mapped = jax.vmap(lambda slip: grip(SCENE, TYRE, slip, 3.0, LOAD, 300.0))(slips)
     for one in (compiled, mapped):
         np.testing.assert_allclose(one.force, plain.force, rtol=1e-12)
+
+
+def test_float32():
+    """A scene in single precision gives results in single precision."""
+    low = cast(SCENE, "float32")
+    side, peak = grip(low, TYRE, 0.03, 3.0, LOAD, 300.0), peak_grip(low, TYRE, 3.0, LOAD, 300.0)
+    for value in (side.force, side.moment, side.sliding, peak.slip, peak.force):
+        assert value.dtype == jnp.float32
+    expected = peak_grip(SCENE, TYRE, 3.0, LOAD, 300.0)
+    assert float(peak.force) == pytest.approx(float(expected.force), rel=1e-5)
+    # Next to the peak, rounding of the force moves the slip.
+    assert float(peak.slip) == pytest.approx(float(expected.slip), rel=1e-2)
+
+
+def test_patch_of_a_scene():
+    """A scene may hold its patch, which changes neither friction nor its derivatives."""
+    held = SCENE.replace(patch=TYRE)
+    assert float(rf.friction(held, 1.0, MEAN, 300.0)) == float(rf.friction(SCENE, 1.0, MEAN, 300.0))
+    slopes = jax.grad(lambda scene: rf.friction(scene, 1.0, MEAN, 300.0))(held)
+    assert not np.any(jax.tree.leaves(slopes.patch))
+    expected = grip(SCENE, TYRE, 0.03, 3.0, LOAD, 300.0).force
+    assert float(grip(held, held.patch, 0.03, 3.0, LOAD, 300.0).force) == float(expected)
 
 
 @pytest.mark.parametrize(

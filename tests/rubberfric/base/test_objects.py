@@ -10,9 +10,9 @@ from support.scenes.examples import EXAMPLES, examples, same
 
 import rubberfric as rf
 from rubberfric.base.objects.fields import Child, Static
-from rubberfric.base.objects.physical import fields_of
+from rubberfric.base.objects.physical import fields_of, leaves_of
 
-WITH_LEAVES = [name for name in EXAMPLES if name != "Rigid"]
+WITH_LEAVES = [name for name, example in EXAMPLES.items() if jax.tree.leaves(example)]
 
 
 def every(names=tuple(EXAMPLES)):
@@ -29,7 +29,7 @@ def total(obj):
 
 def test_examples_hold_every_class():
     public = {name for name in rf.__all__ if dataclasses.is_dataclass(getattr(rf, name))}
-    assert public - {"Quadrature", "Patch"} == set(EXAMPLES)  # a patch is no part of a scene
+    assert public - {"Quadrature"} == set(EXAMPLES)
 
 
 @every()
@@ -121,6 +121,16 @@ def wrong_matrices(good):
     yield from (np.asarray(good)[:, :3], "nonsense", None, True, [[1.0], [1.0, 2.0]], 1j * good, [], {})
 
 
+def wrong_vectors(good, field):
+    """Values that a vector must refuse."""
+    for bad in (np.nan, np.inf, -np.inf):
+        yield [float(good[0]), bad, float(good[2])]
+    yield from (1.0, np.ones((3, 1)), [[1.0], [1.0, 2.0]], "nonsense", ["a", "b", "c"], [1.0, None, 2.0])
+    yield from (None, True, [True, True, True], 1j * np.ones(3), [], {})
+    if not field.rule[1](-1.0):
+        yield [float(good[0]), -1.0, float(good[2])]
+
+
 def wrong_values(obj, name):
     """Values that the field must refuse."""
     field, good = fields_of(type(obj))[name], getattr(obj, name)
@@ -141,13 +151,9 @@ def wrong_values(obj, name):
         if not field.rule[1](-1.0):
             yield from (-1, -1.0, -1e-300, np.array(-1.0), jnp.array(-1.0))
     else:
-        for bad in (np.nan, np.inf, -np.inf):
-            yield [float(good[0]), bad, float(good[2])]
-        yield from (1.0, np.ones((3, 1)), [[1.0], [1.0, 2.0]], "nonsense", ["a", "b", "c"], [1.0, None, 2.0])
-        yield from (None, True, [True, True, True], 1j * np.ones(3), [], {}, obj)
-        yield from (np.asarray(good)[:2], np.append(good, 2 * good[-1]))
-        if not field.rule[1](-1.0):
-            yield [float(good[0]), -1.0, float(good[2])]
+        yield from (*wrong_vectors(good, field), obj)
+        if sum(field.ndim == 1 for field in leaves_of(type(obj)).values()) > 1:  # of other lengths
+            yield from (np.asarray(good)[:2], np.append(good, 2 * good[-1]))
 
 
 BAD = [(name, field) for name in EXAMPLES for field in fields_of(type(EXAMPLES[name]))]

@@ -101,10 +101,8 @@ KINKS_THAT_COINCIDE = {
 }
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name != "replica")) for name in KINKS_THAT_COINCIDE],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", KINKS_THAT_COINCIDE)
 def test_derivatives_where_kinks_coincide_agree_with_differences(name):
     quadrature = rf.Quadrature(order=10, panels=6, graded=6, ratio=4.5)
     assert np.max(np.abs(_errors_of_derivatives(*KINKS_THAT_COINCIDE[name], quadrature))) < 1e-7

@@ -27,11 +27,13 @@ def _objects():
     adhesion, correlation = rf.Adhesion(0.05, limit="long", range=1e-8), rf.Correlation(0.7)
     heating = rf.Heating(1.2e3, 1.6e3, 0.23, 1e-3, 0.05, 0.4, "background")
     body = rf.Body(prony, road, slab, thermal, softening)
-    scene = rf.Scene(body, rf.Body(modulus, spectrum), 0.45, area_correction=True, shear=shear)
+    trapezoid, measured = rf.Trapezoid(0.2), rf.MeasuredPressure([0.0, 2.0, 1.0])
+    patch = rf.Patch(0.1, 0.2, 5e7, trapezoid)
+    scene = rf.Scene(body, rf.Body(modulus, spectrum), 0.45, area_correction=True, shear=shear, patch=patch)
     return (
         *(rf.Rigid(), elastic, prony, sheared, modulus, wlf, arrhenius, table, entropic, vertical, road),
         *(spectrum, stretched, directions, slab, coating, shear, softening, adhesion, correlation, heating),
-        *(thermal, body, scene),
+        *(thermal, rf.Parabolic(), rf.Uniform(), trapezoid, measured, patch, body, scene),
     )
 
 

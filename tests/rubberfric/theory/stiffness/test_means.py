@@ -126,7 +126,9 @@ FEW = np.array([-20.0, 1e-3, 5.0])
 MANY = np.logspace(-4, 3, 40)
 
 
-@pytest.mark.parametrize("v", [FEW, MANY], ids=["at points", "on a grid"])
+@pytest.mark.parametrize(
+    "v", [FEW, pytest.param(MANY, marks=pytest.mark.slow)], ids=["at points", "on a grid"]
+)
 @pytest.mark.parametrize(
     "spectrum",
     [ROAD, pytest.param(GROOVES, marks=pytest.mark.slow), TURNING],

@@ -17,7 +17,6 @@ from rubberfric.base.objects.fields import Number, Vector, child, leaf
 from rubberfric.base.objects.physical import Kind, PhysicalObject, physical
 
 
-@physical
 class PressureShape(Kind, abc.ABC):
     """Base class of the pressure along a patch."""
 
