@@ -78,6 +78,7 @@ _PRESSURE = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5}  # press
 _PRESSURE |= {"psi": _PSI, "ksi": 1e3 * _PSI, "dyn/cm2": 0.1, "mbar": 100.0, "N/cm2": 1e4}
 _PRESSURE |= {"hPa": 100.0, "atm": 101325.0, "kgf/cm2": 98066.5}
 _FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}  # [N]
+_MOMENT = {"N m": 1.0, "N mm": 1e-3, "kN m": 1e3, "lbf ft": 4.4482216152605 * 0.3048}  # [N m]
 _ANGLE = {"rad": 1.0, "deg": math.pi / 180, "mrad": 1e-3}  # [rad]
 _SPEED = {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6, "nm/s": 1e-9}  # [m/s]
 _SPEED |= {"cm/s": 1e-2, "mm/min": 1e-3 / 60, "m/min": 1.0 / 60, "km/h": 1 / 3.6}
@@ -142,6 +143,8 @@ COLUMNS = {
     "F_n": Column("F_n", _FORCE, positive=False, nonzero=True, offered=False),
     "v_travel": Column("v_travel", _SPEED, positive=False, offered=False),
     "slip_angle": Column("slip_angle", _ANGLE, positive=False, offered=False),
+    "slip_ratio": Column("slip_ratio", _RATIO, positive=False, offered=False),
+    "moment": Column("moment", _MOMENT, positive=False, offered=False),
 }
 
 # Other spellings of the names in `COLUMNS`; M_... is E_... or G_..., see `known_name`.
@@ -184,13 +187,27 @@ SPELLINGS = {
         ),
         "v_travel": (
             "travel speed; travelling speed; rolling speed; wheel speed; forward speed; track speed; "
-            "fahrgeschwindigkeit; rollgeschwindigkeit; umfangsgeschwindigkeit; vitesse de roulement"
+            "vehicle speed; fahrgeschwindigkeit; rollgeschwindigkeit; umfangsgeschwindigkeit; "
+            "vitesse de roulement; vitesse d'avancement"
         ),
-        "slip_angle": "slip angle; side slip angle; schräglaufwinkel; angle de dérive; angle de glissement",
+        "slip_angle": (
+            "slip angle; side slip angle; \u03b1; schräglaufwinkel; angle de dérive; angle de glissement"
+        ),
+        "slip_ratio": (
+            "slip ratio; longitudinal slip; slip; \u03ba; kappa; umfangsschlupf; längsschlupf; schlupf; "
+            "glissement; taux de glissement; glissement longitudinal"
+        ),
+        "moment": (
+            "mz; m z; aligning moment; aligning torque; self aligning moment; self-aligning moment; "
+            "self aligning torque; self-aligning torque; rückstellmoment; moment d'auto-alignement; "
+            "couple d'auto-alignement"
+        ),
         "F_t": (
             "ft; f t; fx; f x; fy; f y; friction force; tangential force; lateral force; side force; "
-            "traction force; horizontal force; reibkraft; reibungskraft; tangentialkraft; seitenkraft; "
-            "querkraft; horizontalkraft; force de frottement; force tangentielle; force latérale"
+            "traction force; horizontal force; brake force; braking force; longitudinal force; "
+            "cornering force; reibkraft; reibungskraft; tangentialkraft; seitenkraft; querkraft; horizontalkraft; "
+            "bremskraft; umfangskraft; längskraft; force de frottement; force tangentielle; force latérale; "
+            "force de freinage; force longitudinale"
         ),
         "F_n": (
             "fn; f n; fz; f z; normal force; normal load; load; vertical force; vertical load; wheel load; "
@@ -234,6 +251,8 @@ UNIT_SPELLINGS = {
     "kgf/cm2": ("kp/cm2", "kg/cm2"),
     "rpm": ("rev/min", "r/min", "U/min", "tr/min"),
     "Pa": ("N/m2", "N m-2"),
+    **{f"{of}N m": (f"{of}Nm", f"{of}N*m") for of in ("", "k")},
+    **{"N mm": ("Nmm", "N*mm"), "lbf ft": ("lbf*ft", "ft lbf", "ft*lbf", "lb ft", "lb-ft", "ft-lb")},
     "-": ("", "1"),
     **{f"{of}m/s": (f"{of}m s-1", f"{of}m/sec") for of in ("", "m", "u", "n")},
     **{f"{of}m^4": (f"{of}m4",) for of in ("", "c", "m", "u", "n")},

@@ -24,7 +24,7 @@ from rubberfric.base.checks import check_choice, closest, listed, shown, warn_ca
 from rubberfric.io.columns import COLUMNS, SET_VALUES, quantities_of
 from rubberfric.io.exports import TextTable, find_table, headless, pick, suggested_columns
 from rubberfric.io.height_maps import read_traces
-from rubberfric.io.text_tables.derived import RELATIONS, plan_for, with_derived, with_travel_speed
+from rubberfric.io.text_tables.derived import RELATIONS, plan_for, with_derived, with_wheel_names
 from rubberfric.io.text_tables.own_tables import missing_column, project_rows, project_table
 from rubberfric.io.text_tables.workbooks import read_export
 from rubberfric.roughness.normalisation import density_column, find_normalisation
@@ -55,7 +55,7 @@ def read_table(
     needed, optional : names in SI ("omega", not "f") of columns that the file must and may hold
         Missing quantities are computed from other columns (`rubberfric.io.text_tables.derived`): E_stor and
         E_loss from `abs(E*)`, a phase angle, tan(delta) or shear moduli, mu from forces, p from a load
-        and `area`, and v from a speed and a slip angle. Unknown columns are errors in a table of the project,
+        and `area`, and v from a speed and a slip. Unknown columns are errors in a table of the project,
         and are ignored in an export.
     increasing : require that the first needed column increases strictly; in an export it may also decrease
     columns : "name [unit]" of each column if the file does not name them, or None
@@ -96,7 +96,7 @@ def read_table(
         _check_units(place, found)
         plan = plan_for(wanted, quantities_of(found.names))
     else:
-        export = export._replace(names=with_travel_speed(export.names, export.titles))
+        export = export._replace(names=with_wheel_names(export.names, export.titles))
         names = [SET_VALUES.get(name or "", name) for name in export.names]
         plan = plan_for(wanted, quantities_of(names), area is not None)
         found = pick(export, plan.columns)

@@ -4,6 +4,8 @@
 
     E' = |E*| cos(delta)     E'' = |E*| sin(delta)     E = 2 (1 + nu) G
     mu = |F_t| / |F_n|       p = |F_n| / area          v = |v_travel sin(slip angle)|
+    v = |v_travel slip ratio|, and v = |v_travel| sqrt(sin^2 a + (s cos a)^2) at a slip angle a and a ratio s,
+    which is the longitudinal slip velocity divided by v_travel cos a [ISO 8855]
 
 `RELATIONS` lists all relations. A relation is used only if the table lacks its result.
 """
@@ -20,8 +22,12 @@ from rubberfric.base.units import young_from_shear
 Values = dict[str, np.ndarray]
 # Largest plausible nominal contact area [m^2].
 _LARGEST_AREA = 1.0
-# Parts of titles of a velocity between the surfaces. With a slip angle, a plain "speed" is the travel speed.
+# Parts of titles of a velocity between the surfaces. With a slip, a plain "speed" is the travel speed.
 _SLIDING = ("slid", "slip", "gleit", "gliss")
+# Parts of titles of forces along the direction of travel.
+_LONGITUDINAL = ("fx", "f_x", "f x", "brak", "brems", "frein", "longitudinal", "umfang", "längs")
+# Parts of titles of forces across the direction of travel.
+_LATERAL = ("fy", "f_y", "f y", "side", "seiten", "lateral", "latéral", "quer", "cornering")
 
 
 class Relation(NamedTuple):
@@ -48,7 +54,13 @@ RELATIONS = (
     Relation("E_loss", ("G_loss",), young_from_shear, "poisson"),
     Relation("mu", ("F_t", "F_n"), lambda tangential, normal: np.abs(tangential / normal)),
     Relation("p", ("F_n",), lambda normal, area: np.abs(normal) / area, "area"),
+    Relation(
+        "v",
+        ("v_travel", "slip_angle", "slip_ratio"),
+        lambda speed, angle, ratio: np.abs(speed) * np.hypot(np.sin(angle), ratio * np.cos(angle)),
+    ),
     Relation("v", ("v_travel", "slip_angle"), lambda speed, angle: np.abs(speed * np.sin(angle))),
+    Relation("v", ("v_travel", "slip_ratio"), lambda speed, ratio: np.abs(speed * ratio)),
 )
 DERIVED = tuple(dict.fromkeys(relation.result for relation in RELATIONS))
 
@@ -100,17 +112,33 @@ def _steps(quantity, given, usable, above) -> Plan | None:
     return min(found, key=lambda plan: len(plan.relations), default=None)
 
 
-def with_travel_speed(names: list[str | None], titles: list[str]) -> list[str | None]:
-    """Return the names of columns, where a speed beside a slip angle is the travel speed.
+def with_wheel_names(names: list[str | None], titles: list[str]) -> list[str | None]:
+    """Return the names of columns of a wheel tester, which has a slip angle or a slip ratio.
 
-    A title such as "sliding speed" remains the sliding velocity.
+    A speed is the travel speed, unless its title is one of a sliding velocity. If the table has several
+    tangential forces, the lateral ones belong to a slip angle, and the longitudinal ones to a slip ratio.
     """
-    if "slip_angle" not in names or "v_travel" in names:
+    slips = {"slip_angle", "slip_ratio"} & set(names)
+    if not slips:
         return names
-    return [
-        "v_travel" if name == "v" and not any(part in title.lower() for part in _SLIDING) else name
-        for name, title in zip(names, titles, strict=True)
-    ]
+    own = list(names)
+    lower = [title.lower() for title in titles]
+    if "v_travel" not in names:
+        own = [
+            "v_travel" if name == "v" and not _has_part(title, _SLIDING) else name
+            for name, title in zip(own, lower, strict=True)
+        ]
+    if own.count("F_t") > 1 and len(slips) == 1:
+        other = _LONGITUDINAL if "slip_angle" in slips else _LATERAL
+        own = [
+            None if name == "F_t" and _has_part(title, other) else name
+            for name, title in zip(own, lower, strict=True)
+        ]
+    return own
+
+
+def _has_part(title: str, parts: Iterable[str]) -> bool:
+    return any(part in title for part in parts)
 
 
 def with_derived(
