@@ -205,9 +205,9 @@ SPELLINGS = {
         "F_t": (
             "ft; f t; fx; f x; fy; f y; friction force; tangential force; lateral force; side force; "
             "traction force; horizontal force; brake force; braking force; longitudinal force; "
-            "cornering force; reibkraft; reibungskraft; tangentialkraft; seitenkraft; querkraft; horizontalkraft; "
-            "bremskraft; umfangskraft; längskraft; force de frottement; force tangentielle; force latérale; "
-            "force de freinage; force longitudinale"
+            "cornering force; reibkraft; reibungskraft; tangentialkraft; seitenkraft; querkraft; "
+            "horizontalkraft; bremskraft; umfangskraft; längskraft; force de frottement; force tangentielle; "
+            "force latérale; force de freinage; force longitudinale"
         ),
         "F_n": (
             "fn; f n; fz; f z; normal force; normal load; load; vertical force; vertical load; wheel load; "
