@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from fitting.data.kinds import FrictionData as FrictionData
     from fitting.data.kinds import ModulusData as ModulusData
     from fitting.data.kinds import SpectrumData as SpectrumData
+    from fitting.data.slip import MomentData as MomentData
+    from fitting.data.slip import SlipData as SlipData
     from fitting.ensemble.calibration import Calibration as Calibration
     from fitting.ensemble.calibration import calibration as calibration
     from fitting.ensemble.comparison import Comparison as Comparison

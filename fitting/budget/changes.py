@@ -22,9 +22,10 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from fitting.data.kinds import KINDS
 from fitting.parameters.priors import Gaussian, Prior, is_fixed
 from fitting.parameters.scenes import by_name, field_of, find, owner_of, scene_paths
-from fitting.solvers.problem import CURVE_QUANTITIES, Problem
+from fitting.solvers.problem import CONTACT_QUANTITIES, Problem
 
 # Wavevectors of a spectrum that move up.
 _UP = "qr", "q1"
@@ -47,6 +48,14 @@ class Sizes(NamedTuple):
     gamma: float = 0.1
 
 
+# Conditions of data that a source changes, and their plurals.
+_CONDITIONS = {
+    "temperature": {"temperature": "temperatures"},
+    "velocity": {"velocity": "velocities", "speed": "speeds"},
+    "pressure": {"pressure": "pressures", "load": "loads"},
+}
+
+
 class Change(NamedTuple):
     """Another value of one input."""
 
@@ -63,7 +72,7 @@ def changes(problem: Problem, sizes: Sizes, prior: Mapping[str, Prior]) -> Itera
     for path, one in stated.items():
         yield from fixed.stated(path, one)
     yield from fixed.moduli(sizes.moduli)
-    if any(block.quantity in CURVE_QUANTITIES for block in problem.structure.blocks):
+    if any(block.quantity in CONTACT_QUANTITIES for block in problem.structure.blocks):
         yield from fixed.roughness(sizes.roughness)
         yield from fixed.gamma(sizes.gamma)
 
@@ -91,30 +100,24 @@ def _states_error(problem, path, prior):
 
 
 def _of_conditions(problem, sizes):
-    curves = [block.quantity in CURVE_QUANTITIES for block in problem.structure.blocks]
-    given = [at for at, is_curve in zip(problem.numbers.conditions, curves, strict=True) if is_curve]
-    known = {
-        "temperature": any(at[2] is not None for at in given),
-        "velocity": any(np.any(np.asarray(at[0])) for at in given),
-        "pressure": bool(given),
-    }
-    texts = {
-        "temperature": f"all temperatures + {sizes.temperature:g} K",
-        "velocity": f"all velocities x {1 + sizes.velocity:g}",
-        "pressure": f"all pressures x {1 + sizes.pressure:g}",
-    }
-    for name, k in (("temperature", 2), ("velocity", 0), ("pressure", 1)):
-        size = getattr(sizes, name)
-        if not (size > 0 and known[name]):
+    for name, fields in _CONDITIONS.items():
+        size, plural = getattr(sizes, name), []
+        if not size > 0:
             continue
         conditions = []
-        for at, is_curve in zip(problem.numbers.conditions, curves, strict=True):
+        for block, at in zip(problem.structure.blocks, problem.numbers.conditions, strict=True):
             columns = [None if column is None else np.asarray(column) for column in at]
-            if is_curve and columns[k] is not None:
-                columns[k] = columns[k] + size if name == "temperature" else columns[k] * (1 + size)
+            known = KINDS[block.quantity].conditions if block.quantity in CONTACT_QUANTITIES else ()
+            for k, field in enumerate(known):
+                if field in fields and columns[k] is not None and np.any(columns[k]):
+                    plural.append(fields[field])
+                    columns[k] = columns[k] + size if name == "temperature" else columns[k] * (1 + size)
             conditions.append(tuple(columns))
-        numbers = problem.numbers._replace(conditions=tuple(conditions))
-        yield Change(name, texts[name], problem._replace(numbers=numbers))
+        if plural:
+            numbers = problem.numbers._replace(conditions=tuple(conditions))
+            change = f"+ {size:g} K" if name == "temperature" else f"x {1 + size:g}"
+            text = f"all {' and '.join(dict.fromkeys(plural))} {change}"
+            yield Change(name, text, problem._replace(numbers=numbers))
 
 
 class _Fixed:

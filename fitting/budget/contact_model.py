@@ -21,8 +21,8 @@ from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.scenes import by_name
 from fitting.parameters.variables import to_scene
 from fitting.solvers.evaluation import evaluate_rows
-from fitting.solvers.problem import CURVE_QUANTITIES, Problem
-from fitting.solvers.residuals import padded
+from fitting.solvers.problem import CONTACT_QUANTITIES, Problem
+from fitting.solvers.residuals import contact_values, padded
 from fitting.uncertainty.discrepancy import model_covariance
 from rubberfric.base import quick_jit
 from rubberfric.scene import takes_temperature
@@ -109,9 +109,9 @@ def rows_by_law(problem: Problem, x: np.ndarray) -> RowsByLaw:
     of = padded(problem)
     rows = np.array(evaluate_rows(of.structure, of.numbers, np.asarray(x)[None])[0][0])
     scenes, without = by_name(to_scene(of.structure.variables, of.numbers.constants, np.asarray(x))), []
-    blocks = [block for block in of.structure.blocks if block.quantity in CURVE_QUANTITIES]
+    blocks = [block for block in of.structure.blocks if block.quantity in CONTACT_QUANTITIES]
     if not blocks:
-        raise NoLawError("no friction or area is fitted")
+        raise NoLawError("no quantity of the contact is fitted")
     if any(scenes[block.scene].contact_model == _LAW for block in blocks):
         raise NoLawError("a scene already uses the law")
     try:
@@ -119,7 +119,7 @@ def rows_by_law(problem: Problem, x: np.ndarray) -> RowsByLaw:
     except ValueError as error:  # a fit may end at numbers that the constructors refuse
         raise NoLawError(str(error)) from None
     for block, conditions in zip(of.structure.blocks, of.numbers.conditions, strict=True):
-        if block.quantity not in CURVE_QUANTITIES:
+        if block.quantity not in CONTACT_QUANTITIES:
             continue
         law = laws[block.scene]
         where, options = slice(*block.rows), (block.quantity, of.structure.quadrature)
@@ -136,7 +136,7 @@ def rows_by_law(problem: Problem, x: np.ndarray) -> RowsByLaw:
 
 
 def log_ratio_to_law(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Return ln(law / theory) at x of all friction and area values, 0 for other data, shape (data rows,).
+    """Return ln(law / theory) at x of all values of contact, 0 for other data, shape (data rows,).
 
     Raise `NoLawError` if the law cannot be compared.
     """
@@ -145,7 +145,7 @@ def log_ratio_to_law(problem: Problem, x: np.ndarray) -> np.ndarray:
     theory = evaluate_rows(of.structure, of.numbers, np.asarray(x)[None])[0][0]
     found = np.zeros(law.size)
     for block in of.structure.blocks:
-        if block.quantity in CURVE_QUANTITIES:
+        if block.quantity in CONTACT_QUANTITIES:
             rows = slice(*block.rows)
             found[rows] = law[rows] - theory[rows] if block.logarithmic else np.log(law[rows] / theory[rows])
     return found[of.data]
@@ -153,17 +153,15 @@ def log_ratio_to_law(problem: Problem, x: np.ndarray) -> np.ndarray:
 
 def _at(scene, conditions):
     """Return the conditions without temperatures if no part of the scene depends on them."""
-    return conditions if takes_temperature(scene) else (*conditions[:2], None)
+    return conditions if takes_temperature(scene) else (*conditions[:-1], None)
 
 
 def _curve(quantity, quadrature, scene, conditions):
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(_quantity(quantity, quadrature, scene, conditions))
+        return np.asarray(_contact_values(quantity, quadrature, scene, conditions))
 
 
-@quick_jit(static_argnums=(0, 1))
-def _quantity(quantity, quadrature, scene, conditions):
-    return getattr(rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity,)), quantity)
+_contact_values = quick_jit(static_argnums=(0, 1))(contact_values)
 
 
 def covariance_of_law(

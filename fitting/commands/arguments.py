@@ -105,7 +105,7 @@ READING: dict[str, dict[str, Any]] = {
         "help": '"name [unit]" of each column, "-": skip',
     },
     "kind": {
-        "choices": ("friction", "area", "modulus", "spectrum"),
+        "choices": ("friction", "area", "modulus", "spectrum", "force", "moment"),
         "help": "kind of data in tables that hold several",
     },
     "check_units": {

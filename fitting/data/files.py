@@ -10,6 +10,10 @@ data:
                E_comp with delta or tan_del, and shear moduli with `poisson`
     spectrum   q | log10_q, C | log10_C,      sigma_C | relative_sigma
                q | log10_q | n, C_1D | log10_C_1D | W1 | Wr | G_d, relative_sigma: see `read`
+    force      slip_angle | slip_ratio, v_travel, F_n, F_t, sigma_F_t | relative_sigma, T
+    moment     slip_angle, v_travel, F_n, moment, sigma_moment | relative_sigma, T
+
+A wheel tester gives forces, or friction if its pressure is known.
 
 Tables of other programs are read as well (`rubberfric.io.exports`): other names, separators, a
 preamble.
@@ -28,6 +32,7 @@ from numpy.typing import ArrayLike
 
 from fitting.data.kinds import KINDS, SpectrumData
 from fitting.data.measured import DATA_FORMAT, Measured
+from fitting.data.slip import MomentData, SlipData, with_sign_of_slip
 from rubberfric.base import (
     FINITE,
     POSITIVE,
@@ -87,7 +92,9 @@ def read(
         A "storage modulus" is read as E' if `poisson` is None, and as G' otherwise.
     columns : list of "name [unit]", or None
         Columns of a table without names, "-" for a column that is not read.
-    kind : "friction", "area", "modulus" or "spectrum"; needed for a table that contains several kinds
+    kind : "friction", "area", "modulus", "spectrum", "force" or "moment"
+        Needed for a table that contains several kinds. Of a wheel tester, a table with a slip, speed, load
+        and force is read as "force" if no pressure or area is known, and as "friction" otherwise.
     check_units : bool
         If True, raise ValueError for values of a table that look like values in another unit.
     bad_rows : "error", or "drop" to leave out rows with an empty, missing or invalid value
@@ -98,8 +105,9 @@ def read(
 
     Returns
     -------
-    FrictionData, AreaData, ModulusData or SpectrumData, according to the columns of a CSV file or the kind in
-    an HDF5 file. Numbers written by `write` are read back to the last bit. Only .h5 files keep `name`.
+    FrictionData, AreaData, ModulusData, SpectrumData, SlipData or MomentData, according to the columns of a
+    table or the kind in an HDF5 file. Forces and moments that all have the opposite sign of the slip are
+    reversed. Numbers written by `write` are read back to the last bit. Only .h5 files keep `name`.
 
     Raises
     ------
@@ -119,7 +127,7 @@ def read(
     if pressure is not None:
         _refuse(path, _present(area=area), "pressure is given, too")
     _check_numbers(path, _present(poisson=poisson, area=area, frequency=frequency, hurst=hurst))
-    cls = _kind(path, columns, poisson, kind, block)
+    cls = _kind(path, columns, poisson, kind, block, pressure is not None or area is not None)
     names = {name: about.column for name, about in cls.fields().items()}
     needed = tuple(names[name] for name in cls.needed() if name not in ("pressure", "omega"))
     optional = tuple(column for column in names.values() if column not in needed)
@@ -136,6 +144,8 @@ def read(
             _refuse(path, {"frequency": frequency}, why)
         given["omega"] = 2 * np.pi * frequency
     _check_conditions(path, cls, {*values, *given}, layout)
+    if cls in (SlipData, MomentData):
+        values = with_sign_of_slip(cls, values)
     try:
         return _made(cls, values, given, check_units)
     except ValueError as error:
@@ -264,18 +274,29 @@ def _made(cls, values, given, check_units):
     return cls(**values, **given, check_units=check_units)
 
 
-def _kind(path, columns, poisson, kind, block):
-    """Return the class of the data in a table, which `kind` or the names of the columns determine."""
+def _kind(path, columns, poisson, kind, block, presses):
+    """Return the class of the data in a table, which `kind` or the names of the columns determine.
+
+    `presses` is True if the caller gives the pressure or the area.
+    """
     if kind is not None:
         if not isinstance(kind, str) or kind not in KINDS:
             raise ValueError(f"{path}: kind = {shown(kind)}: {closest(kind, tuple(KINDS))}")
         return KINDS[kind]
     names = read_names(path, columns, "E" if poisson is None else "G", block)
     telling = {
-        column: cls for cls in KINDS.values() for column in (cls.fields()[cls.values[0]].column, *cls.others)
+        column: cls
+        for cls in KINDS.values()
+        if cls is not SlipData
+        for column in (cls.fields()[cls.values[0]].column, *cls.others)
     }
     given = {COLUMNS[name].name for name in names if name in COLUMNS}
+    slips, speeds = given & {"slip_angle", "slip_ratio"}, given & {"v", "v_travel"}
+    if slips and speeds and {"F_n", "F_t"} <= given and not (presses or given & {"mu", "p"}):
+        return SlipData
     found = {cls for column, cls in telling.items() if column in given}
+    if "F_t" in given:  # the force comes before the moment, which `kind` chooses
+        found -= {MomentData}
     if len(found) == 1:
         return found.pop()
     near = [
@@ -294,6 +315,5 @@ def _spellings(cls):
     """Yield the names that a needed column may have in tables as one text, for every needed column."""
     for name in cls.needed():
         column = cls.fields()[name].column
-        yield " or ".join(
-            spelling for spelling, about in COLUMNS.items() if about.offered and about.name == column
-        )
+        offered = [name for name, about in COLUMNS.items() if about.offered and about.name == column]
+        yield " or ".join(offered or [column])

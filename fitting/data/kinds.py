@@ -1,8 +1,8 @@
 """Kinds of measured data that a fit compares a model with, and their assignment to scenes.
 
-Four kinds, FrictionData, AreaData, ModulusData and SpectrumData, hold float64 NumPy arrays
-in SI units, one element for each measured point. A fit treats all kinds alike. `measured`, `error` and
-`logarithmic` give the residual of a point:
+FrictionData, AreaData, ModulusData and SpectrumData, and SlipData and MomentData of `fitting.data.slip`,
+hold float64 NumPy arrays in SI units, one element for each measured point. A fit treats all kinds alike.
+`measured`, `error` and `logarithmic` give the residual of a point:
 
     (model - measured) / error              with absolute errors (sigma),
     ln(model / measured) / error            with relative errors (relative),
@@ -16,81 +16,24 @@ from typing import ClassVar
 
 import numpy as np
 
-from fitting.data.fields import Field, GivenArray, OptionalArray, array, measurement, unit_rule
+from fitting.data.fields import Field, GivenArray, OptionalArray, array, measurement
 from fitting.data.measured import Measured
-from rubberfric.base import POSITIVE, closest, shown, warn_caller
-
-_VELOCITY = Field(
-    "v",
-    "m/s",
-    plausible=(unit_rule("must be -1000 ... 1000 m/s; is it in mm/s or um/s?", lambda v: np.abs(v) <= 1e3),),
+from fitting.data.quantities import (
+    AREA,
+    FREQUENCY,
+    FRICTION,
+    LOSS,
+    PRESSURE,
+    RATIO_ERROR,
+    SPECTRUM,
+    SPECTRUM_ERROR,
+    STORAGE,
+    TEMPERATURE,
+    VELOCITY,
+    WAVENUMBER,
 )
-_PRESSURE = Field(
-    "p",
-    "Pa",
-    POSITIVE,
-    (
-        unit_rule("must be >= 1 Pa; is it in MPa or GPa?", lambda p: p >= 1),
-        unit_rule("must be <= 1e10 Pa", lambda p: p <= 1e10),
-    ),
-)
-_TEMPERATURE = Field(
-    "T",
-    "K",
-    POSITIVE,
-    (
-        unit_rule("must be >= 100 K; is it in °C? then add 273.15", lambda T: T >= 100),
-        unit_rule("must be <= 2000 K", lambda T: T <= 2000),
-    ),
-)
-_FREQUENCY = Field("omega", "rad/s", POSITIVE)
-_WAVENUMBER = Field(
-    "q", "1/m", POSITIVE, (unit_rule("must be 1e-6 ... 1e12 1/m", lambda q: (q >= 1e-6) & (q <= 1e12)),)
-)
-_FRICTION = Field(
-    "mu", "-", plausible=(unit_rule("must be -50 ... 50; is it in percent?", lambda mu: np.abs(mu) <= 50),)
-)
-_AREA = Field(
-    "A_over_A0",
-    "-",
-    plausible=(
-        POSITIVE,
-        unit_rule("must be <= 1; is it in percent, or not divided by A0?", lambda A: A <= 1),
-    ),
-)
-_MODULUS = (POSITIVE, unit_rule("must be <= 1e13 Pa", lambda E: E <= 1e13))
-_STORAGE = Field(
-    "E_stor",
-    "Pa",
-    # Judged by the largest value: E' of a melt or of a soft foam falls to some 100 Pa.
-    plausible=(
-        *_MODULUS,
-        unit_rule(
-            "must be >= 1e3 Pa; is it in MPa or GPa?", lambda E: np.broadcast_to(E.max() >= 1e3, E.shape)
-        ),
-    ),
-)
-_LOSS = Field(
-    "E_loss",
-    "Pa",
-    plausible=(
-        *_MODULUS,
-        unit_rule("must be >= 1 Pa; is it in MPa or GPa, or tan(delta)?", lambda E: E >= 1),
-    ),
-)
-_SPECTRUM = Field(
-    "C",
-    "m^4",
-    plausible=(POSITIVE, unit_rule("must be <= 1e3 m^4; is it in mm^4 or um^4?", lambda C: C <= 1e3)),
-)
-_RATIO_ERROR = Field("sigma", "-", POSITIVE)
-# ln C of a single mode has the standard deviation 1.28, and 2.22 for the real mode at the highest wavevector.
-_SPECTRUM_ERROR = Field(
-    "relative_sigma",
-    "-",
-    POSITIVE,
-    (unit_rule("must be <= 2.5; is it in percent? 3 % is 0.03", lambda error: error <= 2.5),),
-)
+from fitting.data.slip import MomentData, SlipData
+from rubberfric.base import POSITIVE, closest, either, shown, warn_caller
 
 
 @measurement
@@ -124,11 +67,11 @@ class FrictionData(Measured):
     sigmas: ClassVar[tuple[str, ...]] = ("sigma",)
     others: ClassVar[tuple[str, ...]] = ("F_t",)
 
-    velocity: GivenArray = array(_VELOCITY)
-    friction: GivenArray = array(_FRICTION)
-    sigma: OptionalArray = array(_RATIO_ERROR, default=None)
-    pressure: GivenArray = array(_PRESSURE, default=None)
-    temperature: OptionalArray = array(_TEMPERATURE, default=None)
+    velocity: GivenArray = array(VELOCITY)
+    friction: GivenArray = array(FRICTION)
+    sigma: OptionalArray = array(RATIO_ERROR, default=None)
+    pressure: GivenArray = array(PRESSURE, default=None)
+    temperature: OptionalArray = array(TEMPERATURE, default=None)
 
 
 @measurement
@@ -149,11 +92,11 @@ class AreaData(Measured):
     values: ClassVar[tuple[str, ...]] = ("area",)
     sigmas: ClassVar[tuple[str, ...]] = ("sigma",)
 
-    velocity: GivenArray = array(_VELOCITY)
-    area: GivenArray = array(_AREA)
-    sigma: OptionalArray = array(_RATIO_ERROR, default=None)
-    pressure: GivenArray = array(_PRESSURE, default=None)
-    temperature: OptionalArray = array(_TEMPERATURE, default=None)
+    velocity: GivenArray = array(VELOCITY)
+    area: GivenArray = array(AREA)
+    sigma: OptionalArray = array(RATIO_ERROR, default=None)
+    pressure: GivenArray = array(PRESSURE, default=None)
+    temperature: OptionalArray = array(TEMPERATURE, default=None)
 
 
 @measurement
@@ -182,12 +125,12 @@ class ModulusData(Measured):
     sigmas: ClassVar[tuple[str, ...]] = ("sigma_storage", "sigma_loss")
     others: ClassVar[tuple[str, ...]] = ("G_stor", "E_comp", "G_comp")
 
-    omega: GivenArray = array(_FREQUENCY)
-    storage: GivenArray = array(_STORAGE)
-    loss: GivenArray = array(_LOSS)
+    omega: GivenArray = array(FREQUENCY)
+    storage: GivenArray = array(STORAGE)
+    loss: GivenArray = array(LOSS)
     sigma_storage: OptionalArray = array(Field("sigma_stor", "Pa", POSITIVE), default=None)
     sigma_loss: OptionalArray = array(Field("sigma_loss", "Pa", POSITIVE), default=None)
-    temperature: OptionalArray = array(_TEMPERATURE, default=None)
+    temperature: OptionalArray = array(TEMPERATURE, default=None)
     body: str | None = dataclasses.field(default=None, kw_only=True)
 
 
@@ -214,14 +157,16 @@ class SpectrumData(Measured):
     sigmas: ClassVar[tuple[str, ...]] = ("sigma",)
     others: ClassVar[tuple[str, ...]] = ("C_1D",)
 
-    relative: OptionalArray = array(_SPECTRUM_ERROR, default=None, kw_only=True)
-    q: GivenArray = array(_WAVENUMBER)
-    C: GivenArray = array(_SPECTRUM)
+    relative: OptionalArray = array(SPECTRUM_ERROR, default=None, kw_only=True)
+    q: GivenArray = array(WAVENUMBER)
+    C: GivenArray = array(SPECTRUM)
     sigma: OptionalArray = array(Field("sigma_C", "m^4", POSITIVE), default=None)
     body: str | None = dataclasses.field(default=None, kw_only=True)
 
 
-KINDS = {cls.quantity: cls for cls in (FrictionData, AreaData, ModulusData, SpectrumData)}
+KINDS: dict[str, type[Measured]] = {
+    cls.quantity: cls for cls in (FrictionData, AreaData, ModulusData, SpectrumData, SlipData, MomentData)
+}
 
 
 def as_data_sets(data: Measured | Sequence[Measured]) -> list[Measured]:
@@ -229,7 +174,7 @@ def as_data_sets(data: Measured | Sequence[Measured]) -> list[Measured]:
 
     Raise ValueError if `data` is empty or contains an object that is not measured data.
     """
-    kinds = "FrictionData, AreaData, ModulusData or SpectrumData"
+    kinds = either([cls.__name__ for cls in KINDS.values()])
     if isinstance(data, Measured):
         return [data]
     if not isinstance(data, list | tuple):

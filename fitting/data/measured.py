@@ -50,7 +50,7 @@ class Measured:
     """
 
     quantity: ClassVar[str]
-    conditions: ClassVar[tuple[str, ...]]  # fields of the conditions, the abscissa of curves first
+    conditions: ClassVar[tuple[str, ...]]  # fields of the conditions, possible abscissae of curves first
     values: ClassVar[tuple[str, ...]]  # fields that were measured
     sigmas: ClassVar[tuple[str, ...]]  # fields of the absolute errors of `values`, in order
     others: ClassVar[tuple[str, ...]] = ()  # columns of a table that give the first value, too
@@ -156,6 +156,11 @@ class Measured:
         For moduli, the array contains all E' and then all E''.
         """
         return np.concatenate([getattr(self, name) for name in self.values])
+
+    @property
+    def abscissa(self) -> np.ndarray:
+        """The first condition that is given, the abscissa of curves."""
+        return next(values for name in self.conditions if (values := getattr(self, name)) is not None)
 
     @property
     def logarithmic(self) -> bool:

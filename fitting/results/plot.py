@@ -1,16 +1,18 @@
-"""Plots of fits: data, fit, residuals; profiles; correlations.
+"""Plots of fits: data, fit, residuals; profiles; correlations (`fitting.results.correlation_plot`).
 
 They need matplotlib: pip install 'rubberfric[plot]'.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
+from fitting.data.kinds import KINDS
+from fitting.results.correlation_plot import plot_correlation
 from fitting.results.record import FitRecord
 from fitting.solvers.evaluation import at_conditions, model_rows, residual_rows
-from fitting.solvers.problem import Block
+from fitting.solvers.problem import SLIP_QUANTITIES, Block
 from fitting.solvers.residuals import forward, predictions
 from fitting.uncertainty.intervals import LEVEL, Band
 from fitting.uncertainty.likelihood_profile import plot_profile
@@ -25,6 +27,8 @@ LABELS = {
     "area": (style.LOG_V, style.PANELS["area"][0]),
     "modulus": ("angular frequency $\\omega$ [rad/s]", "modulus\n$E'$, $E''$ [Pa]"),
     "spectrum": ("wavenumber $q$ [1/m]", "power spectrum\n$C$ [m$^4$]"),
+    "force": ("slip, angle [rad] or ratio [-]", "tangential force\n[N]"),
+    "moment": ("slip angle [rad]", "aligning moment\n[N m]"),
 }
 # A residual is drawn at the edge of the axes if it exceeds this multiple of the median, and the rest by half.
 _OUTLYING = 8.0
@@ -34,18 +38,15 @@ _CURVES = 10
 _POINTS = 120
 # Share of white in the colour of the highest pressure of a temperature.
 _LIGHTER = 0.5
-# Marks a missing temperature or pressure.
-_ABSENT = -1.0
-# Most parameters with a number in every cell. More numbers would not fit their cells.
-_NUMBERS = 14
-# Most parameters with signs in the cells of large correlations. More signs would not fit their cells.
-_SIGNS = 40
-# Smallest correlation with a sign.
-_LARGE = 0.5
-# Size of a cell in a new figure [inch]. A number of two decimals fits into it.
-_CELL = 0.38
-# Margin around the cells in a new figure [inch], for names of parameters and the colour bar.
-_AROUND = 2.6
+# Conditions that the shade of a colour shows.
+_SHADED = ("pressure", "load")
+# Texts of conditions in legends, in order.
+_TEXTS = {
+    "pressure": lambda p: f"{p / 1e6:.4g} MPa",
+    "load": lambda load: f"{load:.4g} N",
+    "speed": lambda speed: f"{speed:.4g} m/s",
+    "temperature": lambda T: f"{style.signed(round(T - 273.15, 2) + 0.0)} °C",
+}
 
 
 def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
@@ -53,17 +54,17 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
 
     Friction and area are drawn against log10 v, with one curve for each temperature and pressure. E' and E''
     are drawn against omega, and C against q, with logarithmic axes. E'' has open symbols and dashed lines.
-    The 95 % band of each curve is shaded. Measured points have the error bars that the fit used. Points at
-    velocities <= 0 are left out. With more than ten different conditions, small crosses show the fitted
-    values instead of lines.
+    Forces and moments are drawn against the slip without its sign. The 95 % band of each curve is shaded.
+    Measured points have the error bars that the fit used. Points at velocities <= 0 and without slip are left
+    out. With more than ten different conditions, small crosses show the fitted values instead of lines.
 
     Parameters
     ----------
     result : FitResult
     ax : sequence of matplotlib axes, or None
         Two axes for each quantity among the data, a panel and the residuals below, in the order friction,
-        area, modulus, spectrum. If None, the axes belong to a new figure, `ax[0].figure`, which is not
-        registered with pyplot.
+        area, modulus, spectrum, force, moment. If None, the axes belong to a new figure, `ax[0].figure`,
+        which is not registered with pyplot.
 
     Returns
     -------
@@ -194,25 +195,44 @@ def _mark_outliers(quantity, points, outlying, upper, lower):
 class PlottedPoints(NamedTuple):
     """All measured and fitted points of one quantity, as arrays of equal length."""
 
-    x: np.ndarray  # velocity, omega or q, > 0
+    x: np.ndarray  # velocity, omega, q, or slip without its sign, > 0
     measured: np.ndarray
     below: np.ndarray  # lengths of the error bar
     above: np.ndarray
     fitted: np.ndarray
     residual: np.ndarray  # (measured - fitted) / error, of the logarithms where errors are relative
     part: np.ndarray  # 0, and 1 for E''
-    body: np.ndarray  # "lower", "upper", or ""
-    temperature: np.ndarray  # _ABSENT if missing
-    pressure: np.ndarray
     source: np.ndarray  # label of the data set
-    scene: np.ndarray  # name of the scene, "" for a single scene
+    conditions: np.ndarray  # `CurveConditions` of every point
+
+
+class CurveConditions(NamedTuple):
+    """Conditions that the points of one line share."""
+
+    scene: str  # name of the scene, "" for a single scene
+    body: str  # "lower", "upper", or ""
+    abscissa: str  # name of the condition that x is
+    others: tuple[tuple[str, float], ...]  # name and value of the other conditions
+
+    @property
+    def family(self) -> tuple:
+        """Everything but the pressure or the load."""
+        return *self[:3], tuple(pair for pair in self.others if pair[0] not in _SHADED)
+
+    @property
+    def text(self) -> str:
+        """Name of the scene and values of the other conditions."""
+        values = dict(self.others)
+        return ", ".join(
+            [self.scene] * bool(self.scene) + [_TEXTS[n](values[n]) for n in _TEXTS if n in values]
+        )
 
 
 class PlottedCurve(NamedTuple):
     """Points that share one line of a plot, or the points of one data set if the plot has no lines."""
 
     text: str
-    conditions: tuple[str, str, float, float] | None  # (scene, body, temperature, pressure), None: no line
+    conditions: CurveConditions | None  # None: no line
     part: int
     look: int  # number of the colour and marker
     where: np.ndarray  # indices of its points, by increasing x
@@ -233,16 +253,17 @@ def measured_points(result: FitRecord, quantity: str) -> PlottedPoints:
         if one.logarithmic:
             below, above, fitted = -measured * np.expm1(-error), measured * np.expm1(error), np.exp(fitted)
 
-        def every(name, size=size, count=parts_of_one, one=one):
-            value = getattr(one, name, None)
-            return np.tile(np.full(size, _ABSENT) if value is None else value, count)
-
+        abscissa, *others = [name for name in one.conditions if getattr(one, name) is not None]
+        conditions = np.empty(size, object)
+        for k in range(size):
+            values = tuple((name, float(getattr(one, name)[k])) for name in others)
+            conditions[k] = CurveConditions(scene, body or "", abscissa, values)
+        x = np.abs(one.abscissa) if quantity in SLIP_QUANTITIES else one.abscissa
         parts.append(
             (
-                every(one.conditions[0]), measured, below, above, fitted, -residual[rows],
-                np.repeat(np.arange(parts_of_one), size), np.full(rows.size, body or ""),
-                every("temperature"), every("pressure"), np.full(rows.size, one.label),
-                np.full(rows.size, scene),
+                np.tile(x, parts_of_one), measured, below, above, fitted, -residual[rows],
+                np.repeat(np.arange(parts_of_one), size), np.full(rows.size, one.label),
+                np.tile(conditions, parts_of_one),
             )
         )  # fmt: skip
     points = PlottedPoints(*(np.concatenate(column) for column in zip(*parts, strict=True)))
@@ -250,16 +271,22 @@ def measured_points(result: FitRecord, quantity: str) -> PlottedPoints:
 
 
 def fitted_curves(points: PlottedPoints) -> list[PlottedCurve]:
-    """Return one curve for each combination of scene, body, temperature and pressure, and for E' and E''.
+    """Return one curve for each combination of scene, body and other conditions, and for E' and E''.
 
     If there are more than ten combinations, the points are grouped by data set, without conditions.
     """
-    columns = (points.scene, points.body, points.temperature, points.pressure)
-    each = list(zip(*(column.tolist() for column in columns), strict=True))
-    keys = sorted(set(each))
+    each = points.conditions.tolist()
+    keys = sorted(set(each), key=lambda key: (*key[:3], key.others[::-1]))
     if len(keys) <= _CURVES:
-        several = len({key[1] for key in keys}) > 1
-        groups = [(_text(key, several), key, np.array([one == key for one in each])) for key in keys]
+        several = len({key.body for key in keys}) > 1
+        groups = [
+            (
+                ", ".join([key.body] * several + [key.text] * bool(key.text)),
+                key,
+                np.array([k == key for k in each]),
+            )
+            for key in keys
+        ]
     else:
         groups = [(label, None, points.source == label) for label in dict.fromkeys(points.source.tolist())]
     curves = []
@@ -276,10 +303,10 @@ def curve_colours(curves: list[PlottedCurve]) -> np.ndarray:
     """Return the RGBA colour of every `look`, shape (looks, 4).
 
     With several temperatures and pressures, each temperature has its own tone, and higher pressures are
-    lighter.
+    lighter. The same holds for loads.
     """
     conditions = {curve.look: curve.conditions for curve in curves}
-    keys = [None if key is None else key[:3] for key in conditions.values()]
+    keys = [None if key is None else key.family for key in conditions.values()]
     families = list(dict.fromkeys(keys))
     if None in keys or len(families) in (0, 1, len(keys)):
         return style.colours(max(len(keys), 1))
@@ -291,16 +318,6 @@ def curve_colours(curves: list[PlottedCurve]) -> np.ndarray:
     return colours
 
 
-def _text(key, several):
-    scene, body, temperature, pressure = key
-    texts = [scene] * bool(scene) + [body] * several
-    if pressure != _ABSENT:
-        texts.append(f"{pressure / 1e6:.4g} MPa")
-    if temperature != _ABSENT:
-        texts.append(f"{style.signed(round(temperature - 273.15, 2) + 0.0)} °C")
-    return ", ".join(texts)
-
-
 def _fitted_lines(result, quantity, points, curves):
     """Return a pair (x, Band) for every curve, as in `FitResult.band`, or None without conditions."""
     found = {}
@@ -308,7 +325,7 @@ def _fitted_lines(result, quantity, points, curves):
         if curve.conditions is not None and curve.conditions not in found:
             low, high = points.x[curve.where][[0, -1]]
             x = np.geomspace(low, high, _POINTS)
-            found[curve.conditions] = x, _band(result, quantity, x, *curve.conditions)
+            found[curve.conditions] = x, _band(result, quantity, x, curve.conditions)
     pairs = [found.get(curve.conditions) for curve in curves]
     return [
         pair and (pair[0], Band(*(column[curve.part] for column in pair[1])))
@@ -316,77 +333,22 @@ def _fitted_lines(result, quantity, points, curves):
     ]
 
 
-def _band(result, quantity, x, scene, body, temperature, pressure):
+def _band(result, quantity, x, key):
     """Return the `Band` at x with a row for each part, E' and E'' of a modulus."""
-    T, p = (None if value == _ABSENT else np.full(x.size, value) for value in (temperature, pressure))
-    conditions = {"modulus": (x, T), "spectrum": (x,)}.get(quantity, (x, p, T))
-    at = result.uncertainty.x
-    found = at_conditions(result.problem, (quantity, body or None, scene), conditions, at)
+    values = {name: np.full(x.size, value) for name, value in key.others} | {key.abscissa: x}
+    conditions = tuple(values.get(name) for name in KINDS[quantity].conditions)
+    body, at = key.body or None, result.uncertainty.x
+    found = at_conditions(result.problem, (quantity, body, key.scene), conditions, at)
     if found is None:  # the compiled function of the fit does not cover these conditions
-        block = Block(quantity, body or None, False, (0, x.size * (2 if quantity == "modulus" else 1)), scene)
+        parts = len(KINDS[quantity].values)
+        block = Block(quantity, body, False, (0, x.size * parts), key.scene)
         structure = result.problem.structure._replace(blocks=(block,))
         numbers = result.problem.numbers._replace(conditions=(conditions,))
         found = map(np.asarray, _value_and_slopes(structure, numbers, jnp.asarray(at)))
-    return Band(*(column.reshape(-1, x.size) for column in result.widened(*found, LEVEL)))
+    band = result.widened(*found, LEVEL, signed=quantity == "moment")
+    return Band(*(column.reshape(-1, x.size) for column in band))
 
 
 @quick_jit(static_argnums=(0,))
 def _value_and_slopes(structure, numbers, x):
     return forward(lambda x: predictions(structure, numbers, x)[0], x)
-
-
-def plot_correlation(result: Any, ax: style.Axes | None = None) -> style.Axes:
-    """Draw the correlation matrix of a fit's free parameters.
-
-    Each cell shows the correlation as a number. With more than 14 parameters, a cell shows only the sign, and
-    only if the correlation is beyond +-0.5. With more than 40 parameters, the cells have no text. Cells of
-    parameters without an error bar are hatched.
-
-    Parameters
-    ----------
-    result : FitResult, PronyFit or SpectrumFit
-    ax : matplotlib axes, which are returned
-        If None, they belong to a new figure, `ax.figure`, which is not registered with pyplot. The colour bar
-        is the last of `ax.figure.axes`.
-    """
-    if not hasattr(result, "correlation"):
-        result = getattr(result, "fit", result)
-    if not (hasattr(result, "names") and hasattr(result, "correlation")):
-        raise ValueError(f"result is a {type(result).__name__}: must be a FitResult, PronyFit or SpectrumFit")
-    names, correlation = list(result.names), np.asarray(result.correlation)
-    side = _AROUND + max(_CELL * min(len(names), 2 * _NUMBERS), 1.5)
-    axes = style.one_axes(ax, (side + 0.8, side))
-    mesh = axes.imshow(correlation, cmap=style.diverging(), vmin=-1, vmax=1, interpolation="nearest")
-    axes.grid(False)  # which a notebook may have switched on
-    small = "small" if len(names) <= _NUMBERS else "x-small"
-    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=small)
-    axes.set_yticks(range(len(names)), names, fontsize=small)
-    _write(axes, correlation)
-    _hatch(axes, correlation)
-    axes.figure.colorbar(mesh, ax=axes, shrink=0.8).set_label("correlation [-]")
-    return axes
-
-
-def _write(axes, correlation):
-    # Numbers or signs, so that the signs can be read without colours.
-    count = len(correlation)
-    if count > _SIGNS:
-        return
-    for (i, j), value in np.ndenumerate(correlation):
-        if not np.isfinite(value):
-            continue
-        text = f"{round(value, 2) + 0.0:.2f}".replace("-", "\N{MINUS SIGN}")
-        if count > _NUMBERS:
-            text = "" if i == j or abs(value) < _LARGE else "\N{MINUS SIGN}" if value < 0 else "+"
-        axes.text(j, i, text, ha="center", va="center", fontsize="x-small")
-
-
-def _hatch(axes, correlation):
-    from matplotlib.patches import Patch, Rectangle
-
-    look = {"facecolor": "0.9", "edgecolor": "0.6", "hatch": "////", "linewidth": 0}
-    for i, j in np.argwhere(~np.isfinite(correlation)):
-        axes.add_patch(Rectangle((j - 0.5, i - 0.5), 1, 1, **look))
-    if not np.isfinite(correlation).all():
-        patch = Patch(label="error bar withheld", **look)
-        axes.legend(handles=[patch], fontsize="small", loc="lower left", bbox_to_anchor=(0, 1))

@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fitting.data.kinds import AreaData, FrictionData
 from fitting.parameters.constraints import RmsSlope
 from fitting.parameters.correlated import Correlated
 from fitting.parameters.discrepancy import text_of
@@ -17,7 +16,7 @@ from fitting.parameters.scenes import Scenes, each_scene, leaf_names, owner_of, 
 from fitting.parameters.selection import PriorContext
 from fitting.results.record import FitRecord
 from fitting.solvers.options import SOLVERS
-from fitting.solvers.problem import ASSUMED
+from fitting.solvers.problem import ASSUMED, CONTACT_QUANTITIES
 from fitting.uncertainty.intervals import LEVEL
 from rubberfric.analysis import contact_model_name, theory_error
 from rubberfric.base import unit_of
@@ -248,7 +247,7 @@ def _fit(result):
 
 def _contact_model(result):
     pairs = zip(result.data, each_scene(result.scene, result.data_scenes), strict=True)
-    texts = [_contact_text(scene) for one, scene in pairs if isinstance(one, FrictionData | AreaData)]
+    texts = [_contact_text(scene) for one, scene in pairs if one.quantity in CONTACT_QUANTITIES]
     return {"contact": "; ".join(dict.fromkeys(texts))} if texts else {}
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from fitting.parameters.scenes import by_name
 from fitting.parameters.variables import Array
 from fitting.solvers.devices import Devices, OverFits, default_device
-from fitting.solvers.problem import CURVE_QUANTITIES, FitStructure, Numbers, Problem
+from fitting.solvers.problem import CONTACT_QUANTITIES, FitStructure, Numbers, Problem
 from fitting.solvers.residuals import (
     Padded,
     in_errors,
@@ -70,7 +70,7 @@ def _by_forward_mode(structure):
     tree = structure.variables.tree
     scenes = by_name(jax.tree.unflatten(tree, [0.0] * tree.num_leaves))  # the numbers do not matter
     return all(
-        block.quantity not in CURVE_QUANTITIES or uses_forward_mode(scenes[block.scene])
+        block.quantity not in CONTACT_QUANTITIES or uses_forward_mode(scenes[block.scene])
         for block in structure.blocks
     )
 

@@ -28,6 +28,8 @@ from fitting.solvers.options import check_options
 from rubberfric.scene import cast, check_background, dissipates, result_dtype, shifts, takes_temperature
 
 CURVE_QUANTITIES = ("friction", "area")  # measured over velocity, pressure and temperature
+SLIP_QUANTITIES = ("force", "moment")  # of a patch, measured over slip, speed, load and temperature
+CONTACT_QUANTITIES = (*CURVE_QUANTITIES, *SLIP_QUANTITIES)  # predicted by the theory of contact
 
 # Relative error that the first fit assumes for data without errors. It is kept if no estimate is possible.
 ASSUMED = 0.1
@@ -42,7 +44,7 @@ _MARGIN, _BEYOND = 0.5, 1.0
 class Block(NamedTuple):
     """Rows of a problem that one call of the model predicts. A block is hashable."""
 
-    quantity: str  # "friction", "area", "modulus", "spectrum"
+    quantity: str  # of its data, such as "friction"; see `fitting.data.kinds.KINDS`
     body: str | None  # body of a modulus or spectrum
     logarithmic: bool
     rows: tuple[int, int]  # (first, last + 1)
@@ -174,21 +176,27 @@ def _blocks(scenes, data, of):
 def _block_key(scene, data):
     """Return the key of the block of a data set. Raise ValueError if the scene cannot predict the data."""
     temperature = getattr(data, "temperature", None)
-    if data.quantity in CURVE_QUANTITIES:
-        _check_curve(scene, data)
-        return data.quantity, None, data.logarithmic, temperature is not None
+    given = tuple(getattr(data, name) is not None for name in data.conditions)
+    if data.quantity in CONTACT_QUANTITIES:
+        _check_contact(scene, data)
+        return data.quantity, None, data.logarithmic, given
     body = _body(scene, data)
     if temperature is not None:
         shift = getattr(scene, body).material.shift
         if shift is None:
             raise ValueError(f"data {data.label!r}: have a temperature, but {body}.material has no shift")
         _check_temperature(data, [shift])
-    return data.quantity, body, data.logarithmic, temperature is not None
+    return data.quantity, body, data.logarithmic, given
 
 
-def _check_curve(scene, data):
-    """Raise ValueError unless the scene can predict a curve at the temperatures of the data."""
-    if data.quantity == "friction" and scene.shear is None and not dissipates(scene):
+def _check_contact(scene, data):
+    """Raise ValueError unless the scene can predict the data at their temperatures."""
+    if data.quantity in SLIP_QUANTITIES and scene.patch is None:
+        raise ValueError(
+            f"data {data.label!r}: the scene has no patch; add one:"
+            " scene.replace(patch=rubberfric.Patch(length, width, stiffness))"
+        )
+    if data.quantity != "area" and scene.shear is None and not dissipates(scene):
         raise ValueError(  # friction would not depend on any parameter
             f"data {data.label!r}: the scene has no friction; a rough solid must face a viscoelastic one,"
             " or the scene must have contact shear"
@@ -243,7 +251,9 @@ def finer(problem: Problem, x: Array, data: Sequence[Measured]) -> Problem | Non
 def _fitting(scene, data, margin=_MARGIN):
     """Return a quadrature for a scene, or all scenes of a dict, and ranges larger by `margin` e-folds."""
     pressures = [np.min(one.pressure) for one in data if hasattr(one, "pressure")]
-    lowest = min(pressures, default=1.0)
+    loads = [np.min(one.load) for one in data if hasattr(one, "load")]
+    areas = [float(one.patch.area) for one in by_name(scene).values() if one.patch is not None]
+    lowest = min([*pressures, *(load / max(areas) for load in loads)], default=1.0)
     settings = [
         rf.analysis.default_quadrature(one, lowest, margin=margin, separation=False)
         for one in by_name(scene).values()

@@ -21,8 +21,16 @@ from fitting.parameters.scenes import OrderedPair, by_name, in_order, scene_path
 from fitting.parameters.variables import Array, Constants, Variables, to_scene
 from fitting.solvers.objective import Loss, Objective
 from fitting.solvers.ordered import x_of
-from fitting.solvers.problem import CURVE_QUANTITIES, FitStructure, Numbers, Problem, Targets
+from fitting.solvers.problem import (
+    CONTACT_QUANTITIES,
+    SLIP_QUANTITIES,
+    FitStructure,
+    Numbers,
+    Problem,
+    Targets,
+)
 from rubberfric.analysis import value_and_jacobian
+from rubberfric.applications import friction_points, grip_of_friction
 from rubberfric.base import Kind, PhysicalObject, fields_of, recurring_length
 from rubberfric.roughness import log_power_spectrum
 
@@ -63,16 +71,8 @@ def _if_in_order(structure, scene, rows):
 
 def _predicted(structure, block, conditions, scene):
     """Return the predictions of one block, or the logarithms if the block is logarithmic."""
-    if block.quantity in CURVE_QUANTITIES:
-        heated = () if "converged" not in rf.quantities_of(scene) else ("converged",)
-        solution = rf.solve(
-            scene, *conditions, quadrature=structure.quadrature, quantities=(block.quantity, *heated)
-        )
-        values = getattr(solution, block.quantity)
-        if solution.converged is not None:
-            # NaN where the temperatures did not converge, so that no step is accepted there and a start is
-            # refused.
-            values = jnp.where(solution.converged, values, jnp.nan)
+    if block.quantity in CONTACT_QUANTITIES:
+        values = contact_values(block.quantity, structure.quadrature, scene, conditions)
     elif block.quantity == "modulus":
         modulus = rf.complex_modulus(getattr(scene, block.body).material, *conditions)
         values = jnp.concatenate([modulus.real, modulus.imag])
@@ -81,6 +81,42 @@ def _predicted(structure, block, conditions, scene):
         log_C = log_power_spectrum(getattr(scene, block.body).spectrum.power_law(), *conditions)
         return log_C if block.logarithmic else jnp.exp(log_C)
     return jnp.log(values) if block.logarithmic else values
+
+
+def contact_values(
+    quantity: str, quadrature: rf.Quadrature, scene: rf.Scene, conditions: tuple[Any, ...]
+) -> jax.Array:
+    """Return a quantity of `CONTACT_QUANTITIES` under the conditions of its kind of data.
+
+    The values are NaN where the temperatures did not converge, so that no step is accepted there and a start
+    is refused.
+    """
+    if quantity in SLIP_QUANTITIES:
+        mu = contact_values("friction", quadrature, scene, _friction_points(scene, conditions))
+        return _of_slip(quantity, scene, conditions, mu)
+    heated = () if "converged" not in rf.quantities_of(scene) else ("converged",)
+    solution = rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity, *heated))
+    values = getattr(solution, quantity)
+    return values if solution.converged is None else jnp.where(solution.converged, values, jnp.nan)
+
+
+def _slip_of(conditions):
+    """Return the kind of the slip, and slip, speed, load and temperature, of slip data."""
+    *slips, speed, load, temperature = conditions
+    kind = "angle" if slips[0] is not None else "ratio"
+    return kind, (next(slip for slip in slips if slip is not None), speed, load, temperature)
+
+
+def _friction_points(scene, conditions):
+    """Return the conditions (v, p, T) of the friction that slip data need, shape (points, pressures)."""
+    kind, conditions = _slip_of(conditions)
+    return friction_points(scene.patch, *conditions, kind)
+
+
+def _of_slip(quantity, scene, conditions, mu):
+    """Return the force or the moment of a patch from the friction at `_friction_points`."""
+    kind, (slip, _, load, _) = _slip_of(conditions)
+    return getattr(grip_of_friction(scene.patch, slip, load, mu, kind), quantity)
 
 
 def rows_of(structure: FitStructure, numbers: Numbers, x: jax.Array) -> jax.Array:
@@ -104,10 +140,9 @@ def rows_and_slopes(structure: FitStructure, numbers: Numbers, x: jax.Array) -> 
         def own_scene(x, name=block.scene):
             return by_name(scene_of(x))[name]
 
-        if block.quantity in CURVE_QUANTITIES:
-            values, slopes = value_and_jacobian(
-                own_scene, x, conditions, block.quantity, structure.quadrature
-            )
+        if block.quantity in CONTACT_QUANTITIES:
+            slopes_of = _slip_slopes if block.quantity in SLIP_QUANTITIES else value_and_jacobian
+            values, slopes = slopes_of(own_scene, x, conditions, block.quantity, structure.quadrature)
             if block.logarithmic:
                 values, slopes = jnp.log(values), slopes / values[:, None]
         else:
@@ -120,6 +155,25 @@ def rows_and_slopes(structure: FitStructure, numbers: Numbers, x: jax.Array) -> 
     parts.append((differences @ x, differences))
     rows, slopes = (jnp.concatenate(part) for part in zip(*parts, strict=True))
     return rows, slopes
+
+
+def _slip_slopes(scene_of, x, conditions, quantity, quadrature):
+    """Return values of slip data and their derivatives, as `rubberfric.analysis.value_and_jacobian`."""
+
+    def points(x):
+        at = _friction_points(scene_of(x), conditions)
+        shape = jnp.broadcast_shapes(*(c.shape for c in at if c is not None))
+        return tuple(None if c is None else jnp.broadcast_to(c, shape).ravel() for c in at)
+
+    mu, slopes = value_and_jacobian(scene_of, x, points, "friction", quadrature)
+    count = conditions[-2].size
+
+    def values(x, mu):
+        return _of_slip(quantity, scene_of(x), conditions, mu)
+
+    value, push = jax.linearize(values, x, mu.reshape(count, -1))
+    along = slopes.T.reshape(x.size, count, -1)
+    return value, jax.vmap(push)(jnp.eye(x.size, dtype=x.dtype), along).T
 
 
 def in_errors(structure: FitStructure, numbers: Numbers, targets: Targets, rows: Array) -> jax.Array:

@@ -173,12 +173,15 @@ class SolvedProblem(WithUncertainty):
             value, slope = (part.reshape((*shape, *part.shape[1:])) for part in found)
         return self.widened(value, slope, level)
 
-    def widened(self, value: np.ndarray, slope: np.ndarray, level: float) -> Band:
-        """Return the band of a prediction, shape (...), from its derivatives by x, shape (..., size)."""
+    def widened(self, value: np.ndarray, slope: np.ndarray, level: float, signed: bool = False) -> Band:
+        """Return the band of a prediction, shape (...), from its derivatives by x, shape (..., size).
+
+        The band of a quantity that is `signed` is symmetric in the quantity, also where the value is > 0.
+        """
         known = self.uncertainty
         slope = slope * known.stretch
         reach = self.quantile(level) * np.sqrt(np.einsum("...i,ij,...j->...", slope, known.spread, slope))
-        positive = value > 0
+        positive = (value > 0) & (not signed)
         # exp(700) is near the largest float64; a wider band has no meaning.
         factor = np.exp(np.minimum(reach / np.where(positive, value, 1.0), 700.0))
         low = np.where(positive, value / factor, value - reach)

@@ -42,6 +42,10 @@ BLOCK = 256
 _CPU_BLOCK = 32
 
 
+# Velocity, pressure, and temperature or None.
+Conditions = tuple[ArrayLike | None, ...]
+
+
 class LinearisedTree(NamedTuple):
     """A pytree that depends on x, with its derivatives with respect to x."""
 
@@ -111,7 +115,7 @@ def uses_forward_mode(scene: Scene) -> bool:
 def value_and_jacobian(
     scene_of: Callable[[jax.Array], Scene],
     x: jax.Array,
-    conditions: tuple[ArrayLike, ArrayLike, ArrayLike | None],
+    conditions: Conditions | Callable[[jax.Array], Conditions],
     quantity: str,
     quadrature: Quadrature,
 ) -> tuple[jax.Array, jax.Array]:
@@ -121,7 +125,7 @@ def value_and_jacobian(
     ----------
     scene_of : function from x to a Scene
     x : shape (size,)
-    conditions : (velocity, pressure, temperature or None), arrays of shape (points,)
+    conditions : (velocity, pressure, temperature or None), arrays of shape (points,), or a function from x
     quantity : a field of `rubberfric.Solution`
     quadrature : Quadrature
 
@@ -130,16 +134,21 @@ def value_and_jacobian(
     (values, jacobian), shapes (points,) and (points, size). Values are NaN where the temperatures of a
     heated scene did not converge.
     """
-    scene = scene_of(x)
+    scene, fixed = scene_of(x), not callable(conditions)
+    conditions_of = conditions if callable(conditions) else lambda _: conditions
+
+    def points_of(x):
+        return [jnp.asarray(c, x.dtype) for c in conditions_of(x) if c is not None]
+
+    points = points_of(x)
     if uses_forward_mode(scene):
         structure = Structure.of(scene, (quantity,))
         heats_itself = structure.heated and structure.feeds_back and not structure.adhesive
-        known = all(c is not None for c in conditions)
-        few = max(np.size(c) for c in conditions if c is not None) <= BLOCK
-        forward = _forward_heated if heats_itself and known and few else _forward
-        return forward(scene_of, x, conditions, quantity, quadrature)
+        few = max(c.size for c in points) <= BLOCK
+        if heats_itself and fixed and len(points) == 3 and few:
+            return _forward_heated(scene_of, x, points, quantity, quadrature)
+        return _forward(scene_of, x, conditions_of, quantity, quadrature)
     heated = ("converged",) if iterates(scene) else ()
-    points = [jnp.asarray(c, x.dtype) for c in conditions if c is not None]
     parts = _parts(scene_of, x, lambda scene: prepare(scene, (quantity,), quadrature))
     moving = sorted({i for part, _, _ in parts for i in part.moving})
     first = parts[0][0]
@@ -152,23 +161,35 @@ def value_and_jacobian(
 
     def block(points):
         leaves = [first.leaves[i] for i in moving]
-        values, slopes = jax.vmap(jax.value_and_grad(at), in_axes=(None, 0))(leaves, points)
+        gradient = jax.value_and_grad(at, argnums=(0,) if fixed else (0, 1))
+        values, (slopes, *by_point) = jax.vmap(gradient, in_axes=(None, 0))(leaves, points)
         slopes = dict(zip(moving, slopes, strict=True))
         # One product at the end: a sum of products reads uninitialised memory in jax 0.12.0 on CPU.
         by_part = [
             _flat([slopes[i] for i in part.moving], values) @ tangents.T for part, tangents, _ in parts
         ]
-        return values, jnp.concatenate(by_part, 1) @ by_x
+        return values, jnp.concatenate(by_part, 1) @ by_x, by_point
+
+    def with_moving_points(values, jacobian, by_point):
+        """Add the derivatives by the points, which may depend on x."""
+        if fixed:
+            return values, jacobian
+        pairs = zip(*by_point, jax.jacfwd(points_of)(x), strict=True)
+        return values, jacobian + sum(slope[:, None] * by_x for slope, by_x in pairs)
 
     count = points[0].size
     blocks = -(-count // (_CPU_BLOCK if jax.default_backend() == "cpu" else BLOCK))
     if blocks <= 1:
-        return block(points)
+        return with_moving_points(*block(points))
     size = -(-count // blocks)  # all about equally large
     padding = (0, blocks * size - count)
     stacked = [jnp.pad(c, padding, mode="edge").reshape(blocks, size) for c in points]
-    values, jacobian = jax.lax.map(block, stacked)
-    return values.reshape(-1)[:count], jacobian.reshape(-1, x.size)[:count]
+    values, jacobian, by_point = jax.lax.map(block, stacked)
+    return with_moving_points(
+        values.reshape(-1)[:count],
+        jacobian.reshape(-1, x.size)[:count],
+        jax.tree.map(lambda slope: slope.reshape(-1)[:count], by_point),
+    )
 
 
 def _parts(scene_of, x, prepared):
@@ -209,13 +230,13 @@ def _flat(arrays, like):
     return jnp.concatenate([jnp.zeros((rows, 0), like.dtype), *(a.reshape(rows, -1) for a in arrays)], 1)
 
 
-def _forward(scene_of, x, conditions, quantity, quadrature):
+def _forward(scene_of, x, conditions_of, quantity, quadrature):
     """Compute values and derivatives by forward mode, one parameter after the other."""
 
     def values(x):
         scene = scene_of(x)
         heated = ("converged",) if iterates(scene) else ()
-        solution = solve(scene, *conditions, quadrature=quadrature, quantities=(quantity, *heated))
+        solution = solve(scene, *conditions_of(x), quadrature=quadrature, quantities=(quantity, *heated))
         return _or_nan(getattr(solution, quantity), solution.converged)
 
     value, push = jax.linearize(values, x)

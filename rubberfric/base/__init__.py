@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rubberfric.base.checks import between as between
     from rubberfric.base.checks import check_values as check_values
     from rubberfric.base.checks import closest as closest
+    from rubberfric.base.checks import either as either
     from rubberfric.base.checks import listed as listed
     from rubberfric.base.checks import shown as shown
     from rubberfric.base.checks import warn_caller as warn_caller

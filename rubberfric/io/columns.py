@@ -145,6 +145,8 @@ COLUMNS = {
     "slip_angle": Column("slip_angle", _ANGLE, positive=False, offered=False),
     "slip_ratio": Column("slip_ratio", _RATIO, positive=False, offered=False),
     "moment": Column("moment", _MOMENT, positive=False, offered=False),
+    "sigma_F_t": Column("sigma_F_t", _FORCE, offered=False),
+    "sigma_moment": Column("sigma_moment", _MOMENT, offered=False),
 }
 
 # Other spellings of the names in `COLUMNS`; M_... is E_... or G_..., see `known_name`.

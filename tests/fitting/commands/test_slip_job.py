@@ -1,0 +1,58 @@
+"""A job with a table of a wheel tester and a scene with a patch."""
+
+from pathlib import Path
+
+import numpy as np
+
+import fitting
+import rubberfric as rf
+
+SCENE = """
+[lower]
+material = { kind = "rigid" }
+spectrum = { kind = "self_affine", q0 = 100, qr = 1000, q1 = 1e4, hurst = 0.8, h_rms = 1e-4 }
+
+[upper]
+material = { kind = "prony", E_inf = 1e6, E = [1e8, 1e7], tau = [1e-6, 1e-4] }
+
+[shear]
+tau_f0 = 6e5
+c = 0.1
+v0 = 1e-2
+
+[patch]
+length = 0.1
+width = 0.1
+stiffness = 3e7
+pressure = "uniform"
+"""
+JOB = """
+scene = "tyre.toml"
+
+[[data]]
+file = "drum.csv"
+relative = 0.03
+
+[free]
+"patch.stiffness" = { rule = "positive", start = 1e7 }
+"shear.tau_f0" = { rule = "positive", start = 2e5 }
+"""
+
+
+def test_a_wheel_tester(call, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("tyre.toml").write_text(SCENE)
+    Path("job.toml").write_text(JOB)
+    scene, angle = rf.load_scene("tyre.toml"), np.linspace(0.5, 12.0, 10)
+    force = rf.grip(scene, scene.patch, np.radians(angle), 5.0, 2e3).force
+    rows = [
+        f"{a!r},18,2,{-f / 1e3!r}" for a, f in zip(angle.tolist(), np.asarray(force).tolist(), strict=True)
+    ]
+    titles = "slip angle [deg],speed [km/h],load [kN],side force [kN]"
+    Path("drum.csv").write_text("\n".join([titles, *rows]))
+    status, printed, complaint = call("job.toml", "--out", "fit.h5", "--plot", "fit.png", "--no-cache")
+    assert (status, complaint) == (0, "")
+    assert "1: force, 10 points: 10 values" in printed
+    fitted = fitting.FitResult.load("fit.h5").scene
+    assert abs(fitted.patch.stiffness / 3e7 - 1) < 1e-5
+    assert abs(fitted.shear.tau_f0 / 6e5 - 1) < 1e-5
