@@ -45,12 +45,11 @@ from rubberfric.base import (
     listed,
     shown,
 )
-from rubberfric.io import COLUMNS, column_hint, hdf5, read_density, read_names, read_table
+from rubberfric.io import COLUMNS, column_hint, hdf5, read_density, read_names, read_normalisation, read_table
 from rubberfric.roughness import (
     LINES,
     check_normalisation,
     density_column,
-    find_normalisation,
     spectrum_from,
 )
 
@@ -83,11 +82,12 @@ def read(
         never contains the body.
     normalisation, hurst : normalisation, and H, of a spectrum in a CSV file
         See `rubberfric.roughness.normalisation`. The normalisation is required for a spectrum, unless a title
-        names it: W1 and Wr of Gwyddion, Gd of ISO 8608. It is "C" for a file of `write`. Without H, a
-        spectrum along a line is inverted by `areal_spectrum`, with the relative errors of the file if it has
-        them. They are kept as errors of C. With H it is converted as for a self-affine surface without a
-        roll-off. A column "wavenumber" needs the unit rad/m or cycles/m unless the normalisation is "W1",
-        "Wr", "C_1D_one_sided" (rad/m) or "ISO_8608" (cycles/m).
+        names it (W1 and Wr of Gwyddion, Gd of ISO 8608), or the text above the table does (ISO 8608,
+        contact.engineering). It is "C" for a file of `write`. Without H, a spectrum along a line is inverted
+        by `areal_spectrum`, with the relative errors of the file if it has them. They are kept as errors of
+        C. With H it is converted as for a self-affine surface, which makes h_rms 1.09 to 1.4 times too large
+        at a roll-off. A column "wavenumber" needs the unit rad/m or cycles/m unless the normalisation is
+        "W1", "Wr", "q_C_iso_over_pi", "C_1D_one_sided" (rad/m) or "ISO_8608" (cycles/m).
     poisson : Poisson's ratio [-], needed for a table of shear moduli, E = 2 (1 + poisson) G
         A "storage modulus" is read as E' if `poisson` is None, and as G' otherwise.
     columns : list of "name [unit]", or None
@@ -240,7 +240,7 @@ def _read_spectrum(path, optional, normalisation, hurst, layout):
 
     A spectrum in m^3 has no sigma, which would have another unit.
     """
-    normalisation = find_normalisation(path, read_names(path, layout.get("columns")), normalisation)
+    normalisation = read_normalisation(path, normalisation, layout.get("columns"))
     try:
         check_normalisation(normalisation, hurst, table=True)
         if density_column(normalisation) != "C":

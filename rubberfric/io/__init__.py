@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from rubberfric.io.tables import read_columns as read_columns
     from rubberfric.io.tables import read_density as read_density
     from rubberfric.io.tables import read_names as read_names
+    from rubberfric.io.tables import read_normalisation as read_normalisation
     from rubberfric.io.tables import read_table as read_table
     from rubberfric.io.tables import write_table as write_table
     from rubberfric.io.toml import read_conditions as read_conditions

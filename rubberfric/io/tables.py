@@ -25,12 +25,15 @@ from rubberfric.io.columns import COLUMNS, SET_VALUES, quantities_of
 from rubberfric.io.exports import TextTable, find_table, headless, pick, suggested_columns
 from rubberfric.io.height_maps import read_traces
 from rubberfric.io.text_tables.derived import RELATIONS, plan_for, with_derived, with_wheel_names
+from rubberfric.io.text_tables.lines import text_above_numbers
 from rubberfric.io.text_tables.own_tables import missing_column, project_rows, project_table
 from rubberfric.io.text_tables.workbooks import read_export
 from rubberfric.roughness.normalisation import density_column, find_normalisation
 
 # Meaning of 1/m in a column "wavenumber".
-_WAVENUMBERS = {"ISO_8608": "cycles", "W1": "rad", "Wr": "rad", "C_1D_one_sided": "rad"}
+_WAVENUMBERS = {"ISO_8608": "cycles"} | dict.fromkeys(
+    ("W1", "Wr", "C_1D_one_sided", "q_C_iso_over_pi"), "rad"
+)
 BAD_ROWS = ("error", "drop")
 
 
@@ -203,16 +206,22 @@ def read_density(
     Parameters
     ----------
     path, columns, optional, options : as for `read_table`
-    normalisation : given, or None where a title names it, see `rubberfric.roughness.find_normalisation`
+    normalisation : given, or None where the file names it, see `read_normalisation`
 
     Returns
     -------
     dict with the keys "q", "C" (the density, [m^4] or [m^3]), and the optional columns of the table
     """
-    normalisation = find_normalisation(path, read_names(path, columns), normalisation)
+    normalisation = read_normalisation(path, normalisation, columns)
     density, meaning = density_column(normalisation), _WAVENUMBERS.get(normalisation)
     table = read_table(path, ("q", density), optional, columns=columns, wavenumber=meaning, **options)
     return {("C" if name == density else name): values for name, values in table.items()}
+
+
+def read_normalisation(path: StrPath, normalisation: str | None, columns: list[str] | None = None) -> str:
+    """Return the normalisation of a spectrum: the given one, or the one that titles or header name."""
+    header = text_above_numbers(read_export(path))
+    return find_normalisation(path, read_names(path, columns), normalisation, header)
 
 
 def read_directions(path: StrPath) -> tuple[np.ndarray, np.ndarray]:

@@ -54,7 +54,12 @@ from rubberfric.io.results import (
 )
 from rubberfric.io.tables import read_density, read_directions, read_table, table_text
 from rubberfric.materials.prony import Prony, PronyShear
-from rubberfric.roughness.normalisation import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
+from rubberfric.roughness.normalisation import (
+    NORMALISATION_RULE,
+    check_normalisation,
+    density_column,
+    spectrum_from,
+)
 from rubberfric.scene.scene import Scene, doubts_of_conditions, doubts_of_scene
 
 # Tables of a scene file that hold conditions.
@@ -262,7 +267,7 @@ def _read_curves(path, key, cls, content):
         value = "is missing" if name is None else f"= {shown(name)}"
         raise ValueError(f"{path}: {key}.file {value}: must be the name of a CSV file")
     directions = _has_directions(cls)
-    if directions and content.get("normalisation") in (*LINES, "Wr"):
+    if directions and density_column(content.get("normalisation")) != "C":
         found = shown(content["normalisation"])
         raise ValueError(f'{path}: {key}.normalisation = {found}: must be "C" or "C_iso" for directions')
     normalisation = _normalisation(path, key, content) if "C" in curves.values() else None

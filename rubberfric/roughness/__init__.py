@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from rubberfric.roughness.joining import resample as resample
     from rubberfric.roughness.lines import ArealSpectrum as ArealSpectrum
     from rubberfric.roughness.lines import areal_spectrum as areal_spectrum
-    from rubberfric.roughness.lines import line_spectrum as line_spectrum
     from rubberfric.roughness.measured import MeasuredSpectrum as MeasuredSpectrum
     from rubberfric.roughness.measured import ResolvedRange as ResolvedRange
     from rubberfric.roughness.moments import LARGEST_WAVEVECTOR as LARGEST_WAVEVECTOR
@@ -28,8 +27,10 @@ if TYPE_CHECKING:
     from rubberfric.roughness.normalisation import check_normalisation as check_normalisation
     from rubberfric.roughness.normalisation import density_column as density_column
     from rubberfric.roughness.normalisation import find_normalisation as find_normalisation
+    from rubberfric.roughness.normalisation import heights_by_normalisation as heights_by_normalisation
     from rubberfric.roughness.normalisation import spectrum_as as spectrum_as
     from rubberfric.roughness.normalisation import spectrum_from as spectrum_from
+    from rubberfric.roughness.projections import line_spectrum as line_spectrum
     from rubberfric.roughness.spectra import SelfAffine as SelfAffine
     from rubberfric.roughness.spectra import log_power_spectrum as log_power_spectrum
     from rubberfric.roughness.spectra import power_spectrum as power_spectrum

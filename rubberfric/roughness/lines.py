@@ -5,7 +5,7 @@ The spectrum along a line is the projection of the areal spectrum, an Abel trans
 .. math:: C_\mathrm{1D}(q) = \int_{-\infty}^\infty dq_y\, C\big(\sqrt{q^2 + q_y^2}\big)
           = 2 \int_q^\infty \frac{C(x)\, x}{\sqrt{x^2 - q^2}}\, dx
 
-`line_spectrum` computes it exactly for a broken power law. `areal_spectrum` fits ln C at knots to a measured
+`rubberfric.roughness.projections` computes it. `areal_spectrum` fits ln C at knots to a measured
 C_1D. The penalty of the fit is the total variation of the slope,
 
 .. math:: \min_{\ln C}\; 2 \sum_i w_i (r_i - 1 - \ln r_i) + 2 \lambda \sum_k |m_{k+1} - m_k|,\qquad
@@ -37,24 +37,17 @@ from rubberfric.base.checks import (
     is_concrete,
 )
 from rubberfric.base.compilation import exact_products
-from rubberfric.base.objects.physical import check_kind
-from rubberfric.base.quadrature import gauss, typed
+from rubberfric.base.quadrature import typed
 from rubberfric.roughness.moments import moment
-from rubberfric.roughness.spectra import Spectrum, log_ratio, mean_growth
+from rubberfric.roughness.projections import positive_array, projection
+from rubberfric.roughness.spectra import log_ratio
 from rubberfric.roughness.tabulated import TabulatedSpectrum
-
-# Gauss nodes of Abel's kernel between q and 2 q.
-_NODES = 24
-# Terms of the series of Abel's kernel beyond 2 q. Each is at most 1/4 of the previous one, the last 2e-16.
-_TERMS = 27
 
 # Weights lambda of the penalty, in units of the deviance. The kink of a roll-off, a change of slope by
 # 2 (1 + H), costs between 1e-5 and 1e4 units. A factor of 10 in lambda hardly changes the result.
 _PENALTIES = 10.0 ** np.arange(3, -7, -1)
 # Changes of slope below which the penalty is quadratic; a tenth of the change for H = 0 by 1.
 _ROUNDED = 0.1
-# C continues beyond the last entry at least as steeply as for H = 0. C_1D diverges from -1 on.
-_FLATTEST = -2.0
 # Fisher steps for every lambda, which begin at the solution for the previous one.
 _STEPS = 4
 # Fisher steps for the best lambda.
@@ -106,38 +99,6 @@ class ArealSpectrum(NamedTuple):
         slope = jax.grad(lambda C: 0.5 * jnp.log(moment(TabulatedSpectrum(self.q, C), order)))(self.C)
         change = slope * self.C
         return float(jnp.sqrt(change @ self.covariance @ change))
-
-
-def line_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
-    r"""Return the spectrum along a line of an isotropic surface, exact for its broken power law.
-
-    .. math:: C_\mathrm{1D}(q) = 2 \int_q^\infty \frac{C(x)\, x}{\sqrt{x^2 - q^2}}\, dx,\qquad
-              h_\mathrm{rms}^2 = 2 \int_0^\infty C_\mathrm{1D}\, dq
-
-    Parameters
-    ----------
-    spectrum : SelfAffine or TabulatedSpectrum
-    q : wavevectors along the line, > 0 [1/m], any shape
-        Below the spectrum's range C_1D tends to a constant. Above the range C_1D is 0.
-
-    Returns
-    -------
-    C_1D [m^3], shape of q, with errors of 1e-13 for slopes d ln C / d ln q of -20 ... 20
-
-    Notes
-    -----
-    C_1D is differentiable with respect to the spectrum and q, except at the ends of C, where C_1D is like a
-    square root.
-    """
-    check_kind("spectrum", spectrum, Spectrum)
-    return _line_spectrum(spectrum, _positive("q", q))
-
-
-@jax.jit
-def _line_spectrum(spectrum, q):
-    law = spectrum.power_law()
-    pieces = _pieces(q, law.q[:-1], law.q[1:], law.log_value[:-1], law.exponent)
-    return 2 * law.height2 * jnp.sum(pieces, -1)
 
 
 def areal_spectrum(
@@ -193,19 +154,12 @@ def areal_spectrum(
             " an isotropic surface decreases"
         )
     if relative is not None:
-        relative = _positive("relative", relative)
+        relative = positive_array("relative", relative)
     if q1 is not None:
-        q1 = _positive("q1", q1)
+        q1 = positive_array("q1", q1)
         if is_concrete(q) and is_concrete(q1) and not q1 > np.asarray(q)[-1]:
             raise ValueError(f"q1 = {float(q1):.4g}: must be > q[-1] = {float(np.asarray(q)[-1]):.4g} 1/m")
-    return ArealSpectrum(*_areal(q, C_1D, relative, q if at is None else _positive("at", at), q1))
-
-
-def _positive(name, value):
-    value = jnp.asarray(value)
-    value = value if jnp.issubdtype(value.dtype, jnp.floating) else value.astype(float)
-    check_values(name, value, POSITIVE)
-    return value
+    return ArealSpectrum(*_areal(q, C_1D, relative, q if at is None else positive_array("at", at), q1))
 
 
 @jax.jit
@@ -281,7 +235,7 @@ def _step(problem, log_C, penalty):
     The freedom is the trace of the influence matrix, the number of parameters that the data determine.
     """
     knots, q, measured, weight, q1 = problem
-    projected, slopes = _projection(log_C, knots, q, q1)
+    projected, slopes = projection(log_C, knots, q, q1)
     slopes = jax.lax.stop_gradient(slopes)
     difference = jnp.clip(measured - projected, _LOWEST, _HIGHEST)
     residual = jnp.expm1(difference)
@@ -323,74 +277,3 @@ def _interpolation(knots, at):
     share = (log_ratio(at, knots[left]) / log_ratio(knots[left + 1], knots[left]))[:, None]
     eye = jnp.eye(knots.shape[0], dtype=knots.dtype)
     return (1 - share) * eye[left] + share * eye[left + 1]
-
-
-def _projection(log_C, knots, q, q1):
-    """Return ln C_1D at q, and its derivatives with respect to ln C at the knots.
-
-    The last piece continues beyond the last knot up to q1, or without an end if q1 is None.
-    """
-    width = log_ratio(knots[1:], knots[:-1])
-    value = log_C + 2 * jnp.log(knots)
-    exponent = jnp.diff(value) / width
-    last, free = exponent[-1], jnp.ones_like(exponent[-1])
-    if q1 is None:
-        last, free = jnp.minimum(last, _FLATTEST + 2), jnp.where(last < _FLATTEST + 2, free, 0.0)
-    end = jnp.append(knots[1:], jnp.inf if q1 is None else q1)
-    # d exponent / d (difference of ln C)
-    share = jnp.append(1 / width, free / width[-1])
-    exponent = jnp.append(exponent, last)
-    top = jax.lax.stop_gradient(jnp.max(value))
-    each, by_exponent = jax.jvp(
-        lambda exponent: _pieces(q, knots, end, value - top, exponent),
-        (exponent,),
-        (jnp.ones_like(exponent),),
-    )
-    eye = np.eye(knots.shape[0])
-    differences = typed(np.diff(eye, axis=0)[np.append(np.arange(eye.shape[0] - 1), -1)], q)
-    total = jnp.sum(each, -1)
-    slopes = each + (by_exponent * share[None]) @ differences
-    return jnp.log(2 * total) + top, slopes / total[:, None]
-
-
-def _pieces(x, begin, end, log_value, exponent):
-    """Return int f(q) / (q sqrt(q^2 - x^2)) dq of every piece, shape (*x.shape, pieces), over q > x.
-
-    In a piece, f is a power of q that equals exp(log_value) at the start of the piece. For q < 2 x, Gauss
-    nodes in arcosh(q/x) remove the root. For q > 2 x, the root is a series in (x/q)^2, in which each term is
-    a power of q.
-    """
-    x = x[..., None]
-    shape = (*x.shape[:-1], begin.shape[0])
-    start, end, log_value, exponent = (jnp.broadcast_to(a, shape) for a in (begin, end, log_value, exponent))
-    u0, u1 = (_arcosh(jnp.clip(border, x, 2 * x), x) for border in (start, end))
-    nodes, weights = (typed(table, x) for table in gauss(_NODES))
-    u = u0[..., None] + (u1 - u0)[..., None] * nodes
-    ratio = jnp.log(jnp.cosh(u)) + jnp.log(x / start)[..., None]
-    # An empty piece far from x must not overflow before the multiplication by its width 0.
-    ratio = jnp.where((u1 > u0)[..., None], ratio, 0.0)
-    near = jnp.exp(log_value[..., None] + exponent[..., None] * ratio) / jnp.cosh(u)
-    near = (u1 - u0) * jnp.sum(near * weights, -1) / x
-    begin = jnp.maximum(start, 2 * x)
-    empty = end <= begin
-    begin = jnp.where(empty, start, begin)
-    endless = jnp.isinf(end)
-    width = log_ratio(jnp.where(endless | empty, begin, end), begin)
-    k = np.arange(_TERMS)
-    root = typed([math.comb(2 * n, n) / 4.0**n for n in range(_TERMS)], x)
-    powers = jnp.exp(typed(2.0 * k, x) * jnp.log(jnp.where(empty, 0.5, x / begin))[..., None])
-    order = exponent[..., None] - typed(1.0 + 2 * k, x)
-    endless, width = endless[..., None], width[..., None]
-    falling = jnp.where(endless, order, -1.0)  # the order of other pieces may be 0
-    terms = jnp.where(endless, -1 / falling, width * mean_growth(order * width))
-    series = jnp.sum(root * powers * terms, -1)
-    far = jnp.exp(log_value + exponent * jnp.log(begin / start)) / begin * series
-    return near + jnp.where(empty, 0.0, far)
-
-
-def _arcosh(q, x):
-    """Return arcosh(q / x) for x <= q <= 2 x. The derivative at q = x, which is infinite, is set to 0."""
-    excess = (q - x) / x
-    beyond = excess > 0
-    excess = jnp.where(beyond, excess, 1.0)
-    return jnp.where(beyond, jnp.log1p(excess + jnp.sqrt(excess * (excess + 2))), 0.0)

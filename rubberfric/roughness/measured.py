@@ -11,10 +11,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 import scipy
 
-from rubberfric.roughness.lines import ArealSpectrum, areal_spectrum, line_spectrum
+from rubberfric.roughness.lines import ArealSpectrum, areal_spectrum
 from rubberfric.roughness.moments import cutoff, rms_slope
-from rubberfric.roughness.normalisation import check_normalisation, spectrum_from
 from rubberfric.roughness.periodograms import Sampling, expected_bins
+from rubberfric.roughness.projections import line_spectrum
 from rubberfric.roughness.tabulated import TabulatedSpectrum
 
 # Width of an octave in ln q, the narrowest range of a fit of the slope d ln C / d ln q.
@@ -187,22 +187,12 @@ class MeasuredSpectrum(NamedTuple):
                 f"C[{i}] = {self.C[i]:g} at q = {self.q[i]:g} 1/m: must be > 0; use fewer bins per_decade"
             )
 
-    def table(self, hurst: float | None = None) -> TabulatedSpectrum:
+    def table(self) -> TabulatedSpectrum:
         """Return the spectrum for a scene, with the entries of `knots` (map) or `areal` (profile).
 
         For a map, the rms height of the table is (h_rms^2 - left_out)^(1/2).
-
-        Parameters
-        ----------
-        hurst : H [-], 0 ... 1, only for a profile. C_1D of `knots` is converted by the factor of a
-            self-affine surface (`spectrum_from`), which is wrong at a roll-off.
         """
-        name = "C_1D" if self.dimensions == 1 else "C"
-        check_normalisation(name, hurst, table=True)
-        if self.dimensions == 1 and hurst is None:
-            return self.areal().table()
-        q, C = self.knots()
-        return TabulatedSpectrum(q, spectrum_from(name, q, C, hurst))
+        return self.areal().table() if self.dimensions == 1 else TabulatedSpectrum(*self.knots())
 
     def resolved(self) -> ResolvedRange:
         """Return the upper end of the range in which the spectrum is the spectrum of the surface.
@@ -239,7 +229,7 @@ class MeasuredSpectrum(NamedTuple):
         lines.append(f"rms slope{along} {self.rms_slope:.4g}, from neighbouring points")
         lines.append(_TEXT[found.limit])
         if np.isfinite(found.q1):
-            table = self._isotropic()
+            table = self.table()
             to_q1 = float(rms_slope(table, found.q1))
             lines.append(f"proposed q1 = {found.q1:.4g} 1/m: rms slope of the surface up to q1 {to_q1:.4g}")
             if to_q1 > _LARGER * self.rms_slope * (1 if self.dimensions == 2 else np.sqrt(2)):
@@ -253,12 +243,6 @@ class MeasuredSpectrum(NamedTuple):
                     f"rms slope {_USUAL_SLOPE:g}, as usual for rubber on roads, at q1 = {usual:.4g} 1/m"
                 )
         return "\n    ".join(lines) + "\n"
-
-    def _isotropic(self):
-        """Return a table with the rms slope of the surface; C of a profile is taken along one line."""
-        q, C = self.knots()
-        # 2 int q^2 C_1D dq, times 2 for both directions, as 2 pi int q^3 C dq.
-        return TabulatedSpectrum(q, C if self.dimensions == 2 else 2 * C / (np.pi * q))
 
 
 _ROUGH, _NOISE, _SMOOTHED = range(3)

@@ -3,18 +3,21 @@ r"""Normalisations of measured power spectra, and spectra along a line.
 Programs and papers use these normalisations for the same roughness:
 
     name                     unit   mean square height               from C
-    "C"                      m^4    h^2 = 2 pi int q C dq            C [Persson]
+    "C"                      m^4    h^2 = 2 pi int q C dq            C [Persson; Gwyddion, 2D PSDF]
     "C_iso"                  m^4    h^2 = (1/2 pi) int q C_iso dq    4 pi^2 C
+    "q_C_iso_over_pi"        m^3    h^2 = (1/2) int (q C_iso/pi) dq  4 pi q C [contact.engineering]
+    "Wr"                     m^3    h^2 = int Wr dq                  2 pi q C [Gwyddion, radial PSDF]
     "C_1D"                   m^3    h^2 = 2 int C_1D dq              see below [Persson]
     "C_1D_surfacetopography" m^3    h^2 = (1/pi) int C_1D dq         2 pi times the line above
     "C_1D_one_sided"         m^3    h^2 = int C_1D dq                2 C_1D
     "W1"                     m^3    h^2 = int W1 dq                  2 C_1D [Gwyddion, one-dimensional PSDF]
     "ISO_8608"               m^3    h^2 = int G_d dn                 4 pi C_1D, n = q / 2 pi in cycles/m
-    "Wr"                     m^3    h^2 = int Wr dq                  2 pi q C [Gwyddion, radial PSDF]
 
-All integrals are from 0 to infinity. contact.engineering and SurfaceTopography use C_iso and the fourth row
-[Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001]. C_1D is two-sided: half of the mean
-square height is at q < 0. The displacement spectral density of ISO 8608 and ISO 13473-4 is one-sided.
+All integrals are from 0 to infinity. contact.engineering and SurfaceTopography use "C_iso", "q_C_iso_over_pi"
+and "C_1D_surfacetopography" [Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001]. C_1D is
+two-sided: half of the mean square height is at q < 0. The displacement spectral density of ISO 8608 and
+ISO 13473-4 is one-sided. Over n in cycles/m, "C_iso" is the density of a surface, h^2 = 2 pi int n C_iso dn,
+and "C_1D_surfacetopography" is the two-sided density along a line, h^2 = 2 int C dn.
 
 A spectrum along a line is the projection of C, and C at q depends on C_1D at all larger wavevectors.
 `rubberfric.roughness.areal_spectrum` inverts the projection. For a power law without ends the projection is a
@@ -23,7 +26,9 @@ cutoff.
 """
 
 import math
+import re
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -40,30 +45,53 @@ from rubberfric.base.checks import (
     warn_caller,
 )
 from rubberfric.roughness.lines import areal_spectrum
+from rubberfric.roughness.moments import rms_height
+from rubberfric.roughness.projections import projected_table
+from rubberfric.roughness.tabulated import TabulatedSpectrum
 
-# Factors of C. For a line they follow the self-affine factor, and for Wr the factor q.
+
+class Normalisation(NamedTuple):
+    """Definition of a spectrum."""
+
+    factor: float  # of C, of q C if `radial`, and of the two-sided C_1D over q if `line`
+    height: str  # mean square height
+    programs: str = ""  # programs that write it
+    line: bool = False  # along a line
+    radial: bool = False  # density of abs(q) over all directions
+    cycles: bool = False  # defined over n in cycles/m instead of q
+
+
 NORMALISATIONS = {
-    "C": 1.0,
-    "C_iso": 4 * math.pi**2,
-    "C_1D": 1.0,
-    "C_1D_surfacetopography": 2 * math.pi,
-    "C_1D_one_sided": 2.0,
-    "W1": 2.0,
-    "ISO_8608": 4 * math.pi,
-    "Wr": 2 * math.pi,
+    "C": Normalisation(1.0, "2 pi int q C dq"),
+    "C_iso": Normalisation(4 * math.pi**2, "(1/2 pi) int q C_iso dq", "SurfaceTopography"),
+    "q_C_iso_over_pi": Normalisation(
+        4 * math.pi, "(1/2) int (q C_iso/pi) dq", "contact.engineering", radial=True
+    ),
+    "Wr": Normalisation(2 * math.pi, "int Wr dq", "Gwyddion, radial", radial=True),
+    "C_1D": Normalisation(1.0, "2 int C_1D dq", line=True),
+    "C_1D_surfacetopography": Normalisation(
+        2 * math.pi, "(1/pi) int C_1D dq", "SurfaceTopography, contact.engineering", line=True
+    ),
+    "C_1D_one_sided": Normalisation(2.0, "int C_1D dq", line=True),
+    "W1": Normalisation(2.0, "int W1 dq", "Gwyddion", line=True),
+    "ISO_8608": Normalisation(4 * math.pi, "int G_d dn, n in cycles/m", line=True, cycles=True),
 }
-LINES = ("C_1D", "C_1D_surfacetopography", "C_1D_one_sided", "W1", "ISO_8608")
-NORMALISATION_RULE = (
-    'must be "C" (h_rms^2 = 2 pi int q C dq), "C_iso" (contact.engineering, 4 pi^2 times C), "C_1D"'
-    ' (along a line, h_rms^2 = 2 int C_1D dq), "C_1D_surfacetopography" (2 pi times C_1D), "C_1D_one_sided"'
-    ' or "W1" (Gwyddion, h_rms^2 = int W1 dq), "Wr" (Gwyddion, radial, h_rms^2 = int Wr dq) or "ISO_8608"'
-    " (h_rms^2 = int G_d dn, n in cycles/m)"
+LINES = tuple(name for name, about in NORMALISATIONS.items() if about.line)
+NORMALISATION_RULE = "must be " + ", ".join(
+    f'"{name}" (h_rms^2 = {about.height}{about.programs and "; "}{about.programs})'
+    for name, about in NORMALISATIONS.items()
 )
 
 # Titles of densities that name their normalisation.
 _NAMED = {"W1": "W1", "Wr": "Wr", "G_d": "ISO_8608"}
 # Equal normalisations.
 _EQUAL = {"W1": ("W1", "C_1D_one_sided")}
+# Texts above a table that name its normalisation, as contact.engineering and road profilers write them.
+_HEADERS = (
+    (re.compile(r"q/\u03c0\s*[\u00d7x*]\s*2D PSD"), "q_C_iso_over_pi"),
+    (re.compile(r"1D PSD along [xy]"), "C_1D_surfacetopography"),
+    (re.compile(r"\bISO[ /-]*(?:TS[ -]*)?(?:8608|13473-4)\b"), "ISO_8608"),
+)
 # Normalisations over angular wavevectors, and the one over cycles/m that the same numbers would have.
 _ANGULAR = {
     "C": '"C_iso" (h_rms^2 = 2 pi int n C dn)',
@@ -96,10 +124,10 @@ def spectrum_from(
 
     Parameters
     ----------
-    normalisation : "C", "C_iso", "Wr", or along a line "C_1D", "C_1D_one_sided", "C_1D_surfacetopography",
-        "W1" or "ISO_8608", see the module's docstring
+    normalisation : "C", "C_iso", "q_C_iso_over_pi", "Wr", or along a line "C_1D", "C_1D_one_sided",
+        "C_1D_surfacetopography", "W1" or "ISO_8608", see the module's docstring
     q : wavevectors [1/m], any shape; q = 2 pi n for a spectrum over cycles per metre
-    values : spectrum in that normalisation, [m^4], or [m^3] for Wr and along a line
+    values : spectrum in that normalisation, [m^4], or [m^3] for densities of abs(q) and along a line
     hurst : H [-], 0 ... 1, only along a line
         The surface is assumed self-affine without a roll-off. None uses `areal_spectrum`, for a table that
         increases in q.
@@ -124,7 +152,7 @@ def spectrum_from(
     if np.ma.is_masked(values) or np.ma.is_masked(q):
         raise ValueError("q or values has masked entries; leave them out, q[~values.mask]")
     if normalisation in LINES and hurst is None and jnp.ndim(q) == 1 and jnp.ndim(values) == 1:
-        return areal_spectrum(q, as_array(values) / NORMALISATIONS[normalisation], relative).C
+        return areal_spectrum(q, as_array(values) / NORMALISATIONS[normalisation].factor, relative).C
     factor = _factor(normalisation, q, hurst)
     if normalisation in LINES and is_concrete(q) and is_concrete(values) and is_concrete(hurst):
         _warn_of_rolloff(np.asarray(q, float), np.asarray(values, float), hurst)
@@ -149,18 +177,57 @@ def _warn_of_rolloff(q, values, hurst):
 
 def density_column(normalisation: str) -> str:
     """Return the column of a table with a spectrum in this normalisation: C [m^4] or C_1D [m^3]."""
-    return "C_1D" if normalisation in (*LINES, "Wr") else "C"
+    about = NORMALISATIONS.get(normalisation)
+    return "C_1D" if about is not None and (about.line or about.radial) else "C"
 
 
 def spectrum_as(normalisation: str, q: ArrayLike, C: ArrayLike, hurst: ArrayLike | None = None) -> jax.Array:
     """Convert a spectrum C(q) [m^4] to another normalisation.
 
-    This function is the inverse of `spectrum_from`.
+    This function is the inverse of `spectrum_from`. Without `hurst`, a spectrum along a line is the exact
+    projection of the log-log linear table (q, C), which has no waves below q[0] and continues beyond q[-1]
+    with the slope of its last piece.
+
+    Raises
+    ------
+    ValueError : as in `spectrum_from`. Along a line without H, q must be a table that increases.
     """
+    if normalisation in LINES and hurst is None and jnp.ndim(q) == 1 and jnp.ndim(C) == 1:
+        return NORMALISATIONS[normalisation].factor * projected_table(q, C)
     return jnp.asarray(C) * _factor(normalisation, q, hurst)
 
 
-def find_normalisation(path: object, names: Sequence[str], normalisation: str | None = None) -> str:
+def heights_by_normalisation(q: ArrayLike, values: ArrayLike) -> dict[str, float]:
+    """Return the rms height of a table [m] for each normalisation that its values might have.
+
+    Use it if a program does not state its definition. The right normalisation gives the rms height Sq or Rq
+    of the same heights. A table along a line gives a slightly smaller height, because its waves below q[0]
+    are missing.
+
+    Parameters
+    ----------
+    q : wavevectors, strictly increasing, > 0 [1/m], shape (n,); q = 2 pi n for a table over n in cycles/m
+    values : spectrum, > 0, log-log linear between its entries, [m^4] or [m^3], shape (n,)
+
+    Examples
+    --------
+    >>> q = np.geomspace(1e3, 1e6, 50)
+    >>> heights = rf.roughness.heights_by_normalisation(q, 1e-3 * q**-2.6)
+    >>> min(heights, key=lambda name: abs(np.log(heights[name] / 2.3e-6)))  # Sq is 2.3 um
+    'W1'
+    """
+    q, values = jnp.asarray(q), jnp.asarray(values)
+    heights = {}
+    for name, about in NORMALISATIONS.items():
+        # The mean square height 2 int C_1D dq is 2 pi int q C dq of C = C_1D / (pi q).
+        scale = about.factor * (math.pi * q if about.line else q if about.radial else 1.0)
+        heights[name] = float(rms_height(TabulatedSpectrum(q, values / scale)))
+    return heights
+
+
+def find_normalisation(
+    path: object, names: Sequence[str], normalisation: str | None = None, header: str = ""
+) -> str:
     """Return the normalisation of a table of a spectrum: the given one, or the one that its titles name.
 
     A density must be over the axis of its table, or it differs by 2 pi from its definition.
@@ -171,6 +238,8 @@ def find_normalisation(path: object, names: Sequence[str], normalisation: str | 
     names : names of the columns, from `rubberfric.io.read_names`
         W1, Wr and G_d name the normalisations "W1", "Wr" and "ISO_8608". q and k are in rad/m, n in cycles/m.
     normalisation : given one, or None
+    header : text above the table, which may name the normalisation: "2D PSD" after q/π, and "1D PSD along x"
+        of contact.engineering, "ISO 8608" and "ISO 13473-4"
 
     Raises
     ------
@@ -178,10 +247,10 @@ def find_normalisation(path: object, names: Sequence[str], normalisation: str | 
     """
     titles = [name for name in names if name in _NAMED]
     own = _NAMED[titles[0]] if titles else None
-    if normalisation is None and own is None:
+    above = next((name for pattern, name in _HEADERS if pattern.search(header)), None)
+    found = next((name for name in (normalisation, own, above) if name is not None), None)
+    if found is None:
         raise ValueError(f"{path}: normalisation is missing: {NORMALISATION_RULE}")
-    found = normalisation if normalisation is not None else own
-    assert found is not None
     if own is not None and found not in _EQUAL.get(own, (own,)):
         raise ValueError(
             f'{path}: normalisation = "{found}": the column {titles[0]} is in the normalisation "{own}";'
@@ -235,8 +304,8 @@ def check_normalisation(
 
 def _factor(normalisation, q, hurst):
     check_normalisation(normalisation, hurst)
-    scale = NORMALISATIONS[normalisation]
-    if normalisation == "Wr":
+    scale = NORMALISATIONS[normalisation].factor
+    if NORMALISATIONS[normalisation].radial:
         return scale * jnp.asarray(q)
     if normalisation not in LINES:
         return scale

@@ -43,6 +43,16 @@ def has_fields(line: str) -> bool:
     return bool(text) and (not text.startswith("#") or _ERROR_LINE.match(line) is not None)
 
 
+def text_above_numbers(text: str) -> str:
+    """Return the lines of a text, also comments, above its first row of two or more numbers."""
+    lines = text.splitlines()
+    for i, line in enumerate(lines):
+        rows = [split_fields(line, separator) for separator in ("\t", ";", ",", None)]
+        if has_fields(line) and any(len(row) > 1 and all(map(is_number, row)) for row in rows):
+            return "\n".join(lines[:i])
+    return text
+
+
 def split_fields(line: str, separator: str | None) -> list[str]:
     """Return the fields of a line. None stands for blanks, and two blanks for columns of a fixed width."""
     if separator is None:

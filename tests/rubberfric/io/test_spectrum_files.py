@@ -43,11 +43,23 @@ DENSITIES = {
     "C": (Q, C0 * areal(Q), lambda x, y: 2 * np.pi * np.trapezoid(x * y, x)),
     "C_iso": (Q, 4 * np.pi**2 * C0 * areal(Q), lambda x, y: np.trapezoid(x * y, x) / (2 * np.pi)),
     "Wr": (Q, 2 * np.pi * Q * C0 * areal(Q), lambda x, y: np.trapezoid(y, x)),
+    "q_C_iso_over_pi": (Q, 4 * np.pi * Q * C0 * areal(Q), lambda x, y: np.trapezoid(y, x) / 2),
     "C_1D": (Q, LINE, lambda x, y: 2 * np.trapezoid(y, x)),
     "C_1D_surfacetopography": (Q, 2 * np.pi * LINE, lambda x, y: np.trapezoid(y, x) / np.pi),
     "C_1D_one_sided": (Q, 2 * LINE, lambda x, y: np.trapezoid(y, x)),
     "W1": (Q, 2 * LINE, lambda x, y: np.trapezoid(y, x)),
     "ISO_8608": (Q / (2 * np.pi), 4 * np.pi * LINE, lambda x, y: np.trapezoid(y, x)),
+    # over cycles/m, under the names of the densities over q that have the same numbers
+    "C_iso over n": (
+        Q / (2 * np.pi),
+        4 * np.pi**2 * C0 * areal(Q),
+        lambda x, y: 2 * np.pi * np.trapezoid(x * y, x),
+    ),
+    "C_1D_surfacetopography over n": (
+        Q / (2 * np.pi),
+        2 * np.pi * LINE,
+        lambda x, y: 2 * np.trapezoid(y, x),
+    ),
 }
 
 
@@ -73,6 +85,13 @@ def rms(data):
         ("k [rad/m],W1 [m^3]", "C_1D_one_sided", True),
         ("q,C_1D\n1/m,m^3", "Wr", True),
         ("k [1/m],Wr [m^3]", "Wr", False),
+        ("q,C_1D\n1/m,m^3", "q_C_iso_over_pi", True),
+        ("# q/\u03c0 \u00d7 2D PSD of contact.engineering\nq,C_1D\n1/m,m^3", "q_C_iso_over_pi", False),
+        ("# 1D PSD along x\nq,C_1D\n1/m,m^3", "C_1D_surfacetopography", False),
+        ("ISO 8608; class C\n\nn [cycles/m],C_1D [m^3]", "ISO_8608", False),
+        ("# after ISO/TS 13473-4\nn,C_1D\ncycles/m,m^3", "ISO_8608", False),
+        ("n,C\ncycles/m,m^4", "C_iso over n", True),
+        ("n,C_1D\ncycles/m,m^3", "C_1D_surfacetopography over n", True),
         ("n [cycles/m],Gd [m^3]", "ISO_8608", False),
         ("n [1/m],G_d(n) [m³]", "ISO_8608", False),
         ("spatial frequency [cycles/m],C_1D [m^3]", "ISO_8608", True),
@@ -87,15 +106,79 @@ def rms(data):
 def test_each_density_gives_its_height(tmp_path, head, name, given):
     """The trapezoid of the column is the mean square height of the waves above q0; files follow it."""
     x, y, mean_square = DENSITIES[name]
-    on_line = name not in ("C", "C_iso", "Wr")
+    on_line = not name.startswith(("C_iso", "Wr", "q_C")) and name != "C"
     # Along a line, some of the height is at q < q0.
     assert np.sqrt(mean_square(x, y)) == pytest.approx(RMS, rel=0.1 if on_line else 0.01)
-    options = {"normalisation": name} if given else {}
+    options = {"normalisation": name.removesuffix(" over n")} if given else {}
     data = fitting.read(written(tmp_path / "s.csv", head, name), **options)
     np.testing.assert_allclose(data.q, Q, rtol=1e-8)
     assert rms(data) == pytest.approx(RMS, rel=0.02)
     near = (Q < 2e5) & (np.abs(np.log(Q / QR)) > 0.3)
     np.testing.assert_allclose(data.C[near], C0 * areal(Q[near]), rtol=0.05)
+
+
+# A table with entries at all kinks, whose moments are those of the surface.
+KNOTS = np.unique(np.append(np.geomspace(Q0, Q1, 41), QR))
+FACTORS = {"C": 1.0, "C_iso": 4 * np.pi**2, "Wr": 2 * np.pi * KNOTS, "q_C_iso_over_pi": 4 * np.pi * KNOTS}
+
+
+@pytest.mark.parametrize("name", FACTORS)
+def test_round_trip_of_areal_densities(tmp_path, name):
+    """Height and slope to 1e-6 of quadratures of the surface."""
+    values = FACTORS[name] * C0 * areal(KNOTS)
+    column = ",C_1D\n1/m,m^3\n" if np.ndim(FACTORS[name]) else ",C\n1/m,m^4\n"
+    rows = "".join(f"{float(a)!r},{float(b)!r}\n" for a, b in zip(KNOTS, values, strict=True))
+    (tmp_path / "s.csv").write_text("q" + column + rows)
+    data = fitting.read(tmp_path / "s.csv", normalisation=name)
+    np.testing.assert_allclose(rf.roughness.spectrum_as(name, data.q, data.C), values, rtol=1e-12)
+    table = rf.TabulatedSpectrum(data.q, data.C)
+    for found, power in ((rf.roughness.rms_height(table), 1), (rf.rms_slope(table), 3)):
+        exact = sum(
+            quad(lambda t, p=power: np.exp((p + 1) * t) * areal(np.exp(t)), *np.log(ends), epsabs=0)[0]
+            for ends in ((Q0, QR), (QR, Q1 * (1 - 1e-12)))
+        )
+        assert float(found) == pytest.approx(np.sqrt(2 * np.pi * C0 * exact), rel=1e-6)
+
+
+LINES = ["C_1D", "C_1D_one_sided", "C_1D_surfacetopography", "W1", "ISO_8608"]
+
+
+def test_round_trip_along_a_line():
+    """`spectrum_as` writes the projection of a table that goes on, and `spectrum_from` reads it back."""
+    surface = C0 * areal(KNOTS[:-1])
+    names = {name: rf.roughness.spectrum_as(name, KNOTS[:-1], surface) for name in LINES}
+    # C_1D by quadrature, with the last slope beyond the table
+    endless = np.minimum(1.0, (np.maximum(KNOTS[:-1], QR) / QR) ** (-2 * (1 + H)))
+    for i in (0, 10, 25):
+        q = KNOTS[i]
+        parts = sorted({0.0, float(np.arccosh(max(QR / q, 1.0))), 3.0, 6.0, 14.0})
+
+        def integrand(u, q=q):
+            x = q * np.cosh(u)
+            return 2 * C0 * x * min(1.0, (max(x, QR) / QR) ** (-2 * (1 + H)))
+
+        exact = sum(quad(integrand, a, b, epsabs=0, epsrel=1e-10)[0] for a, b in itertools.pairwise(parts))
+        assert float(names["C_1D"][i]) == pytest.approx(exact, rel=1e-8)
+    for name, factor in zip(LINES, (1, 2, 2 * np.pi, 2, 4 * np.pi), strict=True):
+        np.testing.assert_allclose(names[name], factor * names["C_1D"], rtol=1e-14)
+    read = rf.roughness.spectrum_from("W1", KNOTS[:-1], names["W1"], relative=1e-7)
+    np.testing.assert_allclose(read, C0 * endless, rtol=1e-6)
+    tables = [rf.TabulatedSpectrum(KNOTS[:-1], C) for C in (read, surface)]
+    for moment in (rf.roughness.rms_height, rf.rms_slope):
+        assert float(moment(tables[0])) == pytest.approx(float(moment(tables[1])), rel=1e-6)
+
+
+def test_heights_of_all_normalisations():
+    """The trapezoid of each column is the height under its name; others differ by sqrt(2) and more."""
+    for name in ("C", "C_iso", "Wr", "q_C_iso_over_pi", "W1", "ISO_8608"):
+        x, y, mean_square = DENSITIES[name]
+        inside = y > 0
+        heights = rf.roughness.heights_by_normalisation(Q[inside], y[inside])
+        assert heights[name] == pytest.approx(np.sqrt(mean_square(x, y)), rel=0.02)
+        best = min(heights, key=lambda other: abs(np.log(heights[other] / RMS)))
+        assert best == name or heights[best] == heights[name]
+    assert heights["C_1D_one_sided"] == heights["W1"]
+    assert heights["C_1D"] == pytest.approx(np.sqrt(2) * heights["W1"])
 
 
 def test_density_of_a_scene_file(tmp_path):
@@ -123,6 +206,7 @@ material = { kind = "elastic", young = 1e7, poisson = 0.5 }
         ("k [1/m],W1 [m^3]", "C_1D", ('"W1"', "leave the argument out")),
         ("n [cycles/m],Gd [m^3]", "C_1D", ('"ISO_8608"',)),
         ("q [1/m],C_1D [m^3]", None, ("normalisation is missing",)),
+        ("ISO 8608\n\nq [1/m],C_1D [m^3]", None, ("C_1D_one_sided", "n [cycles/m]")),
         ("q [1/m],C_1D [m^3]", "W2", ("ISO_8608", "Wr")),
         ("wavenumber [1/m],C_1D [m^4]", "ISO_8608", ("C_1D", "unit 'm^4'")),
     ],

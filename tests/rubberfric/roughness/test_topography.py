@@ -1,7 +1,6 @@
 """Spectra of measured heights: Parseval, sine waves, and synthetic surfaces of a known spectrum."""
 
 import itertools
-import math
 import re
 
 import numpy as np
@@ -177,18 +176,12 @@ def test_knots_of_a_profile_have_its_mean_square_height(n, window, per_decade):
     q, C = found.knots()
     assert mean_square(q, C, 1) == pytest.approx(exact, rel=1e-5)
     assert q[0] == pytest.approx(np.pi / (n * 1e-5)) and q[-1] == pytest.approx(np.pi / 1e-5)
-    table = found.table(0.8)
-    np.testing.assert_allclose(table.C, rf.roughness.spectrum_from("C_1D", q, C, 0.8), rtol=1e-12)
-    factor = np.sqrt(np.pi) * math.gamma(1.8) / math.gamma(1.3)
-    np.testing.assert_allclose(rf.roughness.moment(table, 0) / exact, factor, rtol=1e-9)
 
 
-def test_table_takes_hurst_for_a_profile_only():
+def test_table_of_a_profile_is_its_areal_spectrum():
     height = rng(4).standard_normal((16, 16))
     profile = rf.roughness.spectrum_of_profile(1.0, height[0].cumsum(), per_decade=5)
     np.testing.assert_array_equal(profile.table().C, profile.areal().C)
-    with pytest.raises(ValueError, match=r"hurst = 0\.8: must be absent"):
-        rf.roughness.spectrum_of_topography(height, 1.0).table(0.8)
     with pytest.raises(ValueError, match=r"C\[0\] = 0 at q = .*: must be > 0; use fewer bins"):
         rf.roughness.spectrum_of_topography(np.zeros((9, 9)), 1.0).table()
 
