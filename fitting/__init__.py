@@ -4,6 +4,7 @@ from rubberfric.base import lazily
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
+    from fitting.characterise.from_heights import spectrum_data as spectrum_data
     from fitting.characterise.kramers_kronig import KramersKronig as KramersKronig
     from fitting.characterise.kramers_kronig import kramers_kronig as kramers_kronig
     from fitting.characterise.master_curve import MasterCurve as MasterCurve

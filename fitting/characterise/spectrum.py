@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import rubberfric as rf
+from fitting.characterise.from_heights import resolved_ends, spectrum_data
 from fitting.data.kinds import SpectrumData
 from fitting.fit import fit
 from fitting.parameters.constraints import Bounded, Constraint, Positive, is_number
 from fitting.results.report import error_text
 from fitting.results.result import FitResult
 from rubberfric.base import html, shown, unit_of
+from rubberfric.roughness import ArealSpectrum, MeasuredSpectrum
 
 # Slopes for H = 0 and H = 1.
 _SLOPES = (2.0, 4.0)
@@ -109,7 +111,11 @@ class Line(NamedTuple):
 
 
 def fit_spectrum(
-    data: SpectrumData | rf.TabulatedSpectrum | tuple[ArrayLike, ArrayLike],
+    data: SpectrumData
+    | MeasuredSpectrum
+    | ArealSpectrum
+    | rf.TabulatedSpectrum
+    | tuple[ArrayLike, ArrayLike],
     *,
     q0: float | None = None,
     q1: float | None = None,
@@ -127,9 +133,12 @@ def fit_spectrum(
 
     Parameters
     ----------
-    data : SpectrumData, TabulatedSpectrum, or a pair (q, C) [1/m], [m^4]
+    data : SpectrumData, TabulatedSpectrum, or a pair (q, C) [1/m], [m^4]; or heights: the result of
+        `rubberfric.roughness.spectrum_of_topography`, `spectrum_of_profile` or `areal_spectrum`
+        `spectrum_data` states which wavevectors of heights are used.
     q0, q1 : cut-offs of the surface [1/m]; None: q0 and q1 of the table, or the first and the last wavevector
-        of the data. Data outside are not used. h_rms is the rms height of the range q0 < q < q1, even if
+        of the data. For heights, q1 is the end of the resolved range, and q0 of profiles their first
+        wavevector. Data outside are not used. h_rms is the rms height of the range q0 < q < q1, even if
         this range is larger than the range of the data.
     qr : "fit", or a fixed value of the roll-off wavevector [1/m]; qr = q0 means no plateau
     hurst : "fit", or a fixed value of H [-]
@@ -154,10 +163,20 @@ def fit_spectrum(
     q0 if the data show no plateau, that is, if a straight line fits as well by Schwarz's criterion, or if
     at most one point lies below the roll-off. If the decrease is flatter than for H = 0 or steeper than for
     H = 1, H is fixed at this limit. `SpectrumFit.remarks` names the parameters that were fixed.
+
+    Examples
+    --------
+    >>> surface = rf.io.read_heights("map.csv", spacing=1e-6, unit="um")
+    >>> measured = rf.roughness.spectrum_of_topography(surface.heights, surface.dx, surface.dy)
+    >>> road = rf.with_cutoff(fitting.fit_spectrum(measured).spectrum, 1.3)
     """
     if isinstance(data, rf.TabulatedSpectrum):
         own = [None if end is None else float(end) for end in (data.q0, data.q1)]
         q0, q1 = (end if given is None else given for given, end in zip((q0, q1), own, strict=True))
+    if isinstance(data, MeasuredSpectrum | ArealSpectrum):
+        own = resolved_ends(data)
+        q0, q1 = (end if given is None else given for given, end in zip((q0, q1), own, strict=True))
+        data = spectrum_data(data)
     data = _data(data, relative, body)
     body = data.body or "lower"
     q0 = _cutoff("q0", q0, data.q.min())
@@ -206,7 +225,8 @@ def _data(data, relative, body):
         return SpectrumData(*(np.asarray(x) for x in data), relative=relative, body=body)
     if not isinstance(data, SpectrumData):
         raise ValueError(
-            f"data is a {type(data).__name__}: must be SpectrumData, TabulatedSpectrum or (q, C)"
+            f"data is a {type(data).__name__}: must be SpectrumData, TabulatedSpectrum, MeasuredSpectrum,"
+            " ArealSpectrum or (q, C)"
         )
     for name, value, own in (("relative", relative, data.error), ("body", body, data.body)):
         if value is not None and own is not None:

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 import rubberfric as rf
+from fitting.characterise.from_heights import spectrum_data
 from fitting.characterise.master_curve import fit_master_curve
 from fitting.characterise.prony import fit_prony
 from fitting.characterise.softening import softening_from_sweep
@@ -38,12 +39,6 @@ from rubberfric.plot import plot_spectrum, save_figure
 
 # Bins per decade of the spectrum of measured heights.
 _BINS = 10
-# Wavevectors below which a fit of three parameters says little.
-_LEAST_FITTED = 4
-# No surface and no filter has a spectrum that falls as steeply, C ~ q^-20.
-_CLIFF = 20
-# Standard error of ln C from which on C is not used, because it is unknown by a factor of e.
-_UNKNOWN = 1.0
 # Facing body of a new scene with roughness.
 _BLOCK = rf.Elastic(1e7, 0.5)
 # Contact shear with which a fit begins, of the size that tread rubber has on asphalt.
@@ -123,13 +118,14 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
     """Compute and fit the spectrum of a measured surface, write files, and return the exit status."""
     del interrupts
     show(f"reading {arguments.data}")
-    data, q0, resolved, text = _measured_spectrum(arguments)
+    measured, text = _measured_spectrum(arguments)
     if arguments.q1 is not None and not 0 < arguments.q1 <= rf.roughness.LARGEST_WAVEVECTOR:
         largest = rf.roughness.LARGEST_WAVEVECTOR
         raise ValueError(
             f"--q1 {arguments.q1:g}: must be > 0 and <= {largest:.2g} 1/m, the distance of atoms"
         )
-    found = fit_spectrum(data, q0=q0, q1=resolved if arguments.q1 is None else arguments.q1)
+    found = fit_spectrum(measured, q1=arguments.q1)
+    data = measured if isinstance(measured, SpectrumData) else spectrum_data(measured)
     spectrum: Any = rf.TabulatedSpectrum(data.q, data.C) if arguments.table else found.spectrum
     if arguments.rms_slope is not None:
         spectrum = rf.with_cutoff(spectrum, arguments.rms_slope)
@@ -149,11 +145,7 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
 
 
 def _measured_spectrum(arguments):
-    """Return SpectrumData, the first and the last wavevector to fit, and a line of text about them.
-
-    None stands for the first or the last wavevector of the data. Heights are fitted up to the wavevectors
-    that are noise or that the instrument smoothed.
-    """
+    """Return SpectrumData of a spectrum or the MeasuredSpectrum of heights, and a text about it."""
     if not arguments.map and (arguments.normalisation is not None or _is_spectrum(arguments)):
         data = read(
             arguments.data,
@@ -163,35 +155,16 @@ def _measured_spectrum(arguments):
             **reading_options(arguments, "columns", "check_units", "bad_rows"),
         )
         assert isinstance(data, SpectrumData)
-        return data, None, None, f"{data.q.size} wavevectors"
+        return data, f"{data.q.size} wavevectors"
     if arguments.map:
         surface = rf.io.read_heights(arguments.data, _one_or_two(arguments.spacing), arguments.unit)
         found = rf.roughness.spectrum_of_topography(surface.heights, surface.dx, surface.dy, per_decade=_BINS)
         size = " x ".join(map(str, surface.heights.shape))
-        text = f"{size} heights, {surface.holes:.1%} of them filled\n{found.report()}"
-        data = SpectrumData(found.q, found.C, relative=found.relative)
-        return data, None, _end(found, data), text
+        return found, f"{size} heights, {surface.holes:.1%} of them filled\n{found.report()}"
     x, traces = rf.io.read_traces(arguments.data)
     found = rf.roughness.spectrum_of_profile(x, traces, per_decade=_BINS)
-    areal = found.areal()
-    C, relative = (np.asarray(values)[: found.q.size] for values in (areal.C, areal.relative))
-    known = relative < _UNKNOWN
     text = f"{len(traces)} traces of {x.size} heights; the surface is taken as isotropic\n{found.report()}"
-    # The lowest wavevector also contains longer waves than the traces.
-    known[0] = False
-    data = SpectrumData(found.q[known], C[known], relative=relative[known])
-    return data, float(found.q[0]), _end(found, data), text
-
-
-def _end(found, data):
-    """Return the end of the resolved range, or None if it has too few wavevectors for a fit."""
-    # A spectrum that ends within the last bins, as of a synthetic surface, has no resolved slope there.
-    falls = -np.diff(np.log(np.maximum(found.C, np.finfo(float).tiny))) / np.diff(np.log(found.q))
-    last = len(falls)
-    while last > _LEAST_FITTED and falls[last - 1] > _CLIFF:
-        last -= 1
-    q1 = min(found.resolved().q1, float(found.q[last]))
-    return q1 if np.sum(data.q <= q1) > _LEAST_FITTED else None
+    return found, text
 
 
 def _is_spectrum(arguments):

@@ -163,7 +163,10 @@ def test_measured_road():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: fit_spectrum([1.0]), "data is a list: must be SpectrumData, TabulatedSpectrum or (q, C)"),
+        (
+            lambda: fit_spectrum([1.0]),
+            "data is a list: must be SpectrumData, TabulatedSpectrum, MeasuredSpectrum",
+        ),
         (lambda: fit_spectrum((Q, -Q)), "SpectrumData.C[0] = -100.0: must be > 0"),
         (lambda: fit_spectrum((Q, measured()), q0=1e7), "q1 = 1e+06: must be > q0 = 1e+07"),
         (lambda: fit_spectrum((Q, measured()), q0=-1), "q0 = -1: must be None or a number > 0"),

@@ -90,8 +90,7 @@ def test_the_python_route(surface, tmp_path):
     (tmp_path / "map.csv").write_text(grid(heights))
     measured = rf.io.read_heights(tmp_path / "map.csv", d, "um")
     found = rf.roughness.spectrum_of_topography(measured.heights, measured.dx, measured.dy)
-    data = fitting.SpectrumData(found.q, found.C, relative=found.relative)
-    fit = fitting.fit_spectrum(data, q1=found.resolved().q1)
+    fit = fitting.fit_spectrum(found)
     for name in ("h_rms", "hurst"):
         value, truth = (float(getattr(each, name)) for each in (fit.spectrum, TRUTH))
         assert abs(value - truth) < 0.2 * truth

@@ -32,11 +32,7 @@ SESSION = (
     """,
     """
     x, traces = rf.io.read_traces("stylus.csv")
-    lines = rf.roughness.spectrum_of_profile(x[1] - x[0], traces, per_decade=10)
-    areal = lines.areal()
-    used = (areal.relative < 1) & (areal.q > lines.q[0]) & (areal.q <= lines.q[-1])
-    data = fitting.SpectrumData(areal.q[used], areal.C[used], relative=areal.relative[used])
-    road = fitting.fit_spectrum(data, q0=float(lines.q[0]))
+    road = fitting.fit_spectrum(rf.roughness.spectrum_of_profile(x, traces, per_decade=10))
     """,
     """
     sweep = rf.io.read_table("strain_sweep.txt", ["strain", "E_stor", "E_loss"])

@@ -1,0 +1,62 @@
+"""Spectra of measured heights as data of a fit: which wavevectors are used, and up to which one."""
+
+import numpy as np
+
+from fitting.data.kinds import SpectrumData
+from rubberfric.roughness import ArealSpectrum, MeasuredSpectrum
+
+# Wavevectors below which a fit of three parameters says little.
+_LEAST_FITTED = 4
+# No surface and no filter has a spectrum that falls as steeply, C ~ q^-20.
+_CLIFF = 20
+# Standard error of ln C from which on C is not used, because it is unknown by a factor of e.
+_UNKNOWN = 1.0
+
+
+def spectrum_data(measured: MeasuredSpectrum | ArealSpectrum) -> SpectrumData:
+    """Return C with standard errors from the spectrum of measured heights.
+
+    Bins of a map are taken as they are. The bins of profiles become the spectrum of an isotropic surface
+    (`MeasuredSpectrum.areal`). Its first entry is left out, because it also contains waves longer than the
+    profiles, and so are entries whose standard error of ln C is 1 or more, and the extrapolated end.
+
+    Parameters
+    ----------
+    measured : result of `rubberfric.roughness.spectrum_of_topography`, `spectrum_of_profile` or
+        `areal_spectrum`
+
+    Raises
+    ------
+    ValueError : if `measured` has another type, or if no entry remains.
+    """
+    if isinstance(measured, MeasuredSpectrum) and measured.dimensions == 2:
+        return SpectrumData(measured.q, measured.C, relative=measured.relative)
+    if isinstance(measured, MeasuredSpectrum):
+        first, count, areal = 1, measured.q.size, measured.areal()
+    elif isinstance(measured, ArealSpectrum):
+        first, count, areal = 0, measured.q.size, measured
+    else:
+        raise ValueError(
+            f"measured is a {type(measured).__name__}: must be a MeasuredSpectrum or an ArealSpectrum"
+        )
+    q, C, relative = (np.asarray(x)[first:count] for x in (areal.q, areal.C, areal.relative))
+    known = relative < _UNKNOWN
+    if not known.any():
+        raise ValueError(
+            "measured: all standard errors of ln C are 1 or more; measure more or longer profiles"
+        )
+    return SpectrumData(q[known], C[known], relative=relative[known])
+
+
+def resolved_ends(measured: MeasuredSpectrum | ArealSpectrum) -> tuple[float | None, float | None]:
+    """Return the first and last wavevector to fit [1/m]. None stands for the end of the data."""
+    if isinstance(measured, ArealSpectrum):
+        return float(measured.q[0]), None
+    # A spectrum that ends within the last bins, as of a synthetic surface, has no resolved slope there.
+    falls = -np.diff(np.log(np.maximum(measured.C, np.finfo(float).tiny))) / np.diff(np.log(measured.q))
+    last = len(falls)
+    while last > _LEAST_FITTED and falls[last - 1] > _CLIFF:
+        last -= 1
+    q1 = min(measured.resolved().q1, float(measured.q[last]))
+    enough = np.sum(measured.q <= q1) > _LEAST_FITTED + (measured.dimensions == 1)
+    return float(measured.q[0]) if measured.dimensions == 1 else None, q1 if enough else None

@@ -1,0 +1,63 @@
+"""Fits to spectra of measured heights: which wavevectors are used, on surfaces with a known spectrum."""
+
+import numpy as np
+import pytest
+
+import fitting
+import rubberfric as rf
+
+# A side of the map [m], and the spectrum of its modes.
+LENGTH, POINTS = 1e-3, 256
+Q0 = 2 * np.pi / LENGTH
+TRUTH = {"q0": 2 * Q0, "qr": 8 * Q0, "q1": 200 * Q0, "hurst": 0.8, "h_rms": 1e-6}
+
+
+def surface(seed=0):
+    """A periodic Gaussian surface with the spectrum TRUTH, by a sum over its modes."""
+    k = np.fft.fftfreq(POINTS, 1 / POINTS) * Q0
+    q = np.hypot(k[:, None], k)
+    C = np.where((q >= TRUTH["q0"]) & (q <= TRUTH["q1"]), np.maximum(q / TRUTH["qr"], 1.0) ** -3.6, 0.0)
+    noise = np.fft.fft2(np.random.default_rng(seed).standard_normal((POINTS, POINTS))) / POINTS
+    return np.fft.ifft2(noise * np.sqrt(C / C.sum())).real * POINTS**2 * TRUTH["h_rms"]
+
+
+def parameters(fit):
+    return [float(getattr(fit.spectrum, name)) for name in ("q0", "qr", "q1", "hurst", "h_rms")]
+
+
+def test_a_map_becomes_a_scene():
+    measured = rf.roughness.spectrum_of_topography(surface(), LENGTH / POINTS, per_decade=10)
+    fit = fitting.fit_spectrum(measured, q0=TRUTH["q0"])
+    assert float(fit.spectrum.q1) == measured.q[-1]
+    assert float(fit.spectrum.h_rms) == pytest.approx(1e-6, rel=0.15)
+    assert float(fit.spectrum.hurst) == pytest.approx(0.8, abs=0.05)
+    assert float(fit.spectrum.qr) == pytest.approx(8 * Q0, rel=0.2)
+    by_hand = fitting.SpectrumData(measured.q, measured.C, relative=measured.relative)
+    by_hand = fitting.fit_spectrum(by_hand, q0=TRUTH["q0"], q1=float(fit.spectrum.q1))
+    np.testing.assert_allclose(parameters(fit), parameters(by_hand), rtol=1e-12)
+    scene = rf.Scene(rf.Body(rf.Rigid(), rf.with_cutoff(fit.spectrum, 0.05)), rf.Body(rf.Elastic(1e7, 0.5)))
+    assert float(rf.rms_slope(scene.lower.spectrum)) == pytest.approx(0.05, rel=1e-9)
+
+
+def test_profiles_become_an_isotropic_surface():
+    """The first bin and bins without information are left out, and q0 is the first wavevector."""
+    lines = surface(1)[:, ::8].T[:, :200]
+    measured = rf.roughness.spectrum_of_profile(LENGTH / POINTS, lines, per_decade=10)
+    data = fitting.spectrum_data(measured)
+    areal = measured.areal()
+    assert set(data.q) <= set(measured.q[1:]) and data.relative.max() < 1
+    np.testing.assert_allclose(data.C, np.exp(np.interp(np.log(data.q), np.log(areal.q), np.log(areal.C))))
+    fit = fitting.fit_spectrum(measured)
+    assert float(fit.spectrum.q0) == measured.q[0]
+    assert float(fit.spectrum.hurst) == pytest.approx(0.8, abs=0.12)
+    assert float(fit.spectrum.h_rms) == pytest.approx(1e-6, rel=0.15)
+    again = fitting.fit_spectrum(areal, q0=float(measured.q[0]), q1=float(fit.spectrum.q1))
+    assert float(again.spectrum.hurst) == pytest.approx(float(fit.spectrum.hurst), abs=0.05)
+
+
+def test_what_is_refused():
+    with pytest.raises(ValueError, match="measured is a tuple: must be a MeasuredSpectrum or an Areal"):
+        fitting.spectrum_data((1.0, 2.0))
+    unknown = rf.roughness.ArealSpectrum(np.ones(3), np.ones(3), np.eye(3))
+    with pytest.raises(ValueError, match="all standard errors of ln C are 1 or more; measure"):
+        fitting.spectrum_data(unknown)
