@@ -15,36 +15,29 @@ import re
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from rubberfric.base.atomic import StrPath, as_path, is_number
 from rubberfric.base.checks import closest, shown, warn_caller
 from rubberfric.io.columns import plain_unit
 from rubberfric.io.exports import headless
 from rubberfric.io.text_tables.lines import above_numbers, has_fields
+from rubberfric.io.text_tables.sentinels import LEAST_DIFFERENT, without_sentinels
 from rubberfric.io.text_tables.workbooks import read_export
+from rubberfric.roughness.heights import fill_holes, find_outliers
 
 # A spectrum of interpolated heights is too low. Above this share of holes it says little about the surface.
 MOST_HOLES = 0.25
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}  # units [m]
 _LENGTH_IN_BRACKETS = re.compile(r".*[\[(]([^\[\]()]+)[\])]\s*")
 _HOLES = frozenset(("", "nan", "n/a", "na", "bad", "no data", "null", "none", "-", "--", "---", "***"))
-# No height in any unit is as large. 1.7e38 and 3.4e38 stand for holes.
-_NO_HEIGHT = 1e30
-# Numbers that often stand for holes.
-_USUAL_SENTINELS = frozenset((-999.0, 9999.0, -9999.0, 99999.0, -99999.0, 999999.0, -999999.0))
-# Largest numbers of 16 bits, at which detectors saturate.
-_LIMITS = frozenset((-32768.0, -32767.0, 32767.0, 65535.0))
-# A usual number is a hole if its distance from the heights exceeds this share of their range.
-_GAP = 0.05
-# Fewer different heights, as of a step, do not tell a hole from a height.
-_LEAST_DIFFERENT = 8
+_IN_BRACKETS = re.compile(r".*[\[(]([^\[\]()]+)[\])]\s*")
+_HOLES = frozenset(("", "nan", "n/a", "na", "bad", "no data", "null", "none", "-", "--", "---", "***"))
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]")
 # Positions of one row of points may differ by this share of the spacing.
 _SAME = 0.05
 
 
-def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
+def read_traces(path: StrPath, outliers: float | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Read the traces of a profilometer, for `rubberfric.roughness.spectrum_of_profile`.
 
     ::
@@ -60,6 +53,7 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
         column before the positions that counts the points is skipped. NaN is a dropout, and so are the
         numbers that `without_sentinels` finds. Up to a quarter of
         the heights of a trace may be dropouts, which are interpolated. A warning states their share.
+    outliers : standard deviations beyond which a height is a spike, as in `read_heights`, or None
 
     Returns
     -------
@@ -96,7 +90,9 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
             raise ValueError(f"{path}: line {line}: must be finite")
     values[:, 1:] = without_sentinels(path, values[:, 1:])
     x, *heights = (values * scales).T
-    return x, _bridged(path, x, np.array(heights))
+    heights = _bridged(path, x, np.array(heights))
+    spikes = _outliers(path, heights, outliers, profiles=True)
+    return x, _bridged(path, x, np.where(spikes, np.nan, heights), warn=False)
 
 
 def _length(path, number, title, *below):
@@ -114,14 +110,17 @@ def _length(path, number, title, *below):
     return LENGTHS[unit]
 
 
-def _bridged(path, x, heights):
+def _bridged(path, x, heights, warn=True):
     """Interpolate dropouts (NaN) along each trace, and return the heights."""
     hole = np.isnan(heights)
     if not hole.any():
         return heights
     if (share := hole.mean(1).max()) > MOST_HOLES:
         raise ValueError(f"{path}: {share:.0%} of a trace are dropouts: must be at most {MOST_HOLES:.0%}")
-    warn_caller(f"{path}: {hole.mean():.1%} of the heights are dropouts and are interpolated", UserWarning)
+    if warn:
+        warn_caller(
+            f"{path}: {hole.mean():.1%} of the heights are dropouts and are interpolated", UserWarning
+        )
     for height, missing in zip(heights, hole, strict=True):
         height[missing] = np.interp(x[missing], x[~missing], height[~missing])
     return heights
@@ -134,7 +133,7 @@ class HeightMap(NamedTuple):
     ----------
     heights : [m], shape (nx, ny)
     dx, dy : spacing along the first and the second axis [m]
-    holes : share of the points that were holes [-]
+    holes : share of the points that were holes or outliers [-]
     """
 
     heights: np.ndarray
@@ -143,55 +142,12 @@ class HeightMap(NamedTuple):
     holes: float
 
 
-def without_sentinels(path: StrPath, heights: np.ndarray) -> np.ndarray:
-    """Return heights with NaN in place of numbers that stand for holes, and warn about them.
-
-    The smallest or largest number of the heights stands for holes if
-
-    - its absolute value is at least 1e30,
-    - it occurs twice or more, and is further from the other heights than their whole range,
-    - it is a usual one (-9999, 9999, ...), and is further from the others than 5 % of their range,
-    - it is a limit of 16 bits (32767, -32768, 65535), and occurs twice or more.
-
-    Except for the first rule, at least eight different heights must remain.
-
-    Parameters
-    ----------
-    path : name of the file in the warning
-    heights : any shape, in the unit of the file
-    """
-    huge = np.abs(heights) >= _NO_HEIGHT
-    found = {float(heights[huge][0]): int(huge.sum())} if huge.any() else {}
-    heights = np.where(huge, np.nan, heights)
-    while (value := _sentinel(heights[np.isfinite(heights)])) is not None:
-        found[value] = int(np.sum(heights == value))
-        heights[heights == value] = np.nan
-    for value, count in found.items():
-        warn_caller(f"{path}: {count} heights {value:g} are taken as holes", UserWarning)
-    return heights
-
-
-def _sentinel(heights: np.ndarray) -> float | None:
-    """Return the smallest or largest of finite heights if it stands for holes, otherwise None."""
-    values, counts = np.unique(heights, return_counts=True)
-    if values.size <= _LEAST_DIFFERENT:
-        return None
-    for value, count, nearest, rest in (
-        (values[0], counts[0], values[1], values[1:]),
-        (values[-1], counts[-1], values[-2], values[:-1]),
-    ):
-        gap, size = abs(value - nearest), rest[-1] - rest[0]
-        usual = float(value) in _USUAL_SENTINELS and gap > _GAP * size
-        if usual or (count > 1 and (gap > size or float(value) in _LIMITS)):
-            return float(value)
-    return None
-
-
 def read_heights(
     path: StrPath,
     spacing: float | tuple[float, float] | None = None,
     unit: str | None = None,
     sentinels: bool = True,
+    outliers: float | None = None,
 ) -> HeightMap:
     """Read a height map, for `rubberfric.roughness.spectrum_of_topography`.
 
@@ -206,6 +162,8 @@ def read_heights(
         None takes the unit from titles such as "x [mm]".
     sentinels : if True, numbers such as -9999 become holes, see `without_sentinels`, and a warning names them
         False keeps them as heights, for example the exactly flat ground of a groove.
+    outliers : standard deviations beyond which a height is a spike, often 10, see
+        `rubberfric.roughness.find_outliers`; spikes become holes, and a warning states their share; or None
 
     Returns
     -------
@@ -237,28 +195,24 @@ def read_heights(
         _check_no_positions(path, values)
         heights = (without_sentinels(path, values) if sentinels else values) * units[0]
     hole = ~np.isfinite(heights)
+    heights = fill_holes(heights) if outliers is not None and hole.mean() <= MOST_HOLES else heights
+    hole |= _outliers(path, heights, outliers)
     if hole.mean() > MOST_HOLES:
         raise ValueError(
             f"{path}: {hole.mean():.0%} of the points are holes: must be at most {MOST_HOLES:.0%}"
         )
-    return HeightMap(filled(heights), float(dx), float(dy), float(hole.mean()))
+    return HeightMap(fill_holes(np.where(hole, np.nan, heights)), float(dx), float(dy), float(hole.mean()))
 
 
-def filled(heights: np.ndarray) -> np.ndarray:
-    """Fill holes (NaN), so that each height in a hole is the mean of its neighbours along both axes."""
-    hole = ~np.isfinite(heights)
-    if not hole.any():
-        return heights
-    # Numbers of the holes; -1 for known heights, -2 outside the map.
-    number = np.pad(np.where(hole, np.cumsum(hole).reshape(hole.shape) - 1, -1), 1, constant_values=-2)
-    x, y = np.nonzero(number >= 0)
-    neighbours = (x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)
-    beside, height = (np.array([x[place] for place in neighbours]) for x in (number, np.pad(heights, 1)))
-    known, count = np.sum(np.where(beside == -1, height, 0.0), 0), np.sum(beside >= -1, 0, dtype=float)
-    own, other = np.nonzero(beside >= 0)[1], beside[beside >= 0]
-    linked = scipy.sparse.coo_matrix((np.ones(own.size), (own, other)), (count.size, count.size))
-    found = heights.copy()
-    found[hole] = scipy.sparse.linalg.spsolve((scipy.sparse.diags(count) - linked).tocsc(), known)
+def _outliers(path, heights, threshold, profiles=False):
+    """Return a mask of outliers, and warn about them. All False if the threshold is None."""
+    if threshold is None:
+        return np.zeros(heights.shape, bool)
+    found = find_outliers(heights, threshold, profiles=profiles)
+    if found.any():
+        warn_caller(
+            f"{path}: {found.mean():.2%} of the heights are outliers and are interpolated", UserWarning
+        )
     return found
 
 
@@ -330,7 +284,7 @@ def _check_no_positions(path, values):
     """Raise ValueError if the first row or column of a grid of heights contains positions or counts."""
     for what, line in (("row", values[0]), ("column", values[:, 0])):
         steps = np.diff(line[1:])
-        even = steps.size >= _LEAST_DIFFERENT and np.ptp(steps) <= 1e-6 * abs(steps[0]) and steps[0] != 0
+        even = steps.size >= LEAST_DIFFERENT and np.ptp(steps) <= 1e-6 * abs(steps[0]) and steps[0] != 0
         # A plane has even heights in every row and column.
         other = np.diff(values[1, 1:] if what == "row" else values[1:, 1])
         if even and not np.ptp(other) <= 1e-6 * np.abs(other).max():

@@ -8,12 +8,19 @@ if TYPE_CHECKING:
     from rubberfric.roughness.anisotropy import TabulatedAnisotropic as TabulatedAnisotropic
     from rubberfric.roughness.anisotropy import from_grid as from_grid
     from rubberfric.roughness.anisotropy import harmonics_left_out as harmonics_left_out
+    from rubberfric.roughness.heights import FilledCavities as FilledCavities
+    from rubberfric.roughness.heights import detrended as detrended
+    from rubberfric.roughness.heights import fill_cavities as fill_cavities
+    from rubberfric.roughness.heights import fill_holes as fill_holes
+    from rubberfric.roughness.heights import find_outliers as find_outliers
+    from rubberfric.roughness.heights import top_heights as top_heights
     from rubberfric.roughness.joining import JoinedSpectra as JoinedSpectra
     from rubberfric.roughness.joining import Joint as Joint
     from rubberfric.roughness.joining import join_spectra as join_spectra
     from rubberfric.roughness.joining import resample as resample
     from rubberfric.roughness.lines import ArealSpectrum as ArealSpectrum
     from rubberfric.roughness.lines import areal_spectrum as areal_spectrum
+    from rubberfric.roughness.measured import InstrumentLimits as InstrumentLimits
     from rubberfric.roughness.measured import MeasuredSpectrum as MeasuredSpectrum
     from rubberfric.roughness.measured import ResolvedRange as ResolvedRange
     from rubberfric.roughness.moments import LARGEST_WAVEVECTOR as LARGEST_WAVEVECTOR

@@ -29,6 +29,8 @@ _STEEPEST = 1.1
 _SIGNIFICANT = 2.0
 # Noise begins to flatten C where it is about half of C. At q1, C is this factor larger.
 _ABOVE_NOISE = 2.5
+# Smallest ratio of C to the stated noise up to q1.
+_OVER_FLOOR = 5.0
 # Neighbouring points give a slope up to a fifth smaller than the spectrum. A larger difference is reported.
 _LARGER = 1.4
 # Usual rms slope at the cutoff for rubber on roads.
@@ -41,14 +43,30 @@ _CORRECTIONS = 3
 # for larger H.
 _BEYOND = 30.0
 
-Limit = Literal["grid", "noise", "smoothing", "no surface"]
+Limit = Literal["grid", "noise", "smoothing", "no surface", "tip", "noise floor"]
 _TEXT = {
     "grid": "C falls like the C of a rough surface (0 < H < 1) up to the spacing of the points",
     "noise": "noise above q1: C falls more slowly than for H = 0 (at q1, noise is about a fifth of C)",
     "smoothing": f"short waves are smoothed by a tip or filter above q1: C falls more steeply than for"
     f" H = {_STEEPEST:g}",
+    "tip": "the tip does not follow sharper peaks above q1",
+    "noise floor": "the stated noise is more than a fifth of C above q1",
     "no surface": "C does not fall like the C of a rough surface (0 < H < 1) in any range",
 }
+
+
+class InstrumentLimits(NamedTuple):
+    """What an instrument can resolve.
+
+    Attributes
+    ----------
+    tip : wavevector that the tip follows [1/m] and the standard deviation of its logarithm; None without a
+        limit
+    noise : C of white noise [m^4], or C_1D of a profile [m^3]; None if unknown
+    """
+
+    tip: tuple[float, float] | None = None
+    noise: float | None = None
 
 
 class ResolvedRange(NamedTuple):
@@ -60,11 +78,16 @@ class ResolvedRange(NamedTuple):
     limit : reason for the end
         "grid": the spacing of the points. "noise": above, C is noise. "smoothing": above, a tip or filter has
         removed short waves. "no surface": C never falls like the C of a rough surface, or has fewer than five
-        bins.
+        bins. "tip": above, peaks are sharper than the stated tip. "noise floor": above, the stated noise is
+        more than a fifth of C.
+    error : standard error of ln q1 [-]
+        "grid": 0. "noise" and "smoothing": the distance of the bins. "tip": the scatter of four parts of the
+        surface. "noise floor": the standard error of ln C over its slope, and the width of a bin.
     """
 
     q1: float
     limit: Limit
+    error: float = 0.0
 
 
 class MeasuredSpectrum(NamedTuple):
@@ -90,6 +113,8 @@ class MeasuredSpectrum(NamedTuple):
         heights of neighbouring points (Sdq, Rdq). It includes noise. An isotropic surface has sqrt(2) times
         the rms slope of its profiles.
     sampling : window and detrending of a profile; None for a map
+    limits : limits of the instrument, as stated
+    remarks : texts on changes of the heights, for the report
     """
 
     q: np.ndarray
@@ -103,6 +128,8 @@ class MeasuredSpectrum(NamedTuple):
     rms_height: float
     rms_slope: float
     sampling: Sampling | None
+    limits: InstrumentLimits = InstrumentLimits()
+    remarks: tuple[str, ...] = ()
 
     def knots(self) -> tuple[np.ndarray, np.ndarray]:
         r"""Return entries (q, C) of a log-log linear table with the mean square height of all bins.
@@ -204,8 +231,33 @@ class MeasuredSpectrum(NamedTuple):
         noise is about a fifth of C. At the border to smoothing, q1 is half an octave lower.
 
         Coloured noise that falls like a rough surface is not found. With `window="none"`, the edges of
-        a surface that is not periodic hide smoothing.
+        a surface that is not periodic hide smoothing. If the radius of the tip or the noise was stated
+        (`limits`), the lowest of all ends is returned.
         """
+        ends = [self._range_of_slopes(), *self._stated_ranges()]
+        return ends[0] if np.isnan(ends[0].q1) else min(ends, key=lambda end: end.q1)
+
+    def _stated_ranges(self):
+        """Yield the ends of the range that the tip and the noise set."""
+        if self.limits.tip is not None and self.limits.tip[0] < self.q[-1]:
+            yield ResolvedRange(max(self.limits.tip[0], float(self.q[0])), "tip", self.limits.tip[1])
+        if self.limits.noise is not None and self.q.size >= _FEWEST_BINS:
+            log_q, log_C = np.log(self.q), np.log(np.maximum(self.C, np.finfo(float).tiny))
+            fall, _, line = _falls(log_q, log_C, self.relative**-2.0, _OCTAVE)
+            above = line - np.log(self.limits.noise) - np.log(_OVER_FLOOR)
+            below = np.flatnonzero(above < 0)
+            # A maximum of C may lie above the first bins.
+            below = below[below > np.argmax(line)]
+            if below.size:
+                i = int(below[0])
+                at = np.interp(0.0, [above[i], above[i - 1]], [log_q[i], log_q[i - 1]])
+                # A position within a bin is uniformly distributed.
+                bin_error = (log_q[i] - log_q[i - 1]) / np.sqrt(12)
+                error = np.hypot(self.relative[i] / max(fall[i], 1.0), bin_error)
+                yield ResolvedRange(float(np.exp(at)), "noise floor", float(error))
+
+    def _range_of_slopes(self):
+        """Return the end of the range that the slope of C shows."""
         if self.q.size < _FEWEST_BINS:
             return ResolvedRange(np.nan, "no surface")
         log_q, log_C = np.log(self.q), np.log(np.maximum(self.C, np.finfo(float).tiny))
@@ -215,10 +267,11 @@ class MeasuredSpectrum(NamedTuple):
             return ResolvedRange(np.nan, "no surface")
         if last == self.q.size - 1:
             return ResolvedRange(float(self.q[-1]), "grid")
+        step = float(log_q[last + 1] - log_q[last])
         if states[last + 1] == _SMOOTHED:
-            return ResolvedRange(float(max(self.q[last] / np.sqrt(2), self.q[0])), "smoothing")
+            return ResolvedRange(float(max(self.q[last] / np.sqrt(2), self.q[0])), "smoothing", step)
         above = np.flatnonzero(level[: last + 1] > level[last] + np.log(_ABOVE_NOISE))
-        return ResolvedRange(float(self.q[above[-1] if above.size else 0]), "noise")
+        return ResolvedRange(float(self.q[above[-1] if above.size else 0]), "noise", step)
 
     def report(self) -> str:
         """Return a text with rms height and slope, the range without noise and smoothing, and proposed q1."""
@@ -227,11 +280,14 @@ class MeasuredSpectrum(NamedTuple):
         found, lines = self.resolved(), [f"Spectrum of a {kind}, {self.q[0]:.4g} ... {self.q[-1]:.4g} 1/m"]
         lines.append(f"rms height {self.rms_height:.4g} m")
         lines.append(f"rms slope{along} {self.rms_slope:.4g}, from neighbouring points")
-        lines.append(_TEXT[found.limit])
+        lines += [*self.remarks, _TEXT[found.limit]]
         if np.isfinite(found.q1):
             table = self.table()
             to_q1 = float(rms_slope(table, found.q1))
-            lines.append(f"proposed q1 = {found.q1:.4g} 1/m: rms slope of the surface up to q1 {to_q1:.4g}")
+            bar = f" +/- {found.error:.0%}" * (found.error > 0)
+            lines.append(
+                f"proposed q1 = {found.q1:.4g} 1/m{bar}: rms slope of the surface up to q1 {to_q1:.4g}"
+            )
             if to_q1 > _LARGER * self.rms_slope * (1 if self.dimensions == 2 else np.sqrt(2)):
                 lines.append(
                     'larger than the slope of the heights: edges that do not match (window "none"), or'

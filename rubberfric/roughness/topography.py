@@ -18,15 +18,15 @@ the same modes. The spectrum contains the instrument's resolution and noise.
 """
 
 import itertools
-import math
 from typing import Any
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from rubberfric.base.checks import check_choice, shown
-from rubberfric.roughness.measured import MeasuredSpectrum
+from rubberfric.base.checks import POSITIVE, as_leaf, check_choice, check_values, shown
+from rubberfric.roughness.heights import detrended, fill_cavities, tip_cutoff, top_heights, trends
+from rubberfric.roughness.measured import InstrumentLimits, MeasuredSpectrum
 from rubberfric.roughness.periodograms import Sampling
 
 WINDOWS = ("hann", "none")
@@ -47,6 +47,11 @@ def spectrum_of_profile(
     window: str = "hann",
     detrend: int | None = 1,
     per_decade: float | None = 20,
+    fill_volume: float | None = None,
+    fill_level: float | None = None,
+    tops: bool = False,
+    tip_radius: float | None = None,
+    noise: float | None = None,
 ) -> MeasuredSpectrum:
     r"""Return the spectrum C_1D(q) of a height profile.
 
@@ -60,6 +65,14 @@ def spectrum_of_profile(
     window : "hann", or "none" for a profile with the period n times the spacing
     detrend : degree of the polynomial that is subtracted first, 0, 1 or 2, or None
     per_decade : bins per decade, > 0, or None for every mode separately
+    fill_volume, fill_level : volume per area [m], or level above the mean plane [m], up to which water or a
+        seal coat fills the cavities (`fill_cavities`); pass at most one
+    tops : if True, return the top spectrum C_T of the heights above the mean (`top_heights`)
+    tip_radius : radius R of the tip of the instrument [m], which limits `resolved`, or None
+        q1 is 2 pi/(2 d) at the distance d where the sharpest peak, max(2 h(x) - h(x + d) - h(x - d))/d^2, has
+        the curvature 1/(2 R) [Sanner et al., Appl. Surf. Sci. Adv. 7 (2022) 100190].
+    noise : rms height of the noise of the instrument [m], which limits `resolved`, or None
+        It is sqrt(1/2) times the rms difference of two measurements of the same place.
 
     Returns
     -------
@@ -82,7 +95,11 @@ def spectrum_of_profile(
     n = height.shape[-1]
     spacing = _spacing(x, n)
     kx = np.fft.fftfreq(n, spacing) * 2 * np.pi
-    return _spectrum(np.atleast_2d(height), (spacing,), np.abs(kx), window, detrend, per_decade)
+    height, limits, remarks = _prepared(
+        np.atleast_2d(height), (spacing,), detrend, fill_volume, fill_level, tops, tip_radius, noise
+    )
+    found = _spectrum(height, (spacing,), np.abs(kx), window, detrend, per_decade)
+    return found._replace(limits=limits, remarks=remarks)
 
 
 def spectrum_of_topography(
@@ -93,6 +110,11 @@ def spectrum_of_topography(
     window: str = "hann",
     detrend: int | None = 1,
     per_decade: float | None = 20,
+    fill_volume: float | None = None,
+    fill_level: float | None = None,
+    tops: bool = False,
+    tip_radius: float | None = None,
+    noise: float | None = None,
 ) -> MeasuredSpectrum:
     r"""Return the radially averaged spectrum C(q) of a height map.
 
@@ -105,6 +127,7 @@ def spectrum_of_topography(
     window : "hann" (in x times in y), or "none" for a periodic map
     detrend : degree of the polynomial in x and y that is subtracted first, 0, 1, 2, or None
     per_decade : bins per decade, > 0, or None for every value of `abs(q)` separately
+    fill_volume, fill_level, tops, tip_radius, noise : as in `spectrum_of_profile`
 
     Returns
     -------
@@ -118,7 +141,41 @@ def spectrum_of_topography(
     dx = _spacing(dx, None, "dx")
     dy = dx if dy is None else _spacing(dy, None, "dy")
     kx, ky = (np.fft.fftfreq(n, d) * 2 * np.pi for n, d in zip(heights.shape, (dx, dy), strict=True))
-    return _spectrum(heights[None], (dx, dy), np.hypot(kx[:, None], ky), window, detrend, per_decade)
+    heights, limits, remarks = _prepared(
+        heights[None], (dx, dy), detrend, fill_volume, fill_level, tops, tip_radius, noise
+    )
+    found = _spectrum(heights, (dx, dy), np.hypot(kx[:, None], ky), window, detrend, per_decade)
+    return found._replace(limits=limits, remarks=remarks)
+
+
+def _prepared(heights, spacings, detrend, fill_volume, fill_level, tops, tip_radius, noise):
+    """Detrend samples of heights, fill cavities and take the tops.
+
+    Return the heights, the limits of the instrument, and texts about the changes.
+    """
+    if isinstance(detrend, bool) or detrend not in _DEGREES:
+        raise ValueError(f"detrend = {shown(detrend)}: must be 0, 1, 2 or None")
+    for name, value in (("tip_radius", tip_radius), ("noise", noise)):
+        if value is not None:
+            check_values(name, as_leaf(name, value, 0), POSITIVE)
+    heights = np.stack([detrended(height, detrend) for height in heights])
+    limits = InstrumentLimits(
+        tip=None if tip_radius is None else tip_cutoff(heights, spacings, tip_radius),
+        noise=None if noise is None else noise**2 * np.prod(spacings) / (2 * np.pi) ** len(spacings),
+    )
+    shape, remarks = heights.shape, []
+    if fill_volume is not None or fill_level is not None:
+        filled = fill_cavities(heights.reshape(len(heights), -1), volume=fill_volume, level=fill_level)
+        heights = filled.heights.reshape(shape)
+        remarks.append(
+            f"cavities filled up to {filled.level:.4g} m above the mean plane: {filled.covered:.1%} of the"
+            f" area, {filled.volume:.4g} m^3 per m^2"
+        )
+    if tops:
+        middle = heights - heights.mean()
+        remarks.append(f"top spectrum, of the {np.mean(middle > 0):.1%} of the area above the mean")
+        heights = top_heights(middle.reshape(len(heights), -1)).reshape(shape)
+    return heights, limits, tuple(remarks)
 
 
 def _spectrum(heights, spacings, q, window, detrend, per_decade):
@@ -127,11 +184,9 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
     `heights` has the shape (samples, *grid). `q` holds the absolute wavevector of every mode.
     """
     check_choice("window", window, WINDOWS)
-    if isinstance(detrend, bool) or detrend not in _DEGREES:
-        raise ValueError(f"detrend = {shown(detrend)}: must be 0, 1, 2 or None")
     if per_decade is not None and not (isinstance(per_decade, int | float) and 0 < per_decade <= 1e4):
         raise ValueError(f"per_decade = {shown(per_decade)}: must be a number > 0 or None")
-    heights = np.stack([_detrended(height, detrend) for height in heights])
+    heights = np.stack([detrended(height, detrend) for height in heights])
     samples, grid = len(heights), heights.shape[1:]
     axes = tuple(range(1, heights.ndim))
     w = np.ones(())
@@ -175,7 +230,7 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
                 sum(np.mean((np.diff(heights, axis=k) / d) ** 2) for k, d in zip(axes, spacings, strict=True))
             )
         ),
-        sampling=Sampling(w, _trends(grid, detrend)) if len(grid) == 1 else None,
+        sampling=Sampling(w, trends(grid, detrend)) if len(grid) == 1 else None,
     )
 
 
@@ -206,24 +261,6 @@ def _bins(q, highest, per_decade):
     return np.floor(place + 1e-9).astype(int), inside
 
 
-def _detrended(height, degree):
-    """Subtract the least-squares polynomial of the given total degree from heights."""
-    if degree is None:
-        return height
-    basis = _trends(height.shape, degree)
-    return height - (basis @ (basis.T @ height.ravel())).reshape(height.shape)
-
-
-def _trends(shape, degree):
-    """Return orthonormal columns that span the polynomials of the given total degree on a grid."""
-    if degree is None:
-        return np.zeros((math.prod(shape), 0))
-    axes = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
-    powers = [p for p in np.ndindex(*([degree + 1] * len(shape))) if sum(p) <= degree]
-    basis = np.stack([np.prod([a**k for a, k in zip(axes, p, strict=True)], 0).ravel() for p in powers], 1)
-    return np.linalg.qr(basis)[0]
-
-
 def _heights(height, dimensions):
     array = np.asarray(height)
     several = dimensions == 1 and array.ndim == 2 and len(array) > 0
@@ -240,7 +277,7 @@ def _heights(height, dimensions):
     array = array.astype(float)
     if not np.isfinite(array).all():
         where = ", ".join(map(str, np.argwhere(~np.isfinite(array))[0]))
-        raise ValueError(f"heights[{where}] is not finite; fill in missing points first")
+        raise ValueError(f"heights[{where}] is not finite; fill in missing points first (`fill_holes`)")
     return array
 
 
@@ -282,8 +319,8 @@ def spectrum_of_surface(topography: Any, *, unit: str | None = None, **options: 
     topography : a uniform line scan or map of SurfaceTopography, or an object with `heights()`,
         `physical_sizes`, `nb_grid_pts`, and optionally `unit` and `is_periodic`
     unit : "m", "mm", "um", "nm", ..., unit of lengths and heights, if the topography has no unit
-    window, detrend, per_decade : as in `spectrum_of_topography`; the defaults for a periodic surface are
-        "none" and 0
+    options : as in `spectrum_of_topography`; the defaults for a periodic surface are window="none" and
+        detrend=0
 
     Returns
     -------

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rubberfric as rf
-from rubberfric.io.height_maps import filled
+from rubberfric.roughness.heights import fill_holes
 
 # Different numbers of points along x and y, so that exchanged axes are found.
 SHAPE = (24, 17)
@@ -102,7 +102,7 @@ def test_a_plane_is_filled_exactly():
     plane = 2 * x - 3 * y + 1
     spoiled = plane.copy()
     spoiled[3:6, 2:5] = np.nan
-    np.testing.assert_allclose(filled(spoiled), plane, atol=1e-12)
+    np.testing.assert_allclose(fill_holes(spoiled), plane, atol=1e-12)
 
 
 def test_missing_rows_are_holes(tmp_path, heights):
@@ -228,3 +228,27 @@ def test_no_row_of_a_grid_vanishes(tmp_path):
     path.write_text("\n".join(with_counts))
     with pytest.raises(ValueError, match="first row of the grid rises in even steps"):
         rf.io.read_heights(path, 1e-6, "um")
+
+
+def test_spikes_become_holes(tmp_path):
+    """Three spikes and a missing height of a wave, which is read back to 2 % of its amplitude."""
+    x = np.arange(60.0)
+    wave = np.sin(x[:, None] / 7) * np.cos(x / 9) + 1e-3 * np.random.default_rng(1).standard_normal((60, 60))
+    spoiled = wave.copy()
+    spoiled[[10, 30, 30], [20, 40, 41]] += 3.0
+    spoiled[50, 50] = np.nan
+    np.savetxt(tmp_path / "map.csv", spoiled, delimiter=",")
+    kept = rf.io.read_heights(tmp_path / "map.csv", 1e-6, "um")
+    assert kept.heights[10, 20] == pytest.approx(1e-6 * spoiled[10, 20]) and kept.holes == 1 / 3600
+    with pytest.warns(UserWarning, match=r"map.csv: 0\.\d\d% of the heights are outliers and are"):
+        found = rf.io.read_heights(tmp_path / "map.csv", 1e-6, "um", outliers=10)
+    assert 4 / 3600 <= found.holes <= 10 / 3600
+    np.testing.assert_allclose(found.heights, 1e-6 * wave, atol=2e-8)
+    rows = np.column_stack([x, spoiled[:, 20], wave[:, 3]])
+    np.savetxt(tmp_path / "lines.csv", rows, delimiter=",", header="x [mm],a [um],b [um]", comments="")
+    with pytest.warns(UserWarning, match=r"lines.csv: 0\.83% of the heights are outliers"):
+        _, traces = rf.io.read_traces(tmp_path / "lines.csv", outliers=10)
+    np.testing.assert_allclose(traces, 1e-6 * wave[:, [20, 3]].T, atol=2e-8)
+    assert rf.io.read_traces(tmp_path / "lines.csv")[1][0, 10] > 2e-6
+    with pytest.raises(ValueError, match=r"threshold = 0\.0: must be > 0"):
+        rf.io.read_heights(tmp_path / "map.csv", 1e-6, "um", outliers=0)
