@@ -124,6 +124,35 @@ READING: dict[str, dict[str, Any]] = {
 }
 
 
+# Options for measured heights: keyword arguments of `rubberfric.io.read_heights` and
+# `rubberfric.roughness.spectrum_of_topography`.
+HEIGHTS: dict[str, dict[str, Any]] = {
+    "outliers": {
+        "type": float,
+        "metavar": "S",
+        "help": "heights this many standard deviations from their neighbours are holes, often 10",
+    },
+    "detrend": {"type": int, "choices": (0, 1, 2), "help": "degree of the subtracted surface (default: 1)"},
+    "fill_volume": {
+        "type": float,
+        "metavar": "M",
+        "help": "fill cavities by this volume per area [m], as water does",
+    },
+    "fill_level": {
+        "type": float,
+        "metavar": "M",
+        "help": "fill cavities up to this level above the mean plane [m]",
+    },
+    "tops": {
+        "action": "store_const",
+        "const": True,
+        "help": "take the top spectrum, of the heights above the mean",
+    },
+    "tip_radius": {"type": float, "metavar": "M", "help": "radius of the tip of the instrument [m]"},
+    "noise": {"type": float, "metavar": "M", "help": "rms noise of the instrument [m]"},
+}
+
+
 def _add_reading(parser: Parser, name: str) -> None:
     options = dict(READING[name])
     flag = options.pop("flag", f"--{name.replace('_', '-')}")
@@ -180,6 +209,8 @@ def _spectrum_parser() -> Parser:
     add("--normalisation", metavar="NAME", help=text)
     text = "Hurst exponent, if a spectrum along a line is taken as self-affine without a roll-off"
     add("--hurst", type=float, metavar="H", help=text)
+    for name, options in HEIGHTS.items():
+        add(f"--{name.replace('_', '-')}", **{"default": None, **options})
     text = "largest wavevector to fit [1/m] (default: the end of the resolved range)"
     add("--q1", type=float, metavar="Q", help=text)
     text = "continue or cut the roughness to this rms slope, often 1.3"

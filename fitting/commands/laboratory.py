@@ -25,7 +25,7 @@ from fitting.characterise.master_curve import fit_master_curve
 from fitting.characterise.prony import fit_prony
 from fitting.characterise.softening import softening_from_sweep
 from fitting.characterise.spectrum import fit_spectrum
-from fitting.commands.arguments import reading_options
+from fitting.commands.arguments import HEIGHTS, reading_options
 from fitting.commands.work import Output, finish
 from fitting.data.files import read
 from fitting.data.kinds import ModulusData, SpectrumData
@@ -118,7 +118,7 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
     """Compute and fit the spectrum of a measured surface, write files, and return the exit status."""
     del interrupts
     show(f"reading {arguments.data}")
-    measured, text = _measured_spectrum(arguments)
+    measured, text = measured_spectrum(arguments)
     if arguments.q1 is not None and not 0 < arguments.q1 <= rf.roughness.LARGEST_WAVEVECTOR:
         largest = rf.roughness.LARGEST_WAVEVECTOR
         raise ValueError(
@@ -132,7 +132,7 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
     q1 = float(spectrum.q[-1] if spectrum.q1 is None else spectrum.q1)
     slope, height = float(rf.rms_slope(spectrum)), float(rf.roughness.rms_height(spectrum))
     texts = [text, found.report()]
-    texts.append(f"In the scene: q1 = {q1:.4g} 1/m, rms height {height:.3g} m, rms slope {slope:.3g}.\n")
+    texts.append(f"The scene has q1 = {q1:.4g} 1/m, rms height {height:.3g} m, rms slope {slope:.3g}.\n")
 
     def write(path: str) -> None:
         if as_path(path).suffix.lower() == ".csv":
@@ -144,9 +144,14 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
     return _ended(arguments, show, texts, write, lambda: plot_spectrum(drawn))
 
 
-def _measured_spectrum(arguments):
+def measured_spectrum(
+    arguments: argparse.Namespace,
+) -> tuple[SpectrumData | rf.roughness.MeasuredSpectrum, str]:
     """Return SpectrumData of a spectrum or the MeasuredSpectrum of heights, and a text about it."""
+    given = {name: getattr(arguments, name) for name in HEIGHTS if getattr(arguments, name) is not None}
     if not arguments.map and (arguments.normalisation is not None or _is_spectrum(arguments)):
+        for name, value in given.items():
+            raise ValueError(f"{name} = {value}: must not be given; {arguments.data} holds a spectrum")
         data = read(
             arguments.data,
             normalisation=arguments.normalisation,
@@ -156,13 +161,15 @@ def _measured_spectrum(arguments):
         )
         assert isinstance(data, SpectrumData)
         return data, f"{data.q.size} wavevectors"
+    outliers, options = given.pop("outliers", None), {"per_decade": _BINS, **given}
     if arguments.map:
-        surface = rf.io.read_heights(arguments.data, _one_or_two(arguments.spacing), arguments.unit)
-        found = rf.roughness.spectrum_of_topography(surface.heights, surface.dx, surface.dy, per_decade=_BINS)
+        spacing = _one_or_two(arguments.spacing)
+        surface = rf.io.read_heights(arguments.data, spacing, arguments.unit, outliers=outliers)
+        found = rf.roughness.spectrum_of_topography(surface.heights, surface.dx, surface.dy, **options)
         size = " x ".join(map(str, surface.heights.shape))
         return found, f"{size} heights, {surface.holes:.1%} of them filled\n{found.report()}"
-    x, traces = rf.io.read_traces(arguments.data)
-    found = rf.roughness.spectrum_of_profile(x, traces, per_decade=_BINS)
+    x, traces = rf.io.read_traces(arguments.data, outliers)
+    found = rf.roughness.spectrum_of_profile(x, traces, **options)
     text = f"{len(traces)} traces of {x.size} heights; the surface is taken as isotropic\n{found.report()}"
     return found, text
 

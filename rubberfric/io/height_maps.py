@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rubberfric.base.atomic import StrPath, as_path, is_number
-from rubberfric.base.checks import closest, shown, warn_caller
+from rubberfric.base.checks import POSITIVE, as_leaf, check_values, closest, shown, warn_caller
 from rubberfric.io.columns import plain_unit
 from rubberfric.io.exports import headless
 from rubberfric.io.text_tables.lines import above_numbers, has_fields
@@ -208,6 +208,8 @@ def _outliers(path, heights, threshold, profiles=False):
     """Return a mask of outliers, and warn about them. All False if the threshold is None."""
     if threshold is None:
         return np.zeros(heights.shape, bool)
+    name = f"{path}: outliers"
+    check_values(name, as_leaf(name, threshold, 0), POSITIVE)
     found = find_outliers(heights, threshold, profiles=profiles)
     if found.any():
         warn_caller(

@@ -24,7 +24,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from rubberfric.base.checks import POSITIVE, as_leaf, check_choice, check_values, shown
+from rubberfric.base.checks import FINITE, NONNEGATIVE, POSITIVE, as_leaf, check_choice, check_values, shown
 from rubberfric.roughness.heights import detrended, fill_cavities, tip_cutoff, top_heights, trends
 from rubberfric.roughness.measured import InstrumentLimits, MeasuredSpectrum
 from rubberfric.roughness.periodograms import Sampling
@@ -155,9 +155,12 @@ def _prepared(heights, spacings, detrend, fill_volume, fill_level, tops, tip_rad
     """
     if isinstance(detrend, bool) or detrend not in _DEGREES:
         raise ValueError(f"detrend = {shown(detrend)}: must be 0, 1, 2 or None")
-    for name, value in (("tip_radius", tip_radius), ("noise", noise)):
+    rules = {"tip_radius": POSITIVE, "noise": POSITIVE, "fill_volume": NONNEGATIVE, "fill_level": FINITE}
+    for (name, rule), value in zip(rules.items(), (tip_radius, noise, fill_volume, fill_level), strict=True):
         if value is not None:
-            check_values(name, as_leaf(name, value, 0), POSITIVE)
+            check_values(name, as_leaf(name, value, 0), rule)
+    if fill_volume is not None and fill_level is not None:
+        raise ValueError(f"fill_level = {shown(fill_level)}: must not be given with fill_volume")
     heights = np.stack([detrended(height, detrend) for height in heights])
     limits = InstrumentLimits(
         tip=None if tip_radius is None else tip_cutoff(heights, spacings, tip_radius),

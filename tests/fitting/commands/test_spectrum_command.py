@@ -9,6 +9,8 @@ import pytest
 
 import fitting
 import rubberfric as rf
+from fitting.commands.arguments import COMMANDS
+from fitting.commands.laboratory import measured_spectrum
 
 LENGTH = 1e-3
 Q0 = 2 * np.pi / LENGTH
@@ -72,8 +74,9 @@ def test_options_of_a_map(run, surface):
     assert run(*how, "--out", "measured.csv", "--plot", "spectrum.png")[0] == 0
     data = fitting.read("measured.csv", normalisation="C")
     assert Path("spectrum.png").stat().st_size > 10_000 and data.relative.max() > 1
-    assert run(*how, "--slope", "0.3", "--out", "cut.toml", "--body", "upper")[0] == 0
-    assert float(rf.rms_slope(rf.load_scene("cut.toml").upper.spectrum)) == pytest.approx(0.3, rel=1e-9)
+    status, printed, _ = run(*how, "--slope", "0.2", "--tops", "--out", "cut.toml", "--body", "upper")
+    assert status == 0 and "of the area above the mean" in printed and "rms slope 0.2.\n" in printed
+    assert float(rf.rms_slope(rf.load_scene("cut.toml").upper.spectrum)) == pytest.approx(0.2, rel=1e-9)
     assert run(*how, "--table", "--out", "table.toml")[0] == 0
     table = rf.load_scene("table.toml").lower.spectrum
     np.testing.assert_allclose(table.C, data.C, rtol=1e-12)
@@ -82,6 +85,60 @@ def test_options_of_a_map(run, surface):
     np.testing.assert_allclose(rf.load_scene("array.toml").lower.spectrum.C, data.C, rtol=1e-9)
     assert run(*how, "--q1", 20 * Q0, "--out", "short.h5")[0] == 0
     assert float(rf.load_scene("short.h5").lower.spectrum.q1) == pytest.approx(20 * Q0)
+
+
+def test_options_of_heights(surface, tmp_path, monkeypatch):
+    """Each against the same steps in NumPy and the library, and its line in the report."""
+    monkeypatch.chdir(tmp_path)
+    heights, d = np.round(surface[0][:, :150], 11), surface[1]  # as the file has them
+    spoiled = heights.copy()
+    spoiled[50, 60] = 1e-4
+    Path("map.csv").write_text(grid(spoiled))
+    how = ("map.csv", "--map", "--spacing", d, "--unit", "um")
+
+    def C_of(*more):
+        options = COMMANDS["spectrum"].parser().parse_args([*map(str, how), *map(str, more)])
+        found, text = measured_spectrum(options)
+        return found.C, text
+
+    def bins(z, **options):
+        return rf.roughness.spectrum_of_topography(z, d, per_decade=10, **options).C
+
+    with pytest.warns(UserWarning, match="0.00% of the heights are outliers and are interpolated"):
+        C, printed = C_of("--outliers", 10, "--detrend", 2)
+    assert "320 x 150 heights, 0.0% of them filled" in printed
+    spoiled[50, 60] = np.mean([heights[place] for place in ((49, 60), (51, 60), (50, 59), (50, 61))])
+    np.testing.assert_allclose(C, bins(spoiled, detrend=2), rtol=1e-6)
+    Path("map.csv").write_text(grid(heights))
+    flat = heights - heights.mean()
+    level = 0.3 * heights.std()
+    C, printed = C_of("--detrend", 0, "--fill-level", level, "--noise", 1.5 * heights.std())
+    np.testing.assert_allclose(C, bins(np.maximum(flat, level), detrend=0), rtol=1e-6)
+    assert "the stated noise is more than a fifth of C above q1" in printed and " +/- " in printed
+    volume = np.mean(np.maximum(level - flat, 0))
+    again, printed = C_of("--detrend", 0, "--fill-volume", volume, "--tip-radius", 1e-3)
+    np.testing.assert_allclose(again, C, rtol=1e-6)
+    assert f"filled up to {level:.4g} m above" in printed
+    assert "the tip does not follow sharper peaks above q1" in printed
+    C, printed = C_of("--detrend", 0, "--tops")
+    tops = np.maximum(flat, 0) / np.sqrt(np.mean(flat > 0))
+    np.testing.assert_allclose(C, bins(tops, detrend=0), rtol=1e-6)
+    assert f"top spectrum, of the {np.mean(flat > 0):.1%}" in printed
+
+
+def test_options_of_heights_that_are_refused(run, surface):
+    heights, d = surface
+    Path("map.csv").write_text(grid(heights[:40, :40]))
+    Path("s.csv").write_text("q,C\n1/m,m^4\n1e3,1e-12\n1e4,1e-15\n")
+    how = ("map.csv", "--map", "--spacing", d, "--unit", "um")
+    for arguments, text in (
+        ((*how, "--fill-level", 0, "--fill-volume", 1e-6), "--fill-level 0.0: must not be given with"),
+        ((*how, "--tip-radius", -1), "--tip-radius -1.0: must be > 0"),
+        ((*how, "--outliers", 0), "--outliers 0.0: must be > 0"),
+        (("s.csv", "--normalisation", "C", "--tops"), "--tops True: must not be given; s.csv holds a"),
+    ):
+        status, printed, complaint = run(*arguments)
+        assert status == 2 and printed == "" and complaint.count("\n") == 1 and text in complaint, complaint
 
 
 def test_the_python_route(surface, tmp_path):

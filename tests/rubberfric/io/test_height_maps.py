@@ -250,5 +250,5 @@ def test_spikes_become_holes(tmp_path):
         _, traces = rf.io.read_traces(tmp_path / "lines.csv", outliers=10)
     np.testing.assert_allclose(traces, 1e-6 * wave[:, [20, 3]].T, atol=2e-8)
     assert rf.io.read_traces(tmp_path / "lines.csv")[1][0, 10] > 2e-6
-    with pytest.raises(ValueError, match=r"threshold = 0\.0: must be > 0"):
+    with pytest.raises(ValueError, match=r"map.csv: outliers = 0\.0: must be > 0"):
         rf.io.read_heights(tmp_path / "map.csv", 1e-6, "um", outliers=0)
