@@ -16,7 +16,7 @@ _UNKNOWN = 1.0
 def spectrum_data(measured: MeasuredSpectrum | ArealSpectrum) -> SpectrumData:
     """Return C with standard errors from the spectrum of measured heights.
 
-    Bins of a map are taken as they are. The bins of profiles become the spectrum of an isotropic surface
+    The bins of a map are unchanged. The bins of profiles become the spectrum of an isotropic surface
     (`MeasuredSpectrum.areal`). Its first entry is left out, because it also contains waves longer than the
     profiles, and so are entries whose standard error of ln C is 1 or more, and the extrapolated end.
 
@@ -37,7 +37,7 @@ def spectrum_data(measured: MeasuredSpectrum | ArealSpectrum) -> SpectrumData:
         first, count, areal = 0, measured.q.size, measured
     else:
         raise ValueError(
-            f"measured is a {type(measured).__name__}: must be a MeasuredSpectrum or an ArealSpectrum"
+            f"measured is a {type(measured).__name__}: pass a MeasuredSpectrum or an ArealSpectrum"
         )
     q, C, relative = (np.asarray(x)[first:count] for x in (areal.q, areal.C, areal.relative))
     known = relative < _UNKNOWN

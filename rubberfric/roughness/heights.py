@@ -43,7 +43,7 @@ def find_outliers(
     .. math:: \min(d_x, d_y) > \text{threshold}\; \frac{\operatorname{median}(d_x, d_y)}{0.6745},\qquad
               d_x = |h - m_x|
 
-    m_x and m_y are the medians of the four heights beside a point along x and y. A profile has d_x only.
+    m_x and m_y are the medians of the four nearest heights along x and y. A profile has d_x only.
     The median is taken over all points. The scale is at least the smallest distance of
     two different heights, the resolution of the instrument.
 
@@ -55,7 +55,7 @@ def find_outliers(
     Returns
     -------
     bool array of the shape of heights. Not found are spikes wider than two points, scratches, and
-    spikes within two points of the end of a profile or a corner of a map. Points beside a spike may be
+    spikes within two points of the end of a profile or a corner of a map. Neighbours of a spike may be
     masked, too.
     """
     h = _finite(heights)
@@ -72,7 +72,7 @@ def find_outliers(
 
 
 def _from_neighbours(h, axis):
-    """Return the distance of every height from the median of the four heights beside it along an axis.
+    """Return the distance of every height from the median of the four nearest heights along an axis.
 
     Its own height is left out, because it is the median of a rising line. The distance is inf for the two
     heights at each end.
@@ -141,8 +141,8 @@ def top_heights(heights: ArrayLike) -> np.ndarray:
     Notes
     -----
     For Gaussian heights C_T is 0.5 to 0.6 C below the roll-off and tends to C for short waves, and the mean
-    square height is 1 - 1/pi = 0.682 times that of h. On a road with flat tops and deep cavities C_T is
-    smaller. The bottom spectrum is that of -heights.
+    square height is 1 - 1/pi = 0.682 times the one of h. On a road with flat tops and deep cavities C_T is
+    smaller. `top_heights(-heights)` gives the bottom spectrum.
 
     Raises
     ------

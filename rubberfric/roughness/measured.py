@@ -56,7 +56,7 @@ _TEXT = {
 
 
 class InstrumentLimits(NamedTuple):
-    """What an instrument can resolve.
+    """Limits of an instrument.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ class MeasuredSpectrum(NamedTuple):
         the rms slope of its profiles.
     sampling : window and detrending of a profile; None for a map
     limits : limits of the instrument, as stated
-    remarks : texts on changes of the heights, for the report
+    remarks : texts of the report on changes of the heights
     """
 
     q: np.ndarray

@@ -4,7 +4,7 @@ Programs and papers use these normalisations for the same roughness:
 
     name                     unit   mean square height               from C
     "C"                      m^4    h^2 = 2 pi int q C dq            C [Persson; Gwyddion, 2D PSDF]
-    "C_iso"                  m^4    h^2 = (1/2 pi) int q C_iso dq    4 pi^2 C
+    "C_iso"                  m^4    h^2 = 1/(2 pi) int q C_iso dq    4 pi^2 C
     "q_C_iso_over_pi"        m^3    h^2 = (1/2) int (q C_iso/pi) dq  4 pi q C [contact.engineering]
     "Wr"                     m^3    h^2 = int Wr dq                  2 pi q C [Gwyddion, radial PSDF]
     "C_1D"                   m^3    h^2 = 2 int C_1D dq              see below [Persson]
@@ -63,7 +63,7 @@ class Normalisation(NamedTuple):
 
 NORMALISATIONS = {
     "C": Normalisation(1.0, "2 pi int q C dq"),
-    "C_iso": Normalisation(4 * math.pi**2, "(1/2 pi) int q C_iso dq", "SurfaceTopography"),
+    "C_iso": Normalisation(4 * math.pi**2, "1/(2 pi) int q C_iso dq", "SurfaceTopography"),
     "q_C_iso_over_pi": Normalisation(
         4 * math.pi, "(1/2) int (q C_iso/pi) dq", "contact.engineering", radial=True
     ),

@@ -56,7 +56,7 @@ def test_profiles_become_an_isotropic_surface():
 
 
 def test_what_is_refused():
-    with pytest.raises(ValueError, match="measured is a tuple: must be a MeasuredSpectrum or an Areal"):
+    with pytest.raises(ValueError, match="measured is a tuple: pass a MeasuredSpectrum or an Areal"):
         fitting.spectrum_data((1.0, 2.0))
     unknown = rf.roughness.ArealSpectrum(np.ones(3), np.ones(3), np.eye(3))
     with pytest.raises(ValueError, match="all standard errors of ln C are 1 or more; measure"):
