@@ -14,10 +14,11 @@ from fitting.commands.work import KEYS as DESIGN
 from fitting.solvers.options import FILE_OPTIONS
 from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import Kind, fields_of, kinds
-from rubberfric.io.columns import COLUMNS, SPELLINGS, UNIT_SPELLINGS
+from rubberfric.io.columns import COLUMNS, SPELLINGS
 from rubberfric.io.friction_files import PROGRAMS
 from rubberfric.io.prony_cards import FORMATS
 from rubberfric.io.results import QUANTITY_FORMATS
+from rubberfric.io.text_tables.units import UNIT_SPELLINGS
 from rubberfric.materials.material import Material
 from rubberfric.materials.shifts import Shift, VerticalShift
 from rubberfric.materials.slab import Layer

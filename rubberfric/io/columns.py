@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from rubberfric.base.atomic import is_number
-from rubberfric.base.units import ZERO_CELSIUS, hertz
+from rubberfric.io.text_tables import units
+from rubberfric.io.text_tables.units import UNIT_SPELLINGS, plain_unit
 
 
 class Column(NamedTuple):
@@ -22,7 +23,7 @@ class Column(NamedTuple):
 
     def value(self, number: float, unit: str) -> float:
         """Convert a number in a file to SI."""
-        return self.units[unit] * (10.0**number if self.log10 else number) + _OFFSETS.get(unit, 0.0)
+        return self.units[unit] * (10.0**number if self.log10 else number) + units.OFFSETS.get(unit, 0.0)
 
     def read(self, where: str, text: str, unit: str) -> float:
         """Convert the text of a field to a number in SI.
@@ -68,85 +69,59 @@ def _log10(name: str, units: Mapping[str, float], offered: bool = False) -> Colu
     return Column(name, logs, log10=True, offered=offered)
 
 
-_ONE = {"-": 1.0}  # factors, which are never in percent
-_RATIO = {"-": 1.0, "%": 1e-2}  # friction, area, strain, relative errors
-_FREQUENCY = {"Hz": hertz(1.0), "kHz": hertz(1e3), "MHz": hertz(1e6), "mHz": hertz(1e-3)}  # [rad/s]
-_FREQUENCY |= {"rpm": hertz(1 / 60)}
-_ANGULAR = {"rad/s": 1.0}  # angular frequencies
-_PSI = 6894.757293168361  # lbf/in^2 [Pa]
-_PRESSURE = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5}  # pressures and moduli [Pa]
-_PRESSURE |= {"psi": _PSI, "ksi": 1e3 * _PSI, "dyn/cm2": 0.1, "mbar": 100.0, "N/cm2": 1e4}
-_PRESSURE |= {"hPa": 100.0, "atm": 101325.0, "kgf/cm2": 98066.5}
-_FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}  # [N]
-_MOMENT = {"N m": 1.0, "N mm": 1e-3, "kN m": 1e3, "lbf ft": 4.4482216152605 * 0.3048}  # [N m]
-_ANGLE = {"rad": 1.0, "deg": math.pi / 180, "mrad": 1e-3}  # [rad]
-_SPEED = {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6, "nm/s": 1e-9}  # [m/s]
-_SPEED |= {"cm/s": 1e-2, "mm/min": 1e-3 / 60, "m/min": 1.0 / 60, "km/h": 1 / 3.6}
-_SPEED |= {"mph": 0.44704, "in/s": 0.0254, "ft/s": 0.3048, "in/min": 0.0254 / 60, "ft/min": 0.3048 / 60}
-_TEMPERATURE = {"K": 1.0, "C": 1.0, "°C": 1.0, "°F": 5 / 9}  # kelvins per degree
-_OFFSETS = {"C": ZERO_CELSIUS, "°C": ZERO_CELSIUS, "°F": 459.67 * 5 / 9}  # zeros of the scales [K]
-_LENGTHS = {"m": 1.0, "cm": 1e2, "mm": 1e3, "um": 1e6, "nm": 1e9}  # number of each length in a metre
-_WAVEVECTOR = {f"1/{length}": per for length, per in _LENGTHS.items()}  # angular wavevectors [1/m]
-# Spatial frequencies. 1/m of a column n or "spatial frequency" is cycles/m.
-_CYCLES = {f"{of}/{length}": 2 * math.pi * per for of in ("cycles", "1") for length, per in _LENGTHS.items()}
-# 1/m is no unit of a wavenumber, which may be 2 pi over the wavelength or one over it.
-_NUMBER = {f"rad/{length}": per for length, per in _LENGTHS.items()}
-_NUMBER |= {unit: factor for unit, factor in _CYCLES.items() if unit.startswith("cycles")}
-_SPECTRUM = {"m^4": 1.0, "cm^4": 1e-8, "mm^4": 1e-12, "um^4": 1e-24, "nm^4": 1e-36}  # C of a surface [m^4]
-_LINE = {"m^3": 1.0, "cm^3": 1e-6, "mm^3": 1e-9, "um^3": 1e-18, "nm^3": 1e-27}  # C_1D of a profile [m^3]
-
-
 # Names of columns. The first unit of each is SI, in which tables are written.
 COLUMNS = {
-    "omega": Column("omega", _ANGULAR),
-    "f": Column("omega", _FREQUENCY),
-    "E_stor": Column("E_stor", _PRESSURE),
-    "E_loss": Column("E_loss", _PRESSURE),
-    "q": Column("q", _WAVEVECTOR),
-    "log10_q": _log10("q", _WAVEVECTOR, offered=True),
-    "C": Column("C", _SPECTRUM),
-    "log10_C": _log10("C", _SPECTRUM, offered=True),
-    "C_1D": Column("C_1D", _LINE),
-    "log10_C_1D": _log10("C_1D", _LINE, offered=True),
+    "omega": Column("omega", units.ANGULAR),
+    "f": Column("omega", units.FREQUENCY),
+    "E_stor": Column("E_stor", units.PRESSURE),
+    "E_loss": Column("E_loss", units.PRESSURE),
+    "q": Column("q", units.WAVEVECTOR),
+    "log10_q": _log10("q", units.WAVEVECTOR, offered=True),
+    "C": Column("C", units.SPECTRUM),
+    "log10_C": _log10("C", units.SPECTRUM, offered=True),
+    "C_1D": Column("C_1D", units.LINE),
+    "log10_C_1D": _log10("C_1D", units.LINE, offered=True),
     "phi": Column("phi", {"rad": 1.0}, positive=False),
     "phi_deg": Column("phi", {"deg": math.pi / 180}, positive=False),
-    "T": Column("T", _TEMPERATURE),
-    "aT": Column("aT", _ONE),
-    "bT": Column("bT", _ONE),
-    "strain": Column("strain", _RATIO),
-    "storage_factor": Column("storage_factor", _ONE),
-    "loss_factor": Column("loss_factor", _ONE),
-    "v": Column("v", _SPEED, positive=False),
-    "log10_v": _log10("v", _SPEED, offered=True),
-    "p": Column("p", _PRESSURE),
-    "mu": Column("mu", _RATIO, positive=False),
-    "A_over_A0": Column("A_over_A0", _RATIO),
-    "sigma": Column("sigma", _RATIO),
-    "sigma_stor": Column("sigma_stor", _PRESSURE),
-    "sigma_loss": Column("sigma_loss", _PRESSURE),
-    "sigma_C": Column("sigma_C", _SPECTRUM),
-    "relative_sigma": Column("relative_sigma", _RATIO),
-    "log10_omega": _log10("omega", _ANGULAR),
-    "log10_f": _log10("omega", _FREQUENCY),
-    **{f"log10_{name}": _log10(name, _PRESSURE) for name in ("E_stor", "E_loss")},
-    **{f"log10_{name}": _log10(name, _ONE) for name in ("aT", "bT")},
-    "log10_p": _log10("p", _PRESSURE),
-    **{name: Column(name, _PRESSURE, offered=False) for name in ("E_comp", "G_stor", "G_loss", "G_comp")},
-    **{f"log10_{name}": _log10(name, _PRESSURE) for name in ("G_stor", "G_loss")},
-    "tan_del": Column("tan_del", _RATIO, offered=False),
-    "k": Column("q", _WAVEVECTOR, offered=False),
-    "n": Column("q", _CYCLES, offered=False),
-    "wavenumber": Column("q", _NUMBER, offered=False),
-    **{name: Column("C_1D", _LINE, offered=False) for name in ("W1", "Wr", "G_d")},
-    "delta": Column("delta", _ANGLE, limit=(math.pi / 2, "90 deg; is it in deg or rad?"), offered=False),
-    "F_t": Column("F_t", _FORCE, positive=False, offered=False),
-    "F_n": Column("F_n", _FORCE, positive=False, nonzero=True, offered=False),
-    "v_travel": Column("v_travel", _SPEED, positive=False, offered=False),
-    "slip_angle": Column("slip_angle", _ANGLE, positive=False, offered=False),
-    "slip_ratio": Column("slip_ratio", _RATIO, positive=False, offered=False),
-    "moment": Column("moment", _MOMENT, positive=False, offered=False),
-    "sigma_F_t": Column("sigma_F_t", _FORCE, offered=False),
-    "sigma_moment": Column("sigma_moment", _MOMENT, offered=False),
+    "T": Column("T", units.TEMPERATURE),
+    "aT": Column("aT", units.ONE),
+    "bT": Column("bT", units.ONE),
+    "strain": Column("strain", units.RATIO),
+    "storage_factor": Column("storage_factor", units.ONE),
+    "loss_factor": Column("loss_factor", units.ONE),
+    "v": Column("v", units.SPEED, positive=False),
+    "log10_v": _log10("v", units.SPEED, offered=True),
+    "p": Column("p", units.PRESSURE),
+    "mu": Column("mu", units.RATIO, positive=False),
+    "A_over_A0": Column("A_over_A0", units.RATIO),
+    "sigma": Column("sigma", units.RATIO),
+    "sigma_stor": Column("sigma_stor", units.PRESSURE),
+    "sigma_loss": Column("sigma_loss", units.PRESSURE),
+    "sigma_C": Column("sigma_C", units.SPECTRUM),
+    "relative_sigma": Column("relative_sigma", units.RATIO),
+    "log10_omega": _log10("omega", units.ANGULAR),
+    "log10_f": _log10("omega", units.FREQUENCY),
+    **{f"log10_{name}": _log10(name, units.PRESSURE) for name in ("E_stor", "E_loss")},
+    **{f"log10_{name}": _log10(name, units.ONE) for name in ("aT", "bT")},
+    "log10_p": _log10("p", units.PRESSURE),
+    **{
+        name: Column(name, units.PRESSURE, offered=False) for name in ("E_comp", "G_stor", "G_loss", "G_comp")
+    },
+    **{f"log10_{name}": _log10(name, units.PRESSURE) for name in ("G_stor", "G_loss")},
+    "tan_del": Column("tan_del", units.RATIO, offered=False),
+    "k": Column("q", units.WAVEVECTOR, offered=False),
+    "n": Column("q", units.CYCLES, offered=False),
+    "wavenumber": Column("q", units.NUMBER, offered=False),
+    **{name: Column("C_1D", units.LINE, offered=False) for name in ("W1", "Wr", "G_d")},
+    "delta": Column("delta", units.ANGLE, limit=(math.pi / 2, "90 deg; is it in deg or rad?"), offered=False),
+    "F_t": Column("F_t", units.FORCE, positive=False, offered=False),
+    "F_n": Column("F_n", units.FORCE, positive=False, nonzero=True, offered=False),
+    "v_travel": Column("v_travel", units.SPEED, positive=False, offered=False),
+    "slip_angle": Column("slip_angle", units.ANGLE, positive=False, offered=False),
+    "slip_ratio": Column("slip_ratio", units.RATIO, positive=False, offered=False),
+    "moment": Column("moment", units.MOMENT, positive=False, offered=False),
+    "sigma_F_t": Column("sigma_F_t", units.FORCE, offered=False),
+    "sigma_moment": Column("sigma_moment", units.MOMENT, offered=False),
 }
 
 # Other spellings of the names in `COLUMNS`; M_... is E_... or G_..., see `known_name`.
@@ -241,29 +216,6 @@ SET_VALUES = {"f_set": "f", "T_set": "T", "T_surface": "T"}
 # Columns of exports that are never read.
 _UNUSED = ("Set", "t", "t_set", *(f"{m}_{n}" for m in "EG" for n in ("relax", "stor_filt", "loss_filt")))
 
-# Other spellings of units. Signs such as µ, ², ⁻¹ and · are recognised in all of them.
-UNIT_SPELLINGS = {
-    "C": ("°C", "\u00baC", "℃", "degC", "deg C", "° C", "Grad C", "Cel"),
-    "K": ("Kelvin",),
-    "°F": ("degF", "deg F", "° F", "F"),
-    "rad/s": ("rad/sec", "rad s-1", "s-1", "1/s"),
-    "deg": ("°", "degree", "degrees", "Grad"),
-    "MPa": ("N/mm2", "N mm-2", "MN/m2"),
-    "kPa": ("kN/m2",),
-    "kgf/cm2": ("kp/cm2", "kg/cm2"),
-    "rpm": ("rev/min", "r/min", "U/min", "tr/min"),
-    "Pa": ("N/m2", "N m-2"),
-    **{f"{of}N m": (f"{of}Nm", f"{of}N*m") for of in ("", "k")},
-    **{"N mm": ("Nmm", "N*mm"), "lbf ft": ("lbf*ft", "ft lbf", "ft*lbf", "lb ft", "lb-ft", "ft-lb")},
-    "-": ("", "1"),
-    **{f"{of}m/s": (f"{of}m s-1", f"{of}m/sec") for of in ("", "m", "u", "n")},
-    **{f"{of}m^4": (f"{of}m4",) for of in ("", "c", "m", "u", "n")},
-    **{f"{of}m^3": (f"{of}m3",) for of in ("", "c", "m", "u", "n")},
-    **{f"1/{of}m": (f"{of}m-1", f"rad/{of}m") for of in ("", "c", "m", "u", "n")},
-    **{f"cycles/{of}m": (f"cycle/{of}m", f"cyc/{of}m", f"c/{of}m") for of in ("", "c", "m", "u", "n")},
-}
-# Plain spelling of units: u for micro, digits for exponents.
-_PLAIN = str.maketrans("\u00b5\u03bc⁻¹²³⁴·\u22c5", "uu-1234  ", "^")
 _AROUND = re.compile(r"^[\[(]([^\[\]()]*)[\])]$")  # brackets around a unit
 _LOG_UNIT = re.compile(r"log_?10\((.+)\)")
 _KNOWN_UNITS = {unit for column in COLUMNS.values() for unit in column.units}
@@ -374,12 +326,7 @@ def settled_axis(name: str | None, unit: str | None) -> str | None:
         return "n"
     if "rad" in (unit or ""):
         return "q"
-    return None if name == "n" and plain not in _CYCLES else name
-
-
-def plain_unit(unit: str) -> str:
-    """Return a unit in plain spelling, with u for micro, digits for exponents and single blanks."""
-    return " ".join(unit.translate(_PLAIN).split())
+    return None if name == "n" and plain not in units.CYCLES else name
 
 
 def is_unit(text: str) -> bool:

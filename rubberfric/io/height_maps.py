@@ -18,10 +18,10 @@ import numpy as np
 
 from rubberfric.base.atomic import StrPath, as_path, is_number
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values, closest, shown, warn_caller
-from rubberfric.io.columns import plain_unit
 from rubberfric.io.exports import headless
 from rubberfric.io.text_tables.lines import above_numbers, has_fields
 from rubberfric.io.text_tables.sentinels import LEAST_DIFFERENT, without_sentinels
+from rubberfric.io.text_tables.units import plain_unit
 from rubberfric.io.text_tables.workbooks import read_export
 from rubberfric.roughness.heights import fill_holes, find_outliers
 

@@ -1,1 +1,1 @@
-"""Parts of the reader of text tables: lines, blocks of columns, and derived quantities."""
+"""Parts of the reader of text tables: units, lines, blocks of columns, and derived quantities."""
