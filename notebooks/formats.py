@@ -6,6 +6,7 @@ The keys, columns and units are taken from the code.
 """
 
 import dataclasses
+import itertools
 import typing
 from pathlib import Path
 
@@ -14,10 +15,11 @@ from fitting.commands.work import KEYS as DESIGN
 from fitting.solvers.options import FILE_OPTIONS
 from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import Kind, fields_of, kinds
-from rubberfric.io.columns import COLUMNS, SPELLINGS
+from rubberfric.io.columns import COLUMNS, generic_name
 from rubberfric.io.friction_files import PROGRAMS
 from rubberfric.io.prony_cards import FORMATS
 from rubberfric.io.results import QUANTITY_FORMATS
+from rubberfric.io.text_tables.spellings import SPELLINGS
 from rubberfric.io.text_tables.units import UNIT_SPELLINGS
 from rubberfric.materials.material import Material
 from rubberfric.materials.shifts import Shift, VerticalShift
@@ -56,10 +58,11 @@ def _table(headings, rows):
 
 
 def _columns():
-    also = SPELLINGS
-    for name in [name for name in also if name.startswith("M_")]:
-        for letter in "EG":
-            also[letter + name[1:]] = (*also.get(letter + name[1:], ()), *also[name])
+    also = dict(SPELLINGS)
+    for name, generic in itertools.product(SPELLINGS, "EG"):
+        meaning = generic_name(name, generic)
+        if meaning != name:
+            also[meaning] = (*also.get(meaning, ()), *SPELLINGS[name])
     rows = []
     for name, column in COLUMNS.items():
         titles = ", ".join(map(_code, also.get(name, ())))

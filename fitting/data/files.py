@@ -45,7 +45,16 @@ from rubberfric.base import (
     listed,
     shown,
 )
-from rubberfric.io import COLUMNS, column_hint, hdf5, read_density, read_names, read_normalisation, read_table
+from rubberfric.io import (
+    COLUMNS,
+    column_hint,
+    hdf5,
+    read_density,
+    read_names,
+    read_normalisation,
+    read_table,
+    stated_frequency,
+)
 from rubberfric.roughness import (
     LINES,
     check_normalisation,
@@ -101,6 +110,7 @@ def read(
         A warning names their lines. Notes below a table are no rows (`rubberfric.io.text_tables.lines`).
     area : nominal contact area [m^2], which gives the pressure if the table has normal forces
     frequency : frequency [Hz] of all moduli, if the table has no column of frequencies
+        None: the frequency that the lines above the table state, such as "Frequency: 10 Hz".
     block : number of the block of columns, from 1, if the table has several blocks with equal titles
 
     Returns
@@ -143,6 +153,8 @@ def read(
             why = "the file has it" if "omega" in values else f"{cls.quantity} data have none"
             _refuse(path, {"frequency": frequency}, why)
         given["omega"] = 2 * np.pi * frequency
+    elif "omega" in names and "omega" not in values:
+        given |= _present(omega=stated_frequency(path))
     _check_conditions(path, cls, {*values, *given}, layout)
     if cls in (SlipData, MomentData):
         values = with_sign_of_slip(cls, values)

@@ -123,7 +123,10 @@ class ModulusData(Measured):
     conditions: ClassVar[tuple[str, ...]] = ("omega", "temperature")
     values: ClassVar[tuple[str, ...]] = ("storage", "loss")
     sigmas: ClassVar[tuple[str, ...]] = ("sigma_storage", "sigma_loss")
-    others: ClassVar[tuple[str, ...]] = ("G_stor", "E_comp", "G_comp")
+    others: ClassVar[tuple[str, ...]] = (
+        *("G_stor", "E_comp", "G_comp"),
+        *("D_stor", "D_comp", "J_stor", "J_comp"),
+    )
 
     omega: GivenArray = array(FREQUENCY)
     storage: GivenArray = array(STORAGE)

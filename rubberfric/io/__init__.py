@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from rubberfric.io.tables import read_normalisation as read_normalisation
     from rubberfric.io.tables import read_table as read_table
     from rubberfric.io.tables import write_table as write_table
+    from rubberfric.io.text_tables.preamble import stated_frequency as stated_frequency
     from rubberfric.io.toml import read_conditions as read_conditions
 
 lazily(__name__, __file__)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from rubberfric.base.atomic import is_number
 from rubberfric.io.text_tables import units
+from rubberfric.io.text_tables.spellings import SPELLINGS
 from rubberfric.io.text_tables.units import UNIT_SPELLINGS, plain_unit
 
 
@@ -75,6 +76,9 @@ COLUMNS = {
     "f": Column("omega", units.FREQUENCY),
     "E_stor": Column("E_stor", units.PRESSURE),
     "E_loss": Column("E_loss", units.PRESSURE),
+    "t": Column("t", units.TIME),
+    "E_relax": Column("E_relax", units.PRESSURE),
+    "D_creep": Column("D_creep", units.COMPLIANCE),
     "q": Column("q", units.WAVEVECTOR),
     "log10_q": _log10("q", units.WAVEVECTOR, offered=True),
     "C": Column("C", units.SPECTRUM),
@@ -105,7 +109,13 @@ COLUMNS = {
     **{f"log10_{name}": _log10(name, units.ONE) for name in ("aT", "bT")},
     "log10_p": _log10("p", units.PRESSURE),
     **{
-        name: Column(name, units.PRESSURE, offered=False) for name in ("E_comp", "G_stor", "G_loss", "G_comp")
+        name: Column(name, units.PRESSURE, offered=False)
+        for name in ("E_comp", "G_stor", "G_loss", "G_comp", "G_relax", "stress", "shear_stress")
+    },
+    **{
+        f"{letter}_{part}": Column(f"{letter}_{part}", units.COMPLIANCE, offered=False)
+        for letter in "DJ"
+        for part in ("stor", "loss", "comp", "creep")[: 4 if letter == "J" else 3]
     },
     **{f"log10_{name}": _log10(name, units.PRESSURE) for name in ("G_stor", "G_loss")},
     "tan_del": Column("tan_del", units.RATIO, offered=False),
@@ -124,96 +134,15 @@ COLUMNS = {
     "sigma_moment": Column("sigma_moment", units.MOMENT, offered=False),
 }
 
-# Other spellings of the names in `COLUMNS`; M_... is E_... or G_..., see `known_name`.
-SPELLINGS = {
-    name: tuple(text.split("; "))
-    for name, text in {
-        "E_stor": "E'; e storage",
-        "E_loss": "E''; e loss",
-        "E_comp": "|E*|; E*",
-        "G_stor": "G'; g storage; shear modulus (elastic component)",
-        "G_loss": "G''; g loss; shear modulus (viscous component)",
-        "G_comp": "|G*|; G*; complex shear modulus",
-        "M_stor": "M'; storage modulus; speichermodul; module de conservation; module de stockage",
-        "M_loss": "M''; loss modulus; verlustmodul; module de perte; module de dissipation",
-        "M_comp": "complex modulus; komplexer modul; betrag komplexer modul; module complexe",
-        "tan_del": (
-            "tan(delta); tan delta; tan(\u03b4); tan \u03b4; tan d; tan(d); tand; loss factor; "
-            "damping factor; verlustfaktor; dämpfungsfaktor; facteur de perte"
-        ),
-        "delta": (
-            "\u03b4; phase; phase angle; phase angle delta; phase angle \u03b4; phase lag; phase shift; "
-            "phase difference; loss angle; phasenwinkel; phasenwinkel \u03b4; phasenwinkel delta; "
-            "phasenverschiebung; phasenverschiebungswinkel; phasendifferenz; verlustwinkel; angle de phase; "
-            "angle de perte; déphasage"
-        ),
-        "omega": "angular frequency; \u03c9; kreisfrequenz; winkelfrequenz; pulsation; fréquence angulaire",
-        "f": "frequency; freq; oscillation frequency; frequenz; prüffrequenz; fréquence",
-        "T_surface": "surface temperature; oberflächentemperatur; température de surface",
-        "T": "temperature; temp; Ts; sample temperature; temperatur; probentemperatur; température",
-        "aT": "shift factor; verschiebungsfaktor; facteur de translation",
-        "bT": "vertical shift factor; vertikaler verschiebungsfaktor; facteur de translation verticale",
-        "strain": (
-            "strain; strain amplitude; strain dyn; dyn strain; dynamic strain; oscillation strain; "
-            "shear strain; dehnung; dyn dehnung; dehnungsamplitude; deformation; deformationsamplitude; "
-            "scherdeformation; déformation; amplitude de déformation"
-        ),
-        "v": (
-            "velocity; sliding velocity; speed; sliding speed; geschwindigkeit; gleitgeschwindigkeit; "
-            "vitesse; vitesse de glissement"
-        ),
-        "v_travel": (
-            "travel speed; travelling speed; rolling speed; wheel speed; forward speed; track speed; "
-            "vehicle speed; fahrgeschwindigkeit; rollgeschwindigkeit; umfangsgeschwindigkeit; "
-            "vitesse de roulement; vitesse d'avancement"
-        ),
-        "slip_angle": (
-            "slip angle; side slip angle; \u03b1; schräglaufwinkel; angle de dérive; angle de glissement"
-        ),
-        "slip_ratio": (
-            "slip ratio; longitudinal slip; slip; \u03ba; kappa; umfangsschlupf; längsschlupf; schlupf; "
-            "glissement; taux de glissement; glissement longitudinal"
-        ),
-        "moment": (
-            "mz; m z; aligning moment; aligning torque; self aligning moment; self-aligning moment; "
-            "self aligning torque; self-aligning torque; rückstellmoment; moment d'auto-alignement; "
-            "couple d'auto-alignement"
-        ),
-        "F_t": (
-            "ft; f t; fx; f x; fy; f y; friction force; tangential force; lateral force; side force; "
-            "traction force; horizontal force; brake force; braking force; longitudinal force; "
-            "cornering force; reibkraft; reibungskraft; tangentialkraft; seitenkraft; querkraft; "
-            "horizontalkraft; bremskraft; umfangskraft; längskraft; force de frottement; force tangentielle; "
-            "force latérale; force de freinage; force longitudinale"
-        ),
-        "F_n": (
-            "fn; f n; fz; f z; normal force; normal load; load; vertical force; vertical load; wheel load; "
-            "normalkraft; last; normallast; radlast; belastung; vertikalkraft; auflast; force normale; "
-            "charge; charge normale"
-        ),
-        "mu": (
-            "friction coefficient; friction coeff; friction factor; coefficient of friction; cof; mu_visc; "
-            "side force coefficient; lateral force coefficient; \u03bc; reibwert; reibbeiwert; "
-            "reibungskoeffizient; reibungszahl; seitenkraftbeiwert; coefficient de frottement; "
-            "coefficient de friction"
-        ),
-        "p": (
-            "pressure; contact pressure; druck; kontaktdruck; anpressdruck; flächenpressung; pression; "
-            "pression de contact"
-        ),
-        "A_over_A0": "contact area; A/A0; kontaktfläche; aire de contact",
-        "q": "wavevector; angular wavenumber; wellenvektor; kreiswellenzahl; vecteur d'onde",
-        "wavenumber": "wavenumber; wave number; wellenzahl; nombre d'onde",
-        "n": "spatial frequency; raumfrequenz; ortsfrequenz; fréquence spatiale",
-        "G_d": "Gd; Gd(n); G_d(n); displacement psd",
-        "W1": "W1(k)",
-        "Wr": "Wr(k)",
-    }.items()
-}
 _NAMES = {spelling: name for name, spellings in SPELLINGS.items() for spelling in spellings}
-# Set values and temperatures of a surface, used if the column itself is missing. The first one counts.
-SET_VALUES = {"f_set": "f", "T_set": "T", "T_surface": "T"}
-# Columns of exports that are never read.
+# Set values, temperatures of a surface and times since the start of all steps, used if the column itself is
+# missing. The first one counts.
+SET_VALUES = {"f_set": "f", "T_set": "T", "T_surface": "T", "t_total": "t"}
+# Quantities that are measured over time.
+TRANSIENTS = ("E_relax", "D_creep", "G_relax", "J_creep")
+# Letters of quantities in tension and in shear, by the letter of a title that leaves this open.
+_GENERIC = {"M": {"E": "E", "G": "G"}, "N": {"E": "D", "G": "J"}}
+# Titles that only other programs write.
 _UNUSED = ("Set", "t", "t_set", *(f"{m}_{n}" for m in "EG" for n in ("relax", "stor_filt", "loss_filt")))
 
 _AROUND = re.compile(r"^[\[(]([^\[\]()]*)[\])]$")  # brackets around a unit
@@ -280,19 +209,33 @@ def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:
     candidates += [(bracket[1], bracket[2])] if bracket else []
     candidates += [(suffix[1], _SUFFIXES[suffix[2].lower()])] if suffix else []
     for between in _BETWEEN.finditer(title):
-        unit = title[between.end() :]
-        if _is_unit(unit) and ("/" in between[0] or not is_number(unit)):
-            candidates.append((title[: between.start()], unit))
+        text, unit = title[: between.start()], title[between.end() :]
+        of_time = unit in units.TIME  # "T min" is a minimum
+        if (
+            _is_unit(unit)
+            and ("/" in between[0] or not is_number(unit))
+            and not (of_time and not _is_time(text))
+        ):
+            candidates.append((text, unit))
     for text, unit in candidates:
         known = _known(text) or _with_symbol(text)
         if known is not None:
-            return (generic + known[1:] if known.startswith("M_") else known), unit
+            return generic_name(known, generic), unit
     logarithm = _LOGARITHM.fullmatch(title)  # such as lg(f/Hz)
     if logarithm:
         known, unit = known_name(logarithm[1], generic)
         if f"log10_{known}" in COLUMNS:
             return f"log10_{known}", unit
     return None, None
+
+
+def generic_name(name: str, generic: str) -> str:
+    """Return the quantity in tension (generic = "E") or shear ("G") for a name such as M_stor or N_creep.
+
+    Other names are unchanged.
+    """
+    letters = _GENERIC.get(name[0], {}) if name[1:2] == "_" else {}
+    return letters[generic] + name[1:] if generic in letters else name
 
 
 def known_unit(unit: str | None, name: str | None) -> str:
@@ -340,12 +283,19 @@ def _is_unit(text: str) -> bool:
     return plain in _KNOWN_UNITS or _UNITS.get(plain, "") in _KNOWN_UNITS
 
 
+def _is_time(text: str) -> bool:
+    return (_known(text) or _with_symbol(text)) in ("t", "t_total")
+
+
 def _with_symbol(text: str) -> str | None:
     """Return the known name in a text such as "Storage modulus (E')", where name and symbol agree."""
     bracket = _BRACKETS.fullmatch(text)
     name, symbol = (_known(bracket[1]), _known(bracket[2])) if bracket else (None, None)
-    agree = name is not None and symbol is not None and name[name.startswith("M_") :] in (symbol, symbol[1:])
-    return symbol if agree else None
+    if name is None or symbol is None:
+        return None
+    return (
+        symbol if symbol in (name, SET_VALUES.get(name), *(generic_name(name, of) for of in "EG")) else None
+    )
 
 
 def _known(text: str) -> str | None:

@@ -21,7 +21,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.atomic import StrPath, write_text
 from rubberfric.base.checks import check_choice, closest, listed, shown, warn_caller
-from rubberfric.io.columns import COLUMNS, SET_VALUES, quantities_of
+from rubberfric.io.columns import COLUMNS, SET_VALUES, TRANSIENTS, quantities_of
 from rubberfric.io.exports import TextTable, find_table, headless, pick, suggested_columns
 from rubberfric.io.height_maps import read_traces
 from rubberfric.io.text_tables.derived import RELATIONS, plan_for, with_derived, with_wheel_names
@@ -186,8 +186,11 @@ def read_columns(
     if not quantities:
         near = closest("".join(names[:1]), tuple(COLUMNS))
         raise ValueError(f"{path}: columns {listed(names)}: none is known; {near}{column_hint(path)}")
-    auxiliary = {column for relation in RELATIONS for column in relation.columns} - {"E_stor", "E_loss"}
+    auxiliary = {column for relation in RELATIONS for column in relation.columns}
+    auxiliary -= {"E_stor", "E_loss", "strain"}
     moduli = tuple(m for m in ("E_stor", "E_loss") if plan_for([m], quantities).columns)
+    if moduli:
+        auxiliary |= {"t", *TRANSIENTS}  # of oscillation, and in time-domain columns of master curves
     plain = tuple(name for name in quantities if name not in (*auxiliary, *moduli))
     return read_table(
         path, (*plain, *moduli), (), False, columns=columns, poisson=poisson, bad_rows=bad_rows, block=block

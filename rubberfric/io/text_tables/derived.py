@@ -3,6 +3,7 @@
 ::
 
     E' = |E*| cos(delta)     E'' = |E*| sin(delta)     E = 2 (1 + nu) G
+    E* = 1 / D*              G* = 1 / J*               |E*| = stress / strain
     mu = |F_t| / |F_n|       p = |F_n| / area          v = |v_travel sin(slip angle)|
     v = |v_travel slip ratio|, and v = |v_travel| sqrt(sin^2 a + (s cos a)^2) at a slip angle a and a ratio s,
     which is the longitudinal slip velocity divided by v_travel cos a [ISO 8855]
@@ -39,19 +40,38 @@ class Relation(NamedTuple):
     constant: str = ""  # last argument of `compute`
 
 
+def _inverse(part: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return the modulus part / (part^2 + other^2) that belongs to a part of a complex compliance."""
+    return 1 / (part + other * (other / part))
+
+
 RELATIONS = (
     Relation("tan_del", ("delta",), np.tan),
     *(
         relation
-        for m in "EG"
+        for m in "EGDJ"
         for relation in (
             Relation(f"{m}_stor", (f"{m}_comp", "tan_del"), lambda comp, tan: comp / np.hypot(1, tan)),
             Relation(f"{m}_loss", (f"{m}_stor", "tan_del"), lambda stor, tan: stor * tan),
             Relation(f"{m}_stor", (f"{m}_loss", "tan_del"), lambda loss, tan: loss / tan),
         )
     ),
+    *(
+        relation
+        for m, D, stress in (("E", "D", "stress"), ("G", "J", "shear_stress"))
+        for relation in (
+            Relation(f"{m}_stor", (f"{D}_stor", f"{D}_loss"), _inverse),
+            Relation(f"{m}_loss", (f"{D}_loss", f"{D}_stor"), _inverse),
+            Relation(f"{m}_comp", (f"{D}_comp",), lambda compliance: 1 / compliance),
+            Relation(f"{m}_comp", (stress, "strain"), lambda stress, strain: stress / strain),
+            Relation(f"{m}_relax", (stress, "strain"), lambda stress, strain: stress / strain),
+            Relation(f"{D}_creep", (stress, "strain"), lambda stress, strain: strain / stress),
+        )
+    ),
     Relation("E_stor", ("G_stor",), young_from_shear, "poisson"),
     Relation("E_loss", ("G_loss",), young_from_shear, "poisson"),
+    Relation("E_relax", ("G_relax",), young_from_shear, "poisson"),
+    Relation("D_creep", ("J_creep",), lambda creep, nu: 1 / young_from_shear(1 / creep, nu), "poisson"),
     Relation("mu", ("F_t", "F_n"), lambda tangential, normal: np.abs(tangential / normal)),
     Relation("p", ("F_n",), lambda normal, area: np.abs(normal) / area, "area"),
     Relation(
@@ -151,11 +171,11 @@ def with_derived(
     ValueError : a constant is missing or invalid, or the normal force changes its sign
     """
     constants = {}
-    shear = [name for name in ("G_stor", "G_loss", "G_comp") if name in table]
+    shear = [name for name in table if name.startswith(("G_", "J_")) or name == "shear_stress"]
     if any(relation.constant == "poisson" for relation in plan.relations):
         if poisson is None:
             raise ValueError(
-                f"{where}: {', '.join(shear)} are shear moduli: poisson must be given, E = 2 (1 + poisson) G"
+                f"{where}: {', '.join(shear)} are of shear: poisson must be given, E = 2 (1 + poisson) G"
             )
         check_values(f"{where}: poisson", as_leaf(f"{where}: poisson", poisson, 0), between(0.0, 0.5))
         constants["poisson"] = poisson

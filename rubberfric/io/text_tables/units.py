@@ -13,6 +13,9 @@ PSI = 6894.757293168361  # lbf/in^2 [Pa]
 PRESSURE = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5}  # pressures and moduli [Pa]
 PRESSURE |= {"psi": PSI, "ksi": 1e3 * PSI, "dyn/cm2": 0.1, "mbar": 100.0, "N/cm2": 1e4}
 PRESSURE |= {"hPa": 100.0, "atm": 101325.0, "kgf/cm2": 98066.5}
+COMPLIANCE = {f"1/{unit}": 1 / PRESSURE[unit] for unit in ("Pa", "kPa", "MPa", "GPa", "bar", "psi")}  # [1/Pa]
+COMPLIANCE |= {"cm2/dyn": 10.0}
+TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}  # [s]
 FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}  # [N]
 MOMENT = {"N m": 1.0, "N mm": 1e-3, "kN m": 1e3, "lbf ft": 4.4482216152605 * 0.3048}  # [N m]
 ANGLE = {"rad": 1.0, "deg": math.pi / 180, "mrad": 1e-3}  # [rad]
@@ -45,6 +48,12 @@ UNIT_SPELLINGS = {
     "Pa": ("N/m2", "N m-2"),
     **{f"{of}N m": (f"{of}Nm", f"{of}N*m") for of in ("", "k")},
     **{"N mm": ("Nmm", "N*mm"), "lbf ft": ("lbf*ft", "ft lbf", "ft*lbf", "lb ft", "lb-ft", "ft-lb")},
+    **{f"1/{of}Pa": (f"{of}Pa-1",) for of in ("k", "G")},
+    "1/Pa": ("Pa-1", "m2/N", "m2 N-1"),
+    "1/MPa": ("MPa-1", "mm2/N", "mm2 N-1", "m2/MN"),
+    "s": ("sec", "seconds", "Sek", "Sekunden", "secondes"),
+    "min": ("minutes", "Minuten"),
+    "h": ("hr", "hours", "Std", "Stunden", "heures"),
     "-": ("", "1"),
     **{f"{of}m/s": (f"{of}m s-1", f"{of}m/sec") for of in ("", "m", "u", "n")},
     **{f"{of}m^4": (f"{of}m4",) for of in ("", "c", "m", "u", "n")},

@@ -1,0 +1,146 @@
+"""Moduli from compliances, amplitudes and shear, in three languages, with a frequency above the table."""
+
+import math
+
+import numpy as np
+import pytest
+from support.refusals import refused
+
+import fitting
+from rubberfric.io import stated_frequency
+from rubberfric.io.columns import known_name
+
+HZ = 2 * math.pi  # [rad/s]
+ANGLE = math.degrees(math.atan2(3, 4))  # of E' = 4 MPa and E'' = 3 MPa
+SHEAR = {"poisson": 0.5}
+
+
+def put(folder, text):
+    (folder / "table.csv").write_text(text, encoding="utf-8")
+    return folder / "table.csv"
+
+
+@pytest.mark.parametrize(
+    ("titles", "row", "options"),
+    [
+        # D* = 1 / E* = (4 - 3 i) / 25 per MPa
+        ("f [Hz],D' [1/MPa],D'' [1/MPa]", "1,0.16,0.12", {}),
+        ("f [Hz],D' [1/Pa],tan delta", "1,1.6e-7,0.75", {}),
+        ("f [Hz],|D*| [1/GPa],delta [deg]", f"1,200,{ANGLE!r}", {}),
+        ("f [Hz];Speicherkomplianz [mm²/N];Verlustkomplianz [mm²/N]", "1;0,16;0,12", {}),
+        ("f [Hz];Speichernachgiebigkeit in MPa⁻¹;Verlustfaktor", "1;0,16;0,75", {}),
+        ("f [Hz];complaisance de conservation [1/MPa];complaisance de perte [1/MPa]", "1;0,16;0,12", {}),
+        # J* = 1 / G* = 3 D*
+        ("f [Hz],J' [1/MPa],J'' [1/MPa]", "1,0.48,0.36", SHEAR),
+        (
+            "f [Hz],Storage compliance (J') [cm²/dyn],Loss compliance (J'') [cm²/dyn]",
+            "1,4.8e-8,3.6e-8",
+            SHEAR,
+        ),
+        ("f [Hz],Storage compliance [1/MPa],Loss compliance [1/MPa]", "1,0.48,0.36", SHEAR),
+        ("f [Hz],J* [1/MPa],Phase angle [rad]", f"1,0.6,{math.radians(ANGLE)!r}", SHEAR),
+        # moduli in other languages
+        ("Frequenz [Hz];Komplexer Schubmodul [MPa];Phasenwinkel [°]", f"1;{5 / 3!r};{ANGLE!r}", SHEAR),
+        ("Frequenz [Hz];Schubspeichermodul [MPa];Schubverlustmodul [MPa]", f"1;{4 / 3!r};1", SHEAR),
+        ("fréquence [Hz];module complexe de cisaillement [MPa];facteur de perte", f"1;{5 / 3!r};0.75", SHEAR),
+        ("fréquence [Hz];module dynamique [MPa];angle de perte [°]", f"1;5;{ANGLE!r}", {}),
+        # amplitudes of 0.1 %
+        (
+            "f [Hz],stress amplitude [kPa],strain amplitude [%],delta [deg]",
+            f"1,5,0.1,{ANGLE!r}",
+            {"kind": "modulus"},
+        ),
+        (
+            "f [Hz];Schubspannung [Pa];Scherung [%];Phasenwinkel [°]",
+            f"1;{5e3 / 3!r};0.1;{ANGLE!r}",
+            {"kind": "modulus"} | SHEAR,
+        ),
+    ],
+)
+def test_moduli_of_other_quantities(tmp_path, titles, row, options):
+    data = fitting.read(put(tmp_path, f"{titles}\n{row}\n"), **options)
+    np.testing.assert_allclose([*data.omega, *data.storage, *data.loss], [HZ, 4e6, 3e6], rtol=1e-13)
+
+
+def test_shear_compliances_need_the_poisson_ratio(tmp_path):
+    path = put(tmp_path, "f [Hz],J' [1/MPa],J'' [1/MPa]\n1,0.48,0.36\n")
+    message = refused(path, lambda: fitting.read(path))
+    assert "J_stor, J_loss are of shear: poisson must be given" in message
+
+
+@pytest.mark.parametrize(
+    ("title", "name", "unit"),
+    [
+        ("Time (s)", "t_total", "s"),
+        ("Step time [min]", "t", "min"),
+        ("time (t) / s", "t", "s"),
+        ("Zeit in h", "t_total", "h"),
+        ("Relaxation modulus E(t) [MPa]", None, None),
+        ("Relaxation modulus (E(t)) [MPa]", "E_relax", "MPa"),
+        ("G(t) [Pa]", "G_relax", "Pa"),
+        ("Relaxationsmodul/MPa", "E_relax", "MPa"),
+        ("Kriechnachgiebigkeit in 1/MPa", "D_creep", "1/MPa"),
+        ("J(t) [1/Pa]", "J_creep", "1/Pa"),
+        ("T min", None, None),
+        ("mu min", None, None),
+    ],
+)
+def test_titles(title, name, unit):
+    assert known_name(title) == (name, unit)
+
+
+def test_titles_in_shear():
+    assert known_name("Creep compliance [1/Pa]", "G") == ("J_creep", "1/Pa")
+    assert known_name("Relaxation modulus [Pa]", "G") == ("G_relax", "Pa")
+
+
+@pytest.mark.parametrize(
+    ("line", "hertz"),
+    [
+        ("Frequency: 10 Hz", 10.0),
+        ("Frequenz [Hz];10,5", 10.5),
+        ("Frequenz;10;Hz", 10.0),
+        ('"Frequency","10","Hz"', 10.0),
+        ("#FREQ.:\t10 Hz", 10.0),
+        ("Fréquence = 5 Hz", 5.0),
+        ("Temperature ramp at 1.5 Hz, 0.1 %", 1.5),
+        ("Temperaturrampe (10,0 Hz)", 10.0),
+        ("Angular frequency: 10 rad/s", 10 / HZ),
+        ("Frequency: 10 Hz\nramp at 10 Hz", 10.0),
+        ("Frequency: 10 Hz\nramp at 1 Hz", None),
+        ("Frequency: 1, 10 Hz", None),
+        ("Frequency range: 1 to 100 Hz", None),
+        ("Sampling rate: 100 Hz", None),
+        ("Speed: 10 rpm", None),
+    ],
+)
+def test_frequency_above_a_temperature_ramp(tmp_path, line, hertz):
+    ramp = "T [°C];E' [MPa];E'' [MPa]\n20;4;3\n30;2;1\n"
+    path = put(tmp_path, f"{line}\n{ramp}")
+    omega = stated_frequency(path)
+    if hertz is None:
+        assert omega is None
+        assert "or give frequency=... [Hz]" in refused(path, lambda: fitting.read(path))
+        data = fitting.read(path, frequency=3.0)
+        np.testing.assert_allclose(data.omega, [3 * HZ] * 2)
+        return
+    assert omega == pytest.approx(hertz * HZ, rel=1e-12)
+    data = fitting.read(path)
+    np.testing.assert_allclose(data.omega, [hertz * HZ] * 2, rtol=1e-12)
+    np.testing.assert_allclose([data.storage, data.temperature], [[4e6, 2e6], [293.15, 303.15]])
+    np.testing.assert_allclose(fitting.read(path, frequency=3.0).omega, [3 * HZ] * 2)
+
+
+BESIDE = "#SAMPLE:;mix A;;mix B\n##Temp./°C;E'/MPa(10.0 Hz);E''/MPa(10.0 Hz);{}\n20;4;3;{}\n30;2;1;{}\n"
+
+
+def test_samples_beside_each_other(tmp_path):
+    """Two samples with equal titles, with one or two columns of temperatures."""
+    pair = "E'/MPa(10.0 Hz);E''/MPa(10.0 Hz)"
+    for titles, first, second in ((pair, "8;6", "5;2"), (f"Temp./°C;{pair}", "21;8;6", "31;5;2")):
+        path = put(tmp_path, BESIDE.format(titles, first, second))
+        assert "or choose one with block=1 to 2" in refused(path, lambda path=path: fitting.read(path))
+        data = fitting.read(path, block=2)
+        np.testing.assert_allclose([data.storage, data.loss], [[8e6, 5e6], [6e6, 2e6]])
+        T = [294.15, 304.15] if "21" in first else [293.15, 303.15]
+        np.testing.assert_allclose([*data.temperature, *data.omega], [*T, 10 * HZ, 10 * HZ])
