@@ -4,18 +4,14 @@ r"""The shear modulus of an isotropic solid with a Prony series of E and an elas
 
 G is a Prony series with the number of terms of E, because 1/G is a retardation spectrum with the times of
 1/E. With the rates l_i = 1/tau_i and E(s) = E_inf + sum_i E_i s/(s + l_i), the rates of G are the zeros x of
-9 B - E(-x). One zero follows each l_i: x = l_i (1 + d), before the next rate. The last d is below 1/2 if
-Poisson's ratio is positive in the glassy state, E(infinity) < 3 B. The weight of the rate x is
+9 B - E(-x) (`rubberfric.materials.interconversion`). The weight of the rate x is
 
 .. math:: G_x = \frac{27 B^2}{x \sum_j E_j l_j / (l_j - x)^2}
 """
 
 import numpy as np
 
-# Smallest ln d. The rate x (1 + d) then equals x to rounding.
-_LOWEST = -75.0
-# Bisections of ln d between `_LOWEST` and 0. They leave an error of 75 / 2^75 = 2e-21.
-_HALVINGS = 75
+from rubberfric.materials.interconversion import zeros_after_poles
 
 
 def shear_series(
@@ -39,21 +35,5 @@ def shear_series(
     G_inf = 3 * bulk * rest / (9 * bulk - rest)
     if not E.size:
         return G_inf, E, rate
-    own = np.eye(rate.size, dtype=bool)
-    above = rest + E.sum() - 9 * bulk
-    low = np.full(rate.size, _LOWEST)
-    high = np.append(np.log(np.diff(rate) / rate[:-1]), np.log(0.5))
-
-    def distances(log_d):
-        """Return l_j - x for each x, a row, and each l_j, without cancellation at the own rate."""
-        step = rate * np.exp(log_d)
-        return np.where(own, -step[:, None], (rate[None, :] - rate[:, None]) - step[:, None])
-
-    with np.errstate(divide="ignore"):
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            before = above - np.sum(E * rate / distances(middle), axis=1) > 0
-            low, high = np.where(before, middle, low), np.where(before, high, middle)
-    x = rate * (1 + np.exp(low))
-    slope = np.sum(E * rate / distances(low) ** 2, axis=1)
-    return G_inf, (27 * bulk**2 / (x * slope))[::-1], (1 / x)[::-1]
+    x, sums = zeros_after_poles(9 * bulk - rest - E.sum(), E * rate, rate)
+    return G_inf, (27 * bulk**2 / (x * sums))[::-1], (1 / x)[::-1]
