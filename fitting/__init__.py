@@ -9,16 +9,18 @@ if TYPE_CHECKING:
     from fitting.characterise.kramers_kronig import kramers_kronig as kramers_kronig
     from fitting.characterise.master_curve import MasterCurve as MasterCurve
     from fitting.characterise.master_curve import fit_master_curve as fit_master_curve
-    from fitting.characterise.prony import PronyFit as PronyFit
     from fitting.characterise.prony import fit_prony as fit_prony
+    from fitting.characterise.prony_fit import PronyFit as PronyFit
     from fitting.characterise.softening import softening_from_sweep as softening_from_sweep
     from fitting.characterise.spectrum import SpectrumFit as SpectrumFit
     from fitting.characterise.spectrum import fit_spectrum as fit_spectrum
     from fitting.data.files import read as read
     from fitting.data.files import write as write
     from fitting.data.kinds import AreaData as AreaData
+    from fitting.data.kinds import CreepData as CreepData
     from fitting.data.kinds import FrictionData as FrictionData
     from fitting.data.kinds import ModulusData as ModulusData
+    from fitting.data.kinds import RelaxationData as RelaxationData
     from fitting.data.kinds import SpectrumData as SpectrumData
     from fitting.data.slip import MomentData as MomentData
     from fitting.data.slip import SlipData as SlipData

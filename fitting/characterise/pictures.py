@@ -47,9 +47,18 @@ def plot_master_curve(curve: Any, ax: style.Panels | None) -> style.Panels:
     return ax
 
 
-def plot_series(series: Any, ax: style.Panels | None) -> style.Panels:
-    """Draw E' and E'' over omega with the terms E_i at 1/tau_i, and ln(fit / measured) below.
+# Axes of the kinds of data: label of x, label of y, and names of the measured quantities.
+_AXES = {
+    "modulus": ("angular frequency $\\omega$ [rad/s]", "modulus $E'$, $E''$ [Pa]", _NAMES),
+    "relaxation": ("time $t$ [s]", "modulus $E(t)$ [Pa]", ("$E(t)$",)),
+    "creep": ("time $t$ [s]", "compliance $D(t)$ [1/Pa]", ("$D(t)$",)),
+}
 
+
+def plot_series(series: Any, ax: style.Panels | None) -> style.Panels:
+    """Draw the measured quantities with the fitted series, and ln(fit / measured) below.
+
+    E' and E'' are drawn over omega with the terms E_i at 1/tau_i, E(t) over time with the terms at tau_i.
     Points at other temperatures are shifted to the reference temperature.
     """
     if ax is None:
@@ -57,27 +66,31 @@ def plot_series(series: Any, ax: style.Panels | None) -> style.Panels:
     upper, lower = ax = style.several_axes(ax, ("moduli", "residuals"), (7.4, 5.0))
     material = series.material
     data = reduced(series.data, material.shift)
-    omega, tau, E = data.omega, np.asarray(material.tau), np.asarray(material.E)
-    ends = np.concatenate([omega, 1 / tau])
+    abscissa, ordinate, names = _AXES[data.quantity]
+    x, tau, E = getattr(data, data.conditions[0]), np.asarray(material.tau), np.asarray(material.E)
+    peaks = 1 / tau if data.quantity == "modulus" else tau
+    with_terms = data.quantity != "creep"
+    ends = np.concatenate([x, peaks]) if with_terms else x
     line = np.geomspace(ends.min() / 3, ends.max() * 3, _POINTS)
-    modulus = np.asarray(rf.complex_modulus(material, line))
-    parts = (np.real(modulus), np.imag(modulus)), (data.storage, data.loss), series.residuals
+    parts = series.model(line), (getattr(data, name) for name in data.values), series.residuals
     for (dashes, marker), tone, name, fitted, measured, rest in zip(
-        _LOOKS, style.colours(2), _NAMES, *parts, strict=True
+        _LOOKS, style.colours(2), names, *parts, strict=False
     ):
         look = {"color": tone, "marker": marker, "markersize": 3.5, "linestyle": "none"}
         shown = np.where(measured > 0, measured, np.nan)
-        upper.plot(omega, shown, markerfacecolor="white", label=f"{name}, measured", **look)
+        upper.plot(x, shown, markerfacecolor="white", label=f"{name}, measured", **look)
         upper.plot(line, fitted, dashes, color=tone, linewidth=1.6, label=f"{name}, series")
-        lower.plot(omega, rest, **look)
-    upper.plot(1 / tau, E, "|", color="0.3", markersize=9, label="terms $E_i$ at $1/\\tau_i$")
+        lower.plot(x, rest, **look)
+    if with_terms:
+        at = "1/\\tau_i" if data.quantity == "modulus" else "\\tau_i"
+        upper.plot(peaks, E, "|", color="0.3", markersize=9, label=f"terms $E_i$ at ${at}$")
     upper.set_xscale("log")
     upper.set_yscale("log")
-    upper.set_ylabel("modulus $E'$, $E''$ [Pa]")
+    upper.set_ylabel(ordinate)
     style.legend(upper)
     lower.axhline(0, color="0.5", linewidth=0.8)
     lower.set_ylabel("ln(fit /\nmeasured) [-]")
-    lower.set_xlabel("angular frequency $\\omega$ [rad/s]")
+    lower.set_xlabel(abscissa)
     for axes in (upper, lower):
         axes.grid(alpha=0.3)
     return ax

@@ -15,13 +15,16 @@ from numpy.typing import ArrayLike
 from scipy.optimize import least_squares, nnls
 
 import rubberfric as rf
-from fitting.data.kinds import ModulusData
+from fitting.data.kinds import CreepData, ModulusData, RelaxationData
 from fitting.parameters.constraints import is_number
 from fitting.parameters.variables import Group, Variables, element_names
 from fitting.solvers.problem import ASSUMED
 from fitting.uncertainty.covariance import Uncertainty, from_jacobian
 from rubberfric.base import POSITIVE, as_leaf, check_values, shown
 from rubberfric.materials import Shift
+
+# Kinds of data that a Prony series describes.
+Response = ModulusData | RelaxationData | CreepData
 
 # Decades between neighbouring frequencies. A term in the middle of a wider gap would not be determined: its
 # loss is less than a fifth of its peak at all frequencies.
@@ -41,18 +44,23 @@ _ROUNDS = 2
 _STRENGTHS = np.geomspace(0.03, 30.0, 19)
 
 
-def reduced(data: ModulusData, shift: Shift | None) -> ModulusData:
+def reduced(data: Response, shift: Shift | None) -> Response:
     """Return the data shifted to the reference temperature of `shift`.
 
-    The shifted modulus is E(a_T omega) = E(omega, T) / b_T. Data without temperatures are returned unchanged.
+    The shifted modulus is E(a_T omega) = E(omega, T) / b_T or E(t / a_T) = E(t, T) / b_T, and the shifted
+    compliance D(t / a_T) = b_T D(t, T). Data without temperatures, and data over time at one temperature
+    without a shift, are returned unchanged.
     """
-    if not isinstance(data, ModulusData):
+    if not isinstance(data, Response):
         raise ValueError(
-            f"data is a {type(data).__name__}: must be ModulusData, for example from fitting.read"
+            f"data is a {type(data).__name__}: must be ModulusData, RelaxationData or CreepData, for example"
+            " from fitting.read"
         )
     if data.temperature is None:
         return data
     if shift is None:
+        if not isinstance(data, ModulusData) and np.ptp(data.temperature) == 0:
+            return data
         raise ValueError(
             f"data {data.label!r} have temperatures, but no shift is given; give shift = WLF, Arrhenius or"
             " TabulatedShift, or a master curve: curve = fit_master_curve(data), then curve.data"
@@ -62,12 +70,15 @@ def reduced(data: ModulusData, shift: Shift | None) -> ModulusData:
     # A solid with a modulus of 1 Pa at the reference temperature has the modulus b_T.
     solid = rf.Prony(1.0, [1.0], [1.0], shift=shift)
     vertical = np.broadcast_to(np.asarray(rf.complex_modulus(solid, 0.0, T).real, float), T.shape)
+    faster = np.exp(np.asarray(shift.log_factor(T), float))
     names = [name for name in (*data.values, *data.sigmas) if getattr(data, name) is not None]
-    moduli = {name: getattr(data, name) / vertical for name in names}
-    omega = data.omega * np.exp(np.asarray(shift.log_factor(T), float))
-    return dataclasses.replace(
-        data, omega=omega, temperature=None, name=data.label, check_units=False, **moduli
-    )
+    inverse = isinstance(data, CreepData)
+    moved = {n: getattr(data, n) * vertical if inverse else getattr(data, n) / vertical for n in names}
+    if isinstance(data, ModulusData):
+        moved["omega"] = data.omega * faster
+    else:
+        moved["time"] = data.time / faster
+    return dataclasses.replace(data, temperature=None, name=data.label, check_units=False, **moved)
 
 
 def grid(omega: np.ndarray, per_decade: float) -> np.ndarray:
@@ -82,7 +93,7 @@ def grid(omega: np.ndarray, per_decade: float) -> np.ndarray:
     return np.geomspace(1 / omega.max(), 1 / omega.min(), int(np.ceil(per_decade * decades - 1e-6)) + 1)
 
 
-def given(data: ModulusData, tau: ArrayLike, omega: np.ndarray) -> np.ndarray:
+def given(data: Response, tau: ArrayLike, omega: np.ndarray) -> np.ndarray:
     """Return the relaxation times `tau` as an array [s]. Raise ValueError if one is invalid.
 
     Relaxation times must be > 0, all different, and within two decades of the range of 1/omega.
@@ -112,7 +123,7 @@ def fixed_modulus(E_inf: float | str) -> float | None:
     return float(E_inf)
 
 
-def check_gaps(data: ModulusData, omega: np.ndarray) -> None:
+def check_gaps(data: Response, omega: np.ndarray) -> None:
     """Raise ValueError if neighbouring frequencies are more than two decades apart.
 
     The data would not determine a relaxation time in the middle of a wider gap.

@@ -105,7 +105,7 @@ READING: dict[str, dict[str, Any]] = {
         "help": '"name [unit]" of each column, "-": skip',
     },
     "kind": {
-        "choices": ("friction", "area", "modulus", "spectrum", "force", "moment"),
+        "choices": ("friction", "area", "modulus", "relaxation", "creep", "spectrum", "force", "moment"),
         "help": "kind of data in tables that hold several",
     },
     "check_units": {
@@ -168,13 +168,19 @@ def reading_options(arguments: argparse.Namespace, *names: str) -> dict[str, Any
 def _mastercurve_parser() -> Parser:
     parser = _laboratory_parser(
         "mastercurve",
-        "Shift sweeps of a dynamic mechanical analysis onto one curve and fit a Prony series; print both.",
+        "Shift sweeps of a dynamic mechanical analysis, relaxation moduli or creep compliances onto one curve"
+        " and fit a Prony series; print both.",
         "write a scene with this material, or the master curve",
         "draw the master curve and the shifts",
         ".toml or .h5, or .csv",
     )
     add = parser.add_argument
-    add("data", nargs="+", metavar="DATA", help="tables of E', E'' over frequency")
+    text = "tables of E', E'' over frequency, or of E(t) or D(t) over time"
+    add("data", nargs="+", metavar="DATA", help=text)
+    kinds = ("modulus", "relaxation", "creep")
+    add("--kind", choices=kinds, help="kind of data (default: from the columns)")
+    _add_reading(parser, "frequency")
+    _add_reading(parser, "block")
     text = "temperature of each file [K], if the files do not contain it"
     add("--temperature", nargs="+", type=float, metavar="K", help=text)
     text = "temperature of the curve [K] (default: nearest to 293.15)"

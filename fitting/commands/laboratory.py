@@ -13,6 +13,7 @@ Each command calls public functions: `fitting.fit_master_curve` and `fit_prony`,
 """
 
 import argparse
+import dataclasses
 import os
 from collections.abc import Callable
 from typing import Any
@@ -28,7 +29,7 @@ from fitting.characterise.spectrum import fit_spectrum
 from fitting.commands.arguments import HEIGHTS, reading_options
 from fitting.commands.work import Output, finish
 from fitting.data.files import read
-from fitting.data.kinds import ModulusData, SpectrumData
+from fitting.data.kinds import TRANSIENTS, ModulusData, SpectrumData
 from fitting.parameters.constraints import Positive
 from fitting.results.result import FitResult, friction_table
 from fitting.solvers.problem import CURVE_QUANTITIES, make_problem
@@ -37,6 +38,8 @@ from rubberfric.commands import Interrupts
 from rubberfric.io import COLUMNS, read_names, toml
 from rubberfric.plot import plot_spectrum, save_figure
 
+# Largest difference of neighbouring temperatures within a measurement over time [K].
+_SAME = 1.0
 # Bins per decade of the spectrum of measured heights.
 _BINS = 10
 # Facing body of a new scene with roughness.
@@ -55,20 +58,21 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
         raise ValueError(
             f"--temperature has {len(given)} values for {len(arguments.data)} files; give one for each file"
         )
-    data = [_moduli(arguments, path, T) for path, T in zip(arguments.data, given, strict=True)]
+    data: list[Any] = [_moduli(arguments, path, T) for path, T in zip(arguments.data, given, strict=True)]
     temperatures = [T for one in data if one.temperature is not None for T in np.ravel(one.temperature)]
     options: dict[str, Any] = {"poisson": arguments.poisson or 0.5}
     texts, curve, moduli = [], None, data[0]
     if temperatures and np.ptp(temperatures) > 1.0:
         show("shifting the sweeps")
         vertical: Any = {"none": False, "free": True}.get(arguments.vertical, arguments.vertical)
-        curve = fit_master_curve(data, arguments.reference, vertical=vertical)
+        sweeps = [sweep for one in data for sweep in _over_frequency(one)]
+        curve = fit_master_curve(sweeps, arguments.reference, vertical=vertical)
         moduli, options["shift"] = curve.data, curve.shift
         texts.append(curve.report(command=True))
     elif len(data) > 1:
         raise ValueError("several files have no temperatures; give one file, or --temperature for each file")
     elif temperatures:
-        moduli = ModulusData(moduli.omega, moduli.storage, moduli.loss, relative=moduli.relative)
+        moduli = dataclasses.replace(moduli, temperature=None, check_units=False)
     show("fitting a Prony series")
     series = fit_prony(moduli, arguments.per_decade, **options)
     texts.append(series.report())
@@ -83,7 +87,7 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
 
     def write(path: str) -> None:
         if as_path(path).suffix.lower() == ".csv":
-            return moduli.write(path)
+            return (moduli if isinstance(moduli, ModulusData) else series.moduli()).write(path)
         scene = _with_body(arguments, rf.Body(rf.Rigid()), **changes)
         return rf.save_scene(path, scene, like=arguments.scene)
 
@@ -91,10 +95,45 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
 
 
 def _moduli(arguments, path, temperature):
-    options = reading_options(arguments, "columns", "poisson", "check_units", "bad_rows")
-    data = read(path, temperature=temperature, kind="modulus", **options)
-    assert isinstance(data, ModulusData)
+    """Return the moduli over frequency, or the relaxation moduli or compliances over time, of a file."""
+    options = reading_options(
+        arguments, "columns", "poisson", "check_units", "bad_rows", "frequency", "block"
+    )
+    kind = arguments.kind or "modulus"
+    if arguments.kind is None:
+        names = {COLUMNS[name].name for name in _names(arguments, path) if name in COLUMNS}
+        over_time = [cls.quantity for cls in TRANSIENTS if names & {_column(cls), *cls.others}]
+        if not names & {_column(ModulusData), *ModulusData.others} and over_time:
+            kind = over_time[0]
+    data = read(path, temperature=temperature, kind=kind, **options)
+    assert isinstance(data, (ModulusData, *TRANSIENTS))
     return data
+
+
+def _names(arguments, path):
+    try:
+        return read_names(path, arguments.columns, "E" if arguments.poisson is None else "G", arguments.block)
+    except ValueError:
+        return []  # `read` explains
+
+
+def _column(cls):
+    return cls.fields()[cls.values[0]].column
+
+
+def _over_frequency(data):
+    """Return E' and E'' of each temperature. Data over time are converted."""
+    if isinstance(data, ModulusData):
+        return [data]
+    order = np.argsort(data.temperature, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(data.temperature[order]) > _SAME) + 1)
+    sweeps = []
+    for group in groups:
+        arrays = {name: getattr(data, name) for name in data.fields()}
+        own = {name: values[group] for name, values in arrays.items() if values is not None}
+        own["temperature"] = np.full(group.size, own["temperature"].mean())
+        sweeps.append(fit_prony(dataclasses.replace(data, **own, check_units=False)).moduli())
+    return sweeps
 
 
 def _strain_sweep(arguments):

@@ -7,7 +7,9 @@ data:
                F_t, F_n: mu = |F_t| / |F_n| and p = |F_n| / area; v_travel, slip_angle: v of a rolling wheel
     area       v | log10_v, A_over_A0,        sigma | relative_sigma, p, T
     modulus    omega | f, E_stor, E_loss,     sigma_stor, sigma_loss | relative_sigma, T
-               E_comp with delta or tan_del, and shear moduli with `poisson`
+               E_comp with delta or tan_del, compliances D_stor ..., and shear moduli with `poisson`
+    relaxation t, E_relax | G_relax,          sigma_relax | relative_sigma, T
+    creep      t, D_creep | J_creep,          sigma_creep | relative_sigma, T
     spectrum   q | log10_q, C | log10_C,      sigma_C | relative_sigma
                q | log10_q | n, C_1D | log10_C_1D | W1 | Wr | G_d, relative_sigma: see `read`
     force      slip_angle | slip_ratio, v_travel, F_n, F_t, sigma_F_t | relative_sigma, T
@@ -30,7 +32,7 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitting.data.kinds import KINDS, SpectrumData
+from fitting.data.kinds import KINDS, TRANSIENTS, SpectrumData
 from fitting.data.measured import DATA_FORMAT, Measured
 from fitting.data.slip import MomentData, SlipData, with_sign_of_slip
 from rubberfric.base import (
@@ -101,9 +103,11 @@ def read(
         A "storage modulus" is read as E' if `poisson` is None, and as G' otherwise.
     columns : list of "name [unit]", or None
         Columns of a table without names, "-" for a column that is not read.
-    kind : "friction", "area", "modulus", "spectrum", "force" or "moment"
-        Needed for a table that contains several kinds. Of a wheel tester, a table with a slip, speed, load
-        and force is read as "force" if no pressure or area is known, and as "friction" otherwise.
+    kind : "friction", "area", "modulus", "relaxation", "creep", "spectrum", "force" or "moment"
+        Needed for a table that contains several kinds, and for stress and strain over time, which give
+        "relaxation" or "creep". A table of oscillation and of time is a "modulus" by default. Of a wheel
+        tester, a table with a slip, speed, load and force is read as "force" if no pressure or area is known,
+        and as "friction" otherwise.
     check_units : bool
         If True, raise ValueError for values of a table that look like values in another unit.
     bad_rows : "error", or "drop" to leave out rows with an empty, missing or invalid value
@@ -115,9 +119,9 @@ def read(
 
     Returns
     -------
-    FrictionData, AreaData, ModulusData, SpectrumData, SlipData or MomentData, according to the columns of a
-    table or the kind in an HDF5 file. Forces and moments that all have the opposite sign of the slip are
-    reversed. Numbers written by `write` are read back to the last bit. Only .h5 files keep `name`.
+    Data of the class in `fitting.data.kinds.KINDS` that the columns of a table or the kind in an HDF5 file
+    determine. Forces and moments that all have the opposite sign of the slip are reversed. Numbers written by
+    `write` are read back to the last bit. Only .h5 files keep `name`.
 
     Raises
     ------
@@ -309,6 +313,8 @@ def _kind(path, columns, poisson, kind, block, presses):
     found = {cls for column, cls in telling.items() if column in given}
     if "F_t" in given:  # the force comes before the moment, which `kind` chooses
         found -= {MomentData}
+    # Programs write master curves over time beside those over frequency.
+    found = found.difference(TRANSIENTS) or found
     if len(found) == 1:
         return found.pop()
     near = [

@@ -1,8 +1,10 @@
-"""Kinds of measured data that a fit compares a model with, and their assignment to scenes.
+"""Kinds of measured data, and their assignment to scenes.
 
-FrictionData, AreaData, ModulusData and SpectrumData, and SlipData and MomentData of `fitting.data.slip`,
-hold float64 NumPy arrays in SI units, one element for each measured point. A fit treats all kinds alike.
-`measured`, `error` and `logarithmic` give the residual of a point:
+All kinds hold float64 NumPy arrays in SI units, one element for each measured point. A fit compares a model
+with FrictionData, AreaData, ModulusData and SpectrumData, and with SlipData and MomentData of
+`fitting.data.slip`, which it treats alike. `fitting.fit_prony` converts RelaxationData and CreepData of
+`fitting.data.transients` to a material and to ModulusData. `measured`, `error` and `logarithmic` give the
+residual of a point:
 
     (model - measured) / error              with absolute errors (sigma),
     ln(model / measured) / error            with relative errors (relative),
@@ -33,6 +35,7 @@ from fitting.data.quantities import (
     WAVENUMBER,
 )
 from fitting.data.slip import MomentData, SlipData
+from fitting.data.transients import CreepData, RelaxationData
 from rubberfric.base import POSITIVE, closest, either, shown, warn_caller
 
 
@@ -167,9 +170,11 @@ class SpectrumData(Measured):
     body: str | None = dataclasses.field(default=None, kw_only=True)
 
 
-KINDS: dict[str, type[Measured]] = {
-    cls.quantity: cls for cls in (FrictionData, AreaData, ModulusData, SpectrumData, SlipData, MomentData)
-}
+# Kinds that a fit compares with a model.
+FITTED = (FrictionData, AreaData, ModulusData, SpectrumData, SlipData, MomentData)
+# Kinds over time, which `fitting.fit_prony` converts.
+TRANSIENTS = (RelaxationData, CreepData)
+KINDS: dict[str, type[Measured]] = {cls.quantity: cls for cls in (*FITTED, *TRANSIENTS)}
 
 
 def as_data_sets(data: Measured | Sequence[Measured]) -> list[Measured]:
@@ -177,9 +182,9 @@ def as_data_sets(data: Measured | Sequence[Measured]) -> list[Measured]:
 
     Raise ValueError if `data` is empty or contains an object that is not measured data.
     """
-    kinds = either([cls.__name__ for cls in KINDS.values()])
+    kinds = either([cls.__name__ for cls in FITTED])
     if isinstance(data, Measured):
-        return [data]
+        data = [data]
     if not isinstance(data, list | tuple):
         raise ValueError(f"data is a {type(data).__name__}: must be {kinds}, or a list of them")
     if not data:
@@ -187,6 +192,10 @@ def as_data_sets(data: Measured | Sequence[Measured]) -> list[Measured]:
     for i, one in enumerate(data):
         if not isinstance(one, Measured):
             raise ValueError(f"data[{i}] is a {type(one).__name__}: must be {kinds}")
+        if isinstance(one, TRANSIENTS):
+            raise ValueError(
+                f"data[{i}] is a {type(one).__name__}: must be {kinds}; fit_prony(data).moduli() converts it"
+            )
     return list(data)
 
 

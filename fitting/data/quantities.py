@@ -63,6 +63,16 @@ LOSS = Field(
         unit_rule("must be >= 1 Pa; is it in MPa or GPa, or tan(delta)?", lambda E: E >= 1),
     ),
 )
+TIME = Field("t", "s", POSITIVE)
+RELAXATION = STORAGE._replace(column="E_relax")
+COMPLIANCE = Field(
+    "D_creep",
+    "1/Pa",
+    plausible=(
+        POSITIVE,
+        unit_rule("must be 1e-13 ... 1 1/Pa; is it in 1/MPa or 1/GPa?", lambda D: (D >= 1e-13) & (D <= 1.0)),
+    ),
+)
 SPECTRUM = Field(
     "C",
     "m^4",

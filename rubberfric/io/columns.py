@@ -101,6 +101,8 @@ COLUMNS = {
     "sigma": Column("sigma", units.RATIO),
     "sigma_stor": Column("sigma_stor", units.PRESSURE),
     "sigma_loss": Column("sigma_loss", units.PRESSURE),
+    "sigma_relax": Column("sigma_relax", units.PRESSURE),
+    "sigma_creep": Column("sigma_creep", units.COMPLIANCE),
     "sigma_C": Column("sigma_C", units.SPECTRUM),
     "relative_sigma": Column("relative_sigma", units.RATIO),
     "log10_omega": _log10("omega", units.ANGULAR),

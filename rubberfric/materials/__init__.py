@@ -6,6 +6,7 @@ TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
     from rubberfric.materials.coating import Coating as Coating
     from rubberfric.materials.interconversion import prony_from_compliance as prony_from_compliance
+    from rubberfric.materials.interconversion import terms_from_compliance as terms_from_compliance
     from rubberfric.materials.material import Elastic as Elastic
     from rubberfric.materials.material import Material as Material
     from rubberfric.materials.material import Rigid as Rigid

@@ -101,21 +101,32 @@ def prony_from_compliance(
     >>> float(rubber.E_inf), float(rubber.E[0]), float(rubber.tau[0])
     (5000000.0, 5000000.0, 0.5)
     """
-    numbers = {"D_0": (D_0, 0), "D": (D, 1), "tau": (tau, 1), "fluidity": (fluidity, 0)}
-    values = {name: np.asarray(as_leaf(name, value, ndim), float) for name, (value, ndim) in numbers.items()}
+    given = {"D_0": (D_0, 0), "D": (D, 1), "tau": (tau, 1), "fluidity": (fluidity, 0)}
+    leaves = {name: as_leaf(name, value, ndim) for name, (value, ndim) in given.items()}
+    check_lengths("prony_from_compliance", D=leaves["D"], tau=leaves["tau"])
+    values = {name: np.asarray(leaf, float) for name, leaf in leaves.items()}
     for name, rule in (("D_0", POSITIVE), ("D", NONNEGATIVE), ("tau", POSITIVE), ("fluidity", NONNEGATIVE)):
         check_values(name, values[name], rule)
-    check_lengths("prony_from_compliance", D=values["D"], tau=values["tau"])
-    rates, place = np.unique(1 / values["tau"], return_inverse=True)
-    weights = np.bincount(np.ravel(place), values["D"], rates.size)
+    numbers = (float(values["D_0"]), values["D"], values["tau"], float(values["fluidity"]))
+    return Prony(*terms_from_compliance(*numbers), poisson, shift)
+
+
+def terms_from_compliance(
+    D_0: float, D: np.ndarray, tau: np.ndarray, fluidity: float
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return E_inf, E and the relaxation times of `prony_from_compliance`, by rising times.
+
+    Raise ValueError if nothing is retarded.
+    """
+    rates, place = np.unique(1 / tau, return_inverse=True)
+    weights = np.bincount(np.ravel(place), D, rates.size)
     rates, weights = rates[weights > 0], weights[weights > 0]
-    instantaneous, flow = float(values["D_0"]), float(values["fluidity"])
-    if not rates.size and not flow:
+    if not rates.size and not fluidity:
         raise ValueError("D is 0 and fluidity is 0: must have a retarded compliance; use Elastic")
-    relaxed = 0.0 if flow else 1 / (instantaneous + float(weights.sum()))
+    relaxed = 0.0 if fluidity else 1 / (D_0 + float(weights.sum()))
     poles, residues = rates, weights * rates
-    if flow:
-        poles, residues = np.append(0.0, poles), np.append(flow, residues)
-    x, sums = zeros_after_poles(instantaneous, residues, poles)
-    order = np.argsort(1 / x)
-    return Prony(relaxed, (1 / (x * sums))[order], (1 / x)[order], poisson, shift)
+    if fluidity:
+        poles, residues = np.append(0.0, poles), np.append(fluidity, residues)
+    x, sums = zeros_after_poles(D_0, residues, poles)
+    # Rates rise.
+    return relaxed, (1 / (x * sums))[::-1], (1 / x)[::-1]

@@ -1,0 +1,69 @@
+"""Scenes from relaxation moduli and creep compliances, by commands only."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import rubberfric as rf
+
+TAU = np.geomspace(1e-6, 1e6, 25)
+E = 3e5 * np.exp(-((np.log10(TAU) / 4) ** 2))
+REST = 1e6
+TIMES = np.geomspace(1e-1, 1e3, 25)
+
+
+@pytest.fixture
+def run(call, tmp_path, monkeypatch):
+    """Run a command in an empty folder: exit status, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+    return lambda *arguments: call(*arguments, "--no-cache")
+
+
+def ratio(path, omega, T=None):
+    """|E*| of a scene, divided by that of the true series at 293.15 K."""
+    found = rf.complex_modulus(rf.load_scene(path).upper.material, np.array(omega), T)
+    s = 1j * np.array(omega)[:, None] * TAU
+    return np.abs(np.asarray(found)) / np.abs(REST + (s / (1 + s)) @ E)
+
+
+def test_isotherms_of_stress_relaxation(run, tmp_path):
+    """a_T shifts times. The reference sweep has E* of the truth, and WLF has the true constants."""
+    rows = []
+    for T in (273.15, 283.15, 293.15, 303.15, 313.15):
+        a_T = 10 ** (-6.0 * (T - 293.15) / (110 + T - 293.15))
+        modulus = REST + np.exp(-TIMES[:, None] / a_T / TAU) @ E
+        rows += [f"{t:.8g},{m / 1e6:.8g},{T}" for t, m in zip(TIMES, modulus, strict=True)]
+    table = "Time [s],Relaxation modulus E(t) [MPa],T [K]\n".replace("Relaxation modulus ", "")
+    (tmp_path / "relaxation.csv").write_text(table + "\n".join(rows) + "\n")
+    status, printed, _ = run("mastercurve", "relaxation.csv", "--out", "scene.toml", "--plot", "one.png")
+    assert status == 0 and "WLF" in printed and (tmp_path / "one.png").stat().st_size > 10_000
+    shift = rf.load_scene("scene.toml").upper.material.shift
+    for T, exact in ((273.15, 6.0 * 20 / 90), (313.15, -6.0 * 20 / 130)):
+        assert float(shift.log_factor(T)) / np.log(10) == pytest.approx(exact, rel=0.02)
+    np.testing.assert_allclose(ratio("scene.toml", [1e-3, 1e-1, 1e1, 1e2], 293.15), 1, atol=0.02)
+
+
+def test_creep_at_one_temperature(run, tmp_path):
+    """D(t) of the truth follows from a fine retardation spectrum, the zeros of E(-x)."""
+    rate = np.sort(1 / TAU)
+    weight = E[np.argsort(1 / TAU)]
+
+    def modulus(x):
+        return REST - np.sum(weight * x / (rate - x))
+
+    edges = np.append(0.0, rate)
+    x = np.array(
+        [brentq(modulus, a * (1 + 1e-12), b * (1 - 1e-12)) for a, b in zip(edges, rate, strict=False)]
+    )
+    D = np.array([1 / (one * np.sum(weight * rate / (rate - one) ** 2)) for one in x])
+    D_0 = 1 / (REST + weight.sum())
+    assert D_0 + D.sum() == pytest.approx(1 / REST, rel=1e-9)
+    creep = D_0 - np.expm1(-TIMES[:, None] * x) @ D
+    rows = "\n".join(f"{t:.8g},{3 * d * 1e6:.8g}" for t, d in zip(TIMES, creep, strict=True))
+    (tmp_path / "creep.csv").write_text(f"Step time (s),J(t) (1/MPa)\n{rows}\n")
+    files = ("mastercurve", "creep.csv", "--poisson", "0.5")
+    assert run(*files, "--out", "scene.toml")[0] == 0
+    np.testing.assert_allclose(ratio("scene.toml", [1e-2, 1e-1, 1.0]), 1, atol=0.005)
+    assert run(*files, "--out", "moduli.csv")[0] == 0
+    table = rf.io.read_table("moduli.csv", ("omega", "E_stor", "E_loss", "sigma_stor", "sigma_loss"))
+    assert table["omega"].size == 21 and (table["sigma_stor"] < 0.1 * table["E_stor"]).all()
