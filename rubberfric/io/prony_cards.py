@@ -5,12 +5,14 @@ import os
 import re
 
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.base.atomic import read_text, write_text
 from rubberfric.base.checks import POSITIVE, as_leaf, check_choice, check_values, shown
 from rubberfric.base.units import shear_from_young, young_from_shear
 from rubberfric.io.cards import abaqus, ansys, branch_tables, lsdyna, openradioss
 from rubberfric.io.cards.contents import CardFormat, CardMaterial, CardOptions, Cards, CardSeries, glassy_bulk
+from rubberfric.io.cards.over_temperature import at_temperature, rows_of
 from rubberfric.io.cards.shear_series import shear_series
 from rubberfric.io.cards.text import STRESS, TEMPERATURE, format_number, need
 from rubberfric.materials.prony import Prony, PronyShear
@@ -28,6 +30,9 @@ FORMATS = {
         branch_tables.PYVISCO, "", False, branch_tables.read_pyvisco, branch_tables.write_pyvisco
     ),
 }
+
+# Programs for which neo-Hookean cards are written.
+_HYPERELASTIC = ("abaqus", "ansys")
 
 # Density in the unit that belongs to a unit of stress, with m or mm and s [kg/m^3].
 _DENSITY = {"Pa": 1.0, "MPa": 1e12}
@@ -96,9 +101,9 @@ def read_prony(
     Hyperelastic cards are read with their shear and bulk modulus at small strain: `*HYPERELASTIC` of Abaqus
     (Neo Hooke, Mooney-Rivlin, polynomials, Yeoh, Ogden, Arruda-Boyce, Van der Waals), TB,HYPER of ANSYS (NEO,
     MOONEY, POLY, YEOH, OGDEN, BOYCE, GENT), `*MAT_077_H` and `*MAT_077_O` of LS-DYNA, and /MAT/LAW42 of
-    OpenRadioss. Moduli at several temperatures become the vertical shift b_T of the WLF shift, a
-    `TabulatedVertical` over the temperatures of the cards, if Poisson's ratio is constant and the material is
-    a Prony. Times are in s.
+    OpenRadioss. `*MAT_006` of LS-DYNA has one term. Moduli at several temperatures become the vertical shift
+    b_T of the WLF shift, a `TabulatedVertical` over the temperatures of the cards, if Poisson's ratio is
+    constant and the material is a Prony. Times are in s.
 
     Examples
     --------
@@ -136,6 +141,8 @@ def write_prony(
     density: float | None = None,
     shift: bool = True,
     name: str = "RUBBER",
+    temperature: ArrayLike | None = None,
+    hyperelastic: bool = False,
 ) -> str:
     """Write a Prony series as material cards.
 
@@ -161,8 +168,16 @@ def write_prony(
         shorter times. To keep a shear modulus instead, write a PronyShear.
     density : density [kg/m^3], required by lsdyna and openradioss
         The density is written in kg/m^3 with Pa, and in t/mm^3 with MPa.
-    shift : False leaves out the shift, for cards at its reference temperature
+    shift : False leaves out the shift, for cards at its reference temperature, or at `temperature`
     name : name of the material, for abaqus and openradioss, on one line and without commas or quotes
+    temperature : (lowest, highest) temperature [K] of a vertical shift, or None for those of a table
+        abaqus and ansys: moduli E b_T are written in a row for each temperature. Between the rows the
+        programs interpolate, with an error of b_T below 1e-4. The range must include the reference
+        temperature. Entropic needs a range.
+        With shift=False: the temperature of the cards, one number. Their moduli are E b_T and their times
+        a_T tau.
+    hyperelastic : True writes neo-Hookean cards with the same moduli at small strain, for large strains
+        abaqus: `*HYPERELASTIC, NEO HOOKE`; ansys: TB,HYPER,,,,NEO.
 
     Returns
     -------
@@ -184,8 +199,19 @@ def write_prony(
         check_values("density", as_leaf("density", density, 0), POSITIVE)
         mass = float(density) / _DENSITY[unit_stress]
     material = getattr(material, "material", material)
+    need(isinstance(hyperelastic, bool), f"hyperelastic = {shown(hyperelastic)}: must be True or False")
+    need(
+        not hyperelastic or program in _HYPERELASTIC,
+        f"hyperelastic = True: must be False for {program}; {' and '.join(_HYPERELASTIC)} have such cards",
+    )
     options = CardOptions(unit_stress, TEMPERATURE[unit_temperature], shift=shift)
-    series = _series(material, bulk, program, options)._replace(mass=mass, name=name)
+    rows = None
+    if not shift and temperature is not None:
+        material = at_temperature(material, as_leaf("temperature", temperature, 0))
+    elif shift:
+        rows = rows_of(material, program, temperature, bulk, options.zero)
+    series = _series(material, bulk, program, options)
+    series = series._replace(mass=mass, name=name, rows=rows, hyperelastic=hyperelastic)
     for programs, holds, message in _REQUIREMENTS:
         if program in programs.split():
             need(holds(series), message.format(program, n=series.tau.size))
@@ -310,10 +336,5 @@ def _wlf(law: object, program: str, options: CardOptions) -> tuple[float, float,
         allowed = "WLF" if has_shift else "none"
         raise ValueError(
             f"material has the shift {kind}: {program} cards must have {allowed}; shift=False leaves it out"
-        )
-    if law.vertical is not None:
-        raise ValueError(
-            f"material.shift.vertical = {type(law.vertical).__name__}: must be None for {program};"
-            " shift=False leaves out the whole shift"
         )
     return float(law.T_ref) - options.zero, float(law.C1), float(law.C2)

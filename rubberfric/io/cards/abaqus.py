@@ -245,7 +245,14 @@ def write(series: CardSeries) -> Iterator[str]:
     yield f"*MATERIAL, NAME={series.name}"
     if series.mass is not None:
         yield from ("*DENSITY", f"{format_number(series.mass)},")
-    yield from ("*ELASTIC, MODULI=INSTANTANEOUS", comma_line(series.young, series.poisson))
+    kind = "HYPERELASTIC, NEO HOOKE" if series.hyperelastic else "ELASTIC"
+    yield f"*{kind}, MODULI=INSTANTANEOUS"
+    for temperature, scale in series.scales:
+        at = [] if temperature is None else [temperature]
+        if series.hyperelastic:
+            yield comma_line(0.5 * scale * series.shear, series.D1 / scale, *at)
+        else:
+            yield comma_line(scale * series.young, series.poisson, *at)
     yield "*VISCOELASTIC, TIME=PRONY"
     for row in zip(series.g, series.k, series.tau, strict=True):
         yield comma_line(*row)

@@ -242,7 +242,10 @@ def _hyperelastic(material, key):
 
 def write(series: CardSeries) -> Iterator[str]:
     """Yield the lines of the cards."""
-    yield from (f"MP,EX,1,{series.young!r}", f"MP,PRXY,1,{series.poisson!r}")
+    if series.hyperelastic:
+        yield from _neo_hooke(series)
+    else:
+        yield from _young(series)
     if series.mass is not None:
         yield f"MP,DENS,1,{series.mass!r}"
     for what, weights in (("SHEAR", series.g), ("BULK", series.k)):
@@ -253,3 +256,24 @@ def write(series: CardSeries) -> Iterator[str]:
                 yield f"TBDATA,{i + 1}," + ",".join(map(repr, values[i : i + 6]))
     if series.wlf:
         yield from ("TB,SHIFT,1,1,3,WLF", "TBDATA,1," + ",".join(map(repr, series.wlf)))
+
+
+def _young(series):
+    """Yield MP,EX, or MPTEMP and MPDATA,EX, and MP,PRXY."""
+    if series.rows is None:
+        yield f"MP,EX,1,{series.young!r}"
+    else:
+        yield "MPTEMP"
+        for command, values in (("MPTEMP", series.rows[0]), ("MPDATA,EX,1", series.young * series.rows[1])):
+            for i in range(0, values.size, 6):
+                yield f"{command},{i + 1}," + ",".join(map(repr, values[i : i + 6].tolist()))
+    yield f"MP,PRXY,1,{series.poisson!r}"
+
+
+def _neo_hooke(series):
+    """Yield TB,HYPER with the glassy shear modulus and D1 at each temperature."""
+    yield f"TB,HYPER,1,{len(series.scales)},,NEO"
+    for temperature, scale in series.scales:
+        if temperature is not None:
+            yield f"TBTEMP,{temperature!r}"
+        yield f"TBDATA,1,{scale * series.shear!r},{series.D1 / scale!r}"

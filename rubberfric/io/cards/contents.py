@@ -69,6 +69,20 @@ class CardSeries(NamedTuple):
     options: CardOptions
     mass: float | None  # density
     name: str  # of the material
+    rows: tuple[np.ndarray, np.ndarray] | None = None  # temperatures in the unit of the file, and b_T
+    hyperelastic: bool = False  # neo-Hookean cards instead of linear elastic ones
+
+    @property
+    def scales(self) -> list[tuple[float | None, float]]:
+        """Temperature, or None, and factor b_T of the moduli for each row of cards."""
+        return (
+            [(None, 1.0)] if self.rows is None else list(zip(*(x.tolist() for x in self.rows), strict=True))
+        )
+
+    @property
+    def D1(self) -> float:
+        """Compressibility 2 / B of neo-Hookean cards; 0 for an incompressible solid."""
+        return 2 / self.bulk if math.isfinite(self.bulk) else 0.0
 
 
 class CardFormat(NamedTuple):

@@ -1,4 +1,6 @@
-r"""LS-DYNA: *MAT_076, and *MAT_077_H and *MAT_077_O with Prony terms.
+r"""LS-DYNA: *MAT_006, *MAT_076, and *MAT_077_H and *MAT_077_O with Prony terms.
+
+*MAT_VISCOELASTIC (006) has one term, G(t) = G_I + (G_0 - G_I) exp(-beta t), and an elastic bulk modulus.
 
 Fields have 10 characters or are separated by commas. The shift factor has base e,
 
@@ -26,7 +28,10 @@ _KINDS = {
     r"GENERAL_VISCOELASTIC|0?76": 2,
     r"HYPERELASTIC_RUBBER|0?77_H": 2,
     r"OGDEN_RUBBER|0?77_O": 3,
+    r"VISCOELASTIC|0*6(?!\d)": 0,
 }
+# Place of *MAT_VISCOELASTIC in `_KINDS`.
+_ONE_TERM = 3
 SIGN = r"^[ \t]*\*MAT_(" + "|".join(_KINDS) + ")"
 
 
@@ -41,7 +46,7 @@ def read(text: str, options: CardOptions) -> list[CardMaterial]:
             title = [lines[0].strip()] if titled and lines else []
             cards = lines[titled:]
             number = cards[0].split(",")[0][:10].strip() if cards else ""
-            if kind == 0 or any(line.strip() for line in cards[least:]):
+            if kind in (0, _ONE_TERM) or any(line.strip() for line in cards[least:]):
                 names = tuple(name for name in (number, *title) if name)
                 materials.append(
                     CardMaterial(
@@ -63,6 +68,8 @@ def _cards(kind, keyword, lines, more, options):
     rows = [
         (comma_numbers(line) + [0.0] * 8)[:8] if "," in line else wide_numbers(line, 8, 10) for line in lines
     ]
+    if kind == _ONE_TERM:
+        return _one_term([row for row, line in zip(rows, lines, strict=True) if line.strip()])
     name = (_GENERAL, "*MAT_HYPERELASTIC_RUBBER", "*MAT_OGDEN_RUBBER")[kind]
     need(len(rows) > least, f"{name} must have the material card, {least - 1} further cards and the terms")
     if kind == 0:
@@ -92,6 +99,16 @@ def _general(rows, options):
     rest, weights, tau = _terms(terms, _GENERAL)
     wlf = (T_ref, A / math.log(10), B) if shifts else ()
     return Cards(rest, weights, 0 * tau, tau, math.nan, bulk, wlf)
+
+
+def _one_term(rows):
+    name = "*MAT_VISCOELASTIC"
+    need(len(rows) == 1, f"{name} has {len(rows)} cards: must have one")
+    _, _, bulk, glassy, relaxed, rate, *_ = rows[0]
+    need(bulk > 0, f"{name}: BULK = {bulk:g}: must be > 0")
+    need(rate > 0, f"{name}: BETA = {rate:g}: must be > 0")
+    need(0 <= relaxed < glassy, f"{name}: G0 = {glassy:g}, GI = {relaxed:g}: must be G0 > GI >= 0")
+    return Cards(relaxed, np.array([glassy - relaxed]), np.zeros(1), np.array([1 / rate]), math.nan, bulk)
 
 
 def _rubber(name, rows, least, ogden):
