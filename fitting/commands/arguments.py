@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rubberfric.base import VERSION, check_readable, check_writable
+from rubberfric.base import TABLE_SUFFIXES, VERSION, check_readable, check_writable
 from rubberfric.commands import (
     Parser,
     add_common,
@@ -81,11 +81,20 @@ def _laboratory_parser(kind: str, description: str, out: str, plot: str | None, 
     return parser
 
 
-def _add_scene_and_columns(parser: Parser, body: str) -> None:
+def _add_scene(parser: Parser, body: str) -> None:
     add = parser.add_argument
     add("--scene", metavar="SCENE", help="scene that gets the result (default: a new one)")
     add("--body", choices=_BODIES, default=body, help=f"body of the scene (default: {body})")
-    for name in ("columns", "bad_rows", "check_units"):
+
+
+def _add_response(parser: Parser) -> None:
+    """Add the options for reading moduli over frequency, and E(t) or D(t) over time."""
+    add = parser.add_argument
+    kinds = ("modulus", "relaxation", "creep")
+    add("--kind", choices=kinds, help="kind of data (default: from the columns)")
+    text = "Poisson's ratio, needed for shear moduli (default: 0.5)"
+    add("--poisson", type=float, metavar="NU", help=text)
+    for name in ("columns", "bad_rows", "check_units", "frequency", "block"):
         _add_reading(parser, name)
 
 
@@ -177,10 +186,7 @@ def _mastercurve_parser() -> Parser:
     add = parser.add_argument
     text = "tables of E', E'' over frequency, or of E(t) or D(t) over time"
     add("data", nargs="+", metavar="DATA", help=text)
-    kinds = ("modulus", "relaxation", "creep")
-    add("--kind", choices=kinds, help="kind of data (default: from the columns)")
-    _add_reading(parser, "frequency")
-    _add_reading(parser, "block")
+    _add_response(parser)
     text = "temperature of each file [K], if the files do not contain it"
     add("--temperature", nargs="+", type=float, metavar="K", help=text)
     text = "temperature of the curve [K] (default: nearest to 293.15)"
@@ -189,11 +195,9 @@ def _mastercurve_parser() -> Parser:
     add("--vertical", choices=shifts, default="none", help="vertical shift (default: none)")
     text = "relaxation times per decade (default: 2)"
     add("--per-decade", type=float, default=2.0, metavar="N", help=text)
-    text = "Poisson's ratio, needed for shear moduli (default: 0.5)"
-    add("--poisson", type=float, metavar="NU", help=text)
     add("--strain", metavar="DATA", help="strain sweep of a filled rubber, for its softening in the scene")
     add("--strain-columns", nargs="+", metavar="NAME", help="as --columns, for the strain sweep")
-    _add_scene_and_columns(parser, "upper")
+    _add_scene(parser, "upper")
     return parser
 
 
@@ -222,7 +226,9 @@ def _spectrum_parser() -> Parser:
     text = "continue or cut the roughness to this rms slope, often 1.3"
     add("--slope", dest="rms_slope", type=float, metavar="S", help=text)
     add("--table", action="store_true", help="put the measured spectrum itself into the scene")
-    _add_scene_and_columns(parser, "lower")
+    _add_scene(parser, "lower")
+    for name in ("columns", "bad_rows", "check_units"):
+        _add_reading(parser, name)
     return parser
 
 
@@ -259,6 +265,54 @@ def _table_parser() -> Parser:
     text = "units of the table: m/s, mm/s or um/s; Pa, kPa, MPa or GPa; K or C (default: m/s Pa K)"
     add("--units", nargs=3, default=("m/s", "Pa", "K"), metavar=("V", "P", "T"), help=text)
     return parser
+
+
+# Programs for cards, by the suffix of the file that is written.
+CARD_SUFFIXES = {
+    **{".inp": "abaqus", ".mac": "ansys", ".txt": "comsol", ".k": "lsdyna", ".rad": "openradioss"},
+    ".csv": "pyvisco",
+}
+
+
+def _cards_parser() -> Parser:
+    suffixes = ", ".join(f"{suffix} {program}" for suffix, program in CARD_SUFFIXES.items())
+    parser = _laboratory_parser(
+        "cards",
+        "Write the Prony series of a scene, a fit or a table of moduli as cards, and print E' and E''.",
+        "cards to write",
+        None,
+        suffixes,
+    )
+    add = parser.add_argument
+    text = "scene (.toml or .h5), fit (.h5), or table of a master curve, E(t) or D(t) (.csv, .txt, .xlsx)"
+    add("input", metavar="INPUT", help=text)
+    programs = tuple(CARD_SUFFIXES.values())
+    add("--program", choices=programs, help="finite-element program (default: from the suffix of --out)")
+    add("--body", choices=_BODIES, help="body of the scene (default: the only one with a Prony series)")
+    stresses = ("Pa", "kPa", "MPa", "GPa")
+    add("--unit-stress", choices=stresses, default="MPa", help="unit of moduli (default: MPa)")
+    text = "unit of temperatures (default: K)"
+    add("--unit-temperature", choices=("K", "C"), default="K", help=text)
+    add("--bulk", type=float, metavar="Pa", help="elastic bulk modulus [Pa], for compressible elements")
+    add("--density", type=float, metavar="kg/m3", help="density [kg/m^3], needed by lsdyna and openradioss")
+    add("--name", default="RUBBER", help="name of the material (default: RUBBER)")
+    text = "leave out the shift with temperature"
+    add("--no-shift", dest="shift", action="store_const", const=False, default=None, help=text)
+    text = "lowest and highest temperature of a vertical shift, or with --no-shift the temperature [K]"
+    add("--temperature", nargs="+", type=float, metavar="K", help=text)
+    text = "write neo-Hookean cards (abaqus, ansys)"
+    add("--hyperelastic", action="store_true", help=text)
+    text = "relaxation times per decade, for a table (default: 2)"
+    add("--per-decade", type=float, default=2.0, metavar="N", help=text)
+    _add_response(parser)
+    return parser
+
+
+def _check_cards(arguments: argparse.Namespace) -> None:
+    check_outputs(arguments, *CARD_SUFFIXES, inputs=[arguments.input])
+    check_input(arguments.input, (*_SCENES, *TABLE_SUFFIXES))
+    if len(arguments.temperature or [0]) > 2:
+        raise ValueError("--temperature: must be the lowest and the highest value, or one value")
 
 
 def _check_planning(arguments: argparse.Namespace) -> None:
@@ -299,7 +353,8 @@ def _fit_parser() -> Parser:
         description="Fit parameters of a rubber friction scene to measurements; print values and errors.",
         epilog="Other commands, each with --help: rubberfric-fit design, choose the next measurements;"
         " calibration, measure the coverage of error bars; mastercurve, fit moduli of a DMA; spectrum, fit a"
-        " measured surface; job, write a job file; table, write friction for a simulation.",
+        " measured surface; job, write a job file; cards, write material cards; table, write friction for a"
+        " simulation.",
     )
     add = parser.add_argument
     add("--version", action="version", version=f"{PROGRAM} {VERSION}")
@@ -344,5 +399,6 @@ COMMANDS = {
     "mastercurve": Command(_mastercurve_parser, _check_characterisation, "laboratory"),
     "spectrum": Command(_spectrum_parser, _check_characterisation, "laboratory"),
     "job": Command(_job_parser, _check_job, "laboratory"),
+    "cards": Command(_cards_parser, _check_cards, "cards"),
     "table": Command(_table_parser, _check_table, "laboratory"),
 }

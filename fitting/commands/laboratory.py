@@ -29,11 +29,11 @@ from fitting.characterise.spectrum import fit_spectrum
 from fitting.commands.arguments import HEIGHTS, reading_options
 from fitting.commands.work import Output, finish
 from fitting.data.files import read
-from fitting.data.kinds import TRANSIENTS, ModulusData, SpectrumData
+from fitting.data.kinds import TRANSIENTS, CreepData, ModulusData, RelaxationData, SpectrumData
 from fitting.parameters.constraints import Positive
 from fitting.results.result import FitResult, friction_table
 from fitting.solvers.problem import CURVE_QUANTITIES, make_problem
-from rubberfric.base import Progress, as_path, check_writable, write_durably
+from rubberfric.base import Progress, StrPath, as_path, check_writable, write_durably
 from rubberfric.commands import Interrupts
 from rubberfric.io import COLUMNS, read_names, toml
 from rubberfric.plot import plot_spectrum, save_figure
@@ -58,7 +58,9 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
         raise ValueError(
             f"--temperature has {len(given)} values for {len(arguments.data)} files; give one for each file"
         )
-    data: list[Any] = [_moduli(arguments, path, T) for path, T in zip(arguments.data, given, strict=True)]
+    data: list[Any] = [
+        read_response(arguments, path, T) for path, T in zip(arguments.data, given, strict=True)
+    ]
     temperatures = [T for one in data if one.temperature is not None for T in np.ravel(one.temperature)]
     options: dict[str, Any] = {"poisson": arguments.poisson or 0.5}
     texts, curve, moduli = [], None, data[0]
@@ -94,7 +96,9 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
     return _ended(arguments, show, texts, write, lambda: (series if curve is None else curve).plot())
 
 
-def _moduli(arguments, path, temperature):
+def read_response(
+    arguments: argparse.Namespace, path: StrPath, temperature: float | None = None
+) -> ModulusData | RelaxationData | CreepData:
     """Return the moduli over frequency, or the relaxation moduli or compliances over time, of a file."""
     options = reading_options(
         arguments, "columns", "poisson", "check_units", "bad_rows", "frequency", "block"
@@ -106,7 +110,7 @@ def _moduli(arguments, path, temperature):
         if not names & {_column(ModulusData), *ModulusData.others} and over_time:
             kind = over_time[0]
     data = read(path, temperature=temperature, kind=kind, **options)
-    assert isinstance(data, (ModulusData, *TRANSIENTS))
+    assert isinstance(data, ModulusData | RelaxationData | CreepData)
     return data
 
 
