@@ -77,6 +77,7 @@ COLUMNS = {
     "E_stor": Column("E_stor", units.PRESSURE),
     "E_loss": Column("E_loss", units.PRESSURE),
     "t": Column("t", units.TIME),
+    "t_step": Column("t", units.TIME, offered=False),
     "E_relax": Column("E_relax", units.PRESSURE),
     "D_creep": Column("D_creep", units.COMPLIANCE),
     "q": Column("q", units.WAVEVECTOR),
@@ -137,9 +138,10 @@ COLUMNS = {
 }
 
 _NAMES = {spelling: name for name, spellings in SPELLINGS.items() for spelling in spellings}
-# Set values, temperatures of a surface and times since the start of all steps, used if the column itself is
-# missing. The first one counts.
-SET_VALUES = {"f_set": "f", "T_set": "T", "T_surface": "T", "t_total": "t"}
+# Set values and temperatures of a surface, used if the column itself is missing. The first one counts.
+SET_VALUES = {"f_set": "f", "T_set": "T", "T_surface": "T"}
+# Columns that are used if there are others of their quantity, such as times since the start of a test.
+PREFERRED = ("t_step",)
 # Quantities that are measured over time.
 TRANSIENTS = ("E_relax", "D_creep", "G_relax", "J_creep")
 # Letters of quantities in tension and in shear, by the letter of a title that leaves this open.
@@ -286,18 +288,27 @@ def _is_unit(text: str) -> bool:
 
 
 def _is_time(text: str) -> bool:
-    return (_known(text) or _with_symbol(text)) in ("t", "t_total")
+    return (_known(text) or _with_symbol(text)) in ("t", "t_step")
 
 
 def _with_symbol(text: str) -> str | None:
-    """Return the known name in a text such as "Storage modulus (E')", where name and symbol agree."""
+    """Return the known name in "Storage modulus (E')" or "Storage modulus E'".
+
+    The result is None if name and symbol do not agree.
+    """
     bracket = _BRACKETS.fullmatch(text)
-    name, symbol = (_known(bracket[1]), _known(bracket[2])) if bracket else (None, None)
-    if name is None or symbol is None:
-        return None
-    return (
-        symbol if symbol in (name, SET_VALUES.get(name), *(generic_name(name, of) for of in "EG")) else None
-    )
+    for words in ((bracket[1], bracket[2]) if bracket else (), text.rpartition(" ")[::2]):
+        name, symbol = map(_known, words or ("", ""))
+        if name is not None and symbol is not None:
+            meanings = (name, generic_name(name, "E"), generic_name(name, "G"))
+            if symbol in meanings or quantity_of(symbol) == quantity_of(name):
+                return symbol
+    return None
+
+
+def quantity_of(name: str) -> str:
+    """Return the quantity of a column with a known name; other names are unchanged."""
+    return COLUMNS[name].name if name in COLUMNS else name
 
 
 def _known(text: str) -> str | None:

@@ -24,6 +24,7 @@ from rubberfric.base.atomic import StrPath, is_number
 from rubberfric.base.checks import shown
 from rubberfric.io.columns import (
     COLUMNS,
+    PREFERRED,
     SET_VALUES,
     is_foreign,
     is_unit,
@@ -215,8 +216,8 @@ def suggested_columns(text: str) -> str:
 def pick(table: TextTable, quantities: tuple[str, ...]) -> TextTable:
     """Return the table with only the columns of the given quantities.
 
-    If a quantity has measured values, its set values are left out. A ValueError is raised if two columns
-    disagree about a quantity.
+    If a quantity has measured values, its set values are left out, and `PREFERRED` columns replace others. A
+    ValueError is raised if two columns disagree about a quantity.
     """
     found: dict[str, list[tuple[int, str]]] = {}
     measured = {COLUMNS[name].name for name in table.names if name in COLUMNS}
@@ -226,6 +227,7 @@ def pick(table: TextTable, quantities: tuple[str, ...]) -> TextTable:
         if name in COLUMNS and COLUMNS[name].name in quantities:
             found.setdefault(COLUMNS[name].name, []).append((place, name))
     for quantity, places in found.items():
+        places[:] = [(place, name) for place, name in places if name in PREFERRED] or places
         if len(places) > 1 and not _agree(table, places):
             both = " and ".join(shown(table.titles[place]) for place, _ in places[:5])
             count = unlabelled_blocks([LabelledTitle(name, None) for name in table.names])

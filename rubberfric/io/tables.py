@@ -284,7 +284,7 @@ def column_hint(path: StrPath) -> str:
     else:
         return "; heights along lines: rubberfric.io.read_traces reads them"
     columns = suggested_columns(read_export(path))
-    if '"strain [' in columns:
+    if '"strain [' in columns and '"E_stor [' in columns:
         return '; a strain sweep: rubberfric.io.read_table(path, ["strain", "E_stor", "E_loss"]) reads it'
     advice = 'or name the columns, with "name [unit]" for each ? and "-" for one not read'
     return f"; {advice}: {columns}" if columns else ""

@@ -55,11 +55,11 @@ SPELLINGS = {
         "D_creep": "D(t); tensile creep compliance",
         "J_creep": "J(t); shear creep compliance",
         "N_creep": "creep compliance; kriechkomplianz; kriechnachgiebigkeit; complaisance de fluage",
-        "t": (
-            "step time; interval time; segment time; schrittzeit; abschnittszeit; temps d'intervalle; "
+        "t": "time; test time; elapsed time; zeit; versuchszeit; prüfzeit; temps; temps d'essai",
+        "t_step": (
+            "step time; interval time; segment time; t seg; schrittzeit; abschnittszeit; temps d'intervalle; "
             "durée de l'étape"
         ),
-        "t_total": "time; test time; elapsed time; zeit; versuchszeit; prüfzeit; temps; temps d'essai",
         "stress": (
             "stress; stress amplitude; dynamic stress; dyn stress; tensile stress; spannung; dyn spannung; "
             "spannungsamplitude; zugspannung; contrainte; contrainte dynamique; amplitude de contrainte"
@@ -85,8 +85,8 @@ SPELLINGS = {
         "bT": "vertical shift factor; vertikaler verschiebungsfaktor; facteur de translation verticale",
         "strain": (
             "strain; strain amplitude; strain dyn; dyn strain; dynamic strain; oscillation strain; "
-            "shear strain; dynamic strain amplitude; dehnung; dyn dehnung; dynamische dehnung; scherung; "
-            "dehnungsamplitude; deformation; deformationsamplitude; "
+            "shear strain; tensile strain; dynamic strain amplitude; dehnung; dyn dehnung; "
+            "dynamische dehnung; scherung; dehnungsamplitude; deformation; deformationsamplitude; "
             "scherdeformation; déformation; amplitude de déformation"
         ),
         "v": (

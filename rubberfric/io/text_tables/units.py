@@ -7,7 +7,7 @@ from rubberfric.base.units import ZERO_CELSIUS, hertz
 ONE = {"-": 1.0}  # factors, which are never in percent
 RATIO = {"-": 1.0, "%": 1e-2}  # friction, area, strain, relative errors
 FREQUENCY = {"Hz": hertz(1.0), "kHz": hertz(1e3), "MHz": hertz(1e6), "mHz": hertz(1e-3)}  # [rad/s]
-FREQUENCY |= {"rpm": hertz(1 / 60)}
+FREQUENCY |= {"rpm": hertz(1 / 60), "cpm": hertz(1 / 60)}
 ANGULAR = {"rad/s": 1.0}  # angular frequencies
 PSI = 6894.757293168361  # lbf/in^2 [Pa]
 PRESSURE = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5}  # pressures and moduli [Pa]
@@ -44,6 +44,7 @@ UNIT_SPELLINGS = {
     "MPa": ("N/mm2", "N mm-2", "MN/m2"),
     "kPa": ("kN/m2",),
     "kgf/cm2": ("kp/cm2", "kg/cm2"),
+    "cpm": ("CPM", "cycles/min", "1/min"),
     "rpm": ("rev/min", "r/min", "U/min", "tr/min"),
     "Pa": ("N/m2", "N m-2"),
     **{f"{of}N m": (f"{of}Nm", f"{of}N*m") for of in ("", "k")},

@@ -71,11 +71,13 @@ def test_shear_compliances_need_the_poisson_ratio(tmp_path):
 @pytest.mark.parametrize(
     ("title", "name", "unit"),
     [
-        ("Time (s)", "t_total", "s"),
-        ("Step time [min]", "t", "min"),
+        ("Time (s)", "t", "s"),
+        ("Step time [min]", "t_step", "min"),
         ("time (t) / s", "t", "s"),
-        ("Zeit in h", "t_total", "h"),
-        ("Relaxation modulus E(t) [MPa]", None, None),
+        ("Zeit in h", "t", "h"),
+        ("Relaxation modulus E(t) [MPa]", "E_relax", "MPa"),
+        ("Module de perte G'' (Pa)", "G_loss", "Pa"),
+        ("Loss modulus E' (Pa)", None, None),
         ("Relaxation modulus (E(t)) [MPa]", "E_relax", "MPa"),
         ("G(t) [Pa]", "G_relax", "Pa"),
         ("Relaxationsmodul/MPa", "E_relax", "MPa"),
