@@ -5,6 +5,7 @@
 The keys, columns and units are taken from the code.
 """
 
+import csv
 import dataclasses
 import itertools
 import typing
@@ -31,6 +32,8 @@ from rubberfric.scene.scene import Body, Scene
 
 HERE = Path(__file__).parent
 INTRODUCTION = HERE / "formats_introduction.md"
+# Formats of other programs: format, program, what is read, asserted number, test, document.
+PROGRAMS_TABLE = HERE / "programs.csv"
 # Parts of a scene file: heading, key, class or role.
 PLACES = (
     ("The file itself", "", Scene),
@@ -49,7 +52,39 @@ OTHERS = ("heating", "softening", "adhesion", "correlation", "thermal", "patch")
 def document() -> str:
     """Return the page."""
     introduction = INTRODUCTION.read_text(encoding="utf-8").rstrip()
-    return "\n\n".join([introduction, _columns(), _units(), _scenes(), _jobs(), _results()]) + "\n"
+    parts = [introduction, _programs(), _columns(), _units(), _scenes(), _jobs(), _results()]
+    return "\n\n".join(parts) + "\n"
+
+
+def programs() -> list[dict[str, str]]:
+    """Return the rows of the table of formats of other programs."""
+    with open(PROGRAMS_TABLE, encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def _test(row):
+    return _code(row["test"].split("::")[1])
+
+
+def _programs():
+    rows = [
+        (
+            row["format"],
+            row["program"],
+            row["read"],
+            row["number"],
+            _code(row["test"].split("::")[1]),
+            row["document"],
+        )
+        for row in programs()
+    ]
+    headings = ("format", "program", "what is read", "asserted number", "test", "document")
+    return (
+        "## Files of instruments and programs\n\nA test asserts the number in the fourth column. Its files"
+        " imitate the titles, units and separators of the programs; they are not files of the manufacturers."
+        " The document defines the quantities or shows the format. Other files are read if their columns have"
+        " a name below, or with `columns=[...]`.\n\n" + _table(headings, rows)
+    )
 
 
 def _table(headings, rows):
@@ -179,7 +214,11 @@ def _results():
         " `poisson` and `shift`.\n"
         "- Moduli at several temperatures become the vertical shift of the WLF shift. The material is then"
         " defined between the temperatures of the cards. Without a WLF shift, these cards are refused.\n"
-        "- Hyperelastic cards are read with their moduli at small strain.\n"
+        "- Hyperelastic cards are read with their moduli at small strain. `hyperelastic=True` writes"
+        " neo-Hookean cards for Abaqus and ANSYS.\n"
+        "- `write_prony` writes a vertical shift as rows over temperature for Abaqus and ANSYS; `temperature`"
+        " is their range. With `shift=False`, `temperature` is the temperature of the cards. `rubberfric-fit"
+        " cards` writes cards of a scene, a fit or a table.\n"
         "- Cards that would change the modulus and are not read are refused: anisotropic moduli, field"
         " variables, parameters, included files, damping. Units in /BEGIN and in the comments of"
         " `write_prony` must agree with `unit_stress`. Times are in s.\n"

@@ -113,7 +113,7 @@ COLUMNS = {
     "log10_p": _log10("p", units.PRESSURE),
     **{
         name: Column(name, units.PRESSURE, offered=False)
-        for name in ("E_comp", "G_stor", "G_loss", "G_comp", "G_relax", "stress", "shear_stress")
+        for name in ("E_comp", "G_stor", "G_loss", "G_comp", "G_relax", "E_stress", "G_stress")
     },
     **{
         f"{letter}_{part}": Column(f"{letter}_{part}", units.COMPLIANCE, offered=False)
@@ -171,8 +171,8 @@ _SUFFIXES = {
 }
 _SUFFIX = re.compile(rf"(.+?)_({'|'.join(_SUFFIXES)})", re.IGNORECASE)
 _BRACKETS = re.compile(r"(.+?)\s*[\[(]([^\[\]()]*(?:\([^()]*\))?)[\])]")
-# Between a name and a unit, as in "E'/MPa", "Temp., °C", "E' in MPa" and "Freq Hz".
-_BETWEEN = re.compile(r"\s*/\s*|,\s*|\s+in\s+|\s+")
+# Between a name and a unit, as in "E'/MPa", "Temp., °C", "E' in MPa", "E' en MPa" and "Freq Hz".
+_BETWEEN = re.compile(r"\s*/\s*|,\s*|\s+(?:in|en)\s+|\s+")
 
 
 def quantities_of(names: Iterable[str | None]) -> list[str]:
@@ -262,13 +262,16 @@ def known_unit(unit: str | None, name: str | None) -> str:
 
 
 def settled_axis(name: str | None, unit: str | None) -> str | None:
-    """Return the name of a wavevector column after its unit: n for cycles/m, q for a wavenumber in rad/m.
+    """Return the name of an abscissa after its unit.
 
-    A column n whose unit is no spatial frequency, such as a counter, is unknown. Other names are unchanged.
+    A frequency in rad/s is omega. A wavevector in cycles/m is n, and a wavenumber in rad/m is q. A column n
+    whose unit is no spatial frequency, such as a counter, is unknown. Other names are unchanged.
     """
+    plain = known_unit(unit, name)
+    if name == "f":
+        return "omega" if plain in units.ANGULAR else "f"
     if name not in ("q", "k", "wavenumber", "n"):
         return name
-    plain = known_unit(unit, name)
     if plain.startswith("cycles/"):
         return "n"
     if "rad" in (unit or ""):

@@ -51,3 +51,12 @@ def test_the_way_runs_on_what_a_laboratory_exports(tmp_path, monkeypatch):
     exec(textwrap.dedent(snippet[1]), found)
     assert found["series"].material.shift == found["curve"].shift
     assert found["softening"].storage[-1] < 0.3
+
+
+def test_every_format_of_a_program_has_a_test_and_a_document():
+    rows = formats.programs()
+    assert len(rows) >= 25
+    for row in rows:
+        path, function = row["test"].split("::")
+        assert f"def {function}(" in (ROOT / path).read_text(encoding="utf-8"), row["test"]
+        assert all(row.values()), row

@@ -58,7 +58,7 @@ RELATIONS = (
     ),
     *(
         relation
-        for m, D, stress in (("E", "D", "stress"), ("G", "J", "shear_stress"))
+        for m, D, stress in (("E", "D", "E_stress"), ("G", "J", "G_stress"))
         for relation in (
             Relation(f"{m}_stor", (f"{D}_stor", f"{D}_loss"), _inverse),
             Relation(f"{m}_loss", (f"{D}_loss", f"{D}_stor"), _inverse),
@@ -171,7 +171,7 @@ def with_derived(
     ValueError : a constant is missing or invalid, or the normal force changes its sign
     """
     constants = {}
-    shear = [name for name in table if name.startswith(("G_", "J_")) or name == "shear_stress"]
+    shear = [name for name in table if name.startswith(("G_", "J_"))]
     if any(relation.constant == "poisson" for relation in plan.relations):
         if poisson is None:
             raise ValueError(

@@ -17,8 +17,8 @@ SPELLINGS = {
             "verlustschubmodul; module de perte en cisaillement"
         ),
         "G_comp": (
-            "|G*|; G*; complex shear modulus; dynamic shear modulus; komplexer schubmodul; "
-            "module de cisaillement complexe; module complexe de cisaillement"
+            "|G*|; G*; shear modulus (complex component); complex shear modulus; dynamic shear modulus; "
+            "komplexer schubmodul; module de cisaillement complexe; module complexe de cisaillement"
         ),
         "M_stor": (
             "M'; storage modulus; elastic modulus; speichermodul; module de conservation; "
@@ -55,17 +55,21 @@ SPELLINGS = {
         "D_creep": "D(t); tensile creep compliance",
         "J_creep": "J(t); shear creep compliance",
         "N_creep": "creep compliance; kriechkomplianz; kriechnachgiebigkeit; complaisance de fluage",
-        "t": "time; test time; elapsed time; zeit; versuchszeit; prüfzeit; temps; temps d'essai",
+        "t": (
+            "time; time (sequence); test time; elapsed time; zeit; versuchszeit; prüfzeit; temps; "
+            "temps d'essai"
+        ),
         "t_step": (
-            "step time; interval time; segment time; t seg; schrittzeit; abschnittszeit; temps d'intervalle; "
-            "durée de l'étape"
+            "step time; interval time; segment time; time (action); t seg; schrittzeit; abschnittszeit; "
+            "temps d'intervalle; durée de l'étape"
         ),
-        "stress": (
-            "stress; stress amplitude; dynamic stress; dyn stress; tensile stress; spannung; dyn spannung; "
-            "spannungsamplitude; zugspannung; contrainte; contrainte dynamique; amplitude de contrainte"
+        "M_stress": (
+            "stress; stress amplitude; dynamic stress; dyn stress; oscillation stress; spannung; "
+            "dyn spannung; spannungsamplitude; contrainte; contrainte dynamique; amplitude de contrainte"
         ),
-        "shear_stress": (
-            "shear stress; oscillation stress; schubspannung; scherspannung; contrainte de cisaillement"
+        "E_stress": "tensile stress; zugspannung; contrainte de traction",
+        "G_stress": (
+            "shear stress; complex shear stress; schubspannung; scherspannung; contrainte de cisaillement"
         ),
         "tan_del": (
             "tan(delta); tan delta; tan(\u03b4); tan \u03b4; tan d; tan(d); tand; loss factor; "
@@ -85,9 +89,9 @@ SPELLINGS = {
         "bT": "vertical shift factor; vertikaler verschiebungsfaktor; facteur de translation verticale",
         "strain": (
             "strain; strain amplitude; strain dyn; dyn strain; dynamic strain; oscillation strain; "
-            "shear strain; tensile strain; dynamic strain amplitude; dehnung; dyn dehnung; "
-            "dynamische dehnung; scherung; dehnungsamplitude; deformation; deformationsamplitude; "
-            "scherdeformation; déformation; amplitude de déformation"
+            "shear strain; complex shear strain; tensile strain; dynamic strain amplitude; dehnung; "
+            "dyn dehnung; dynamische dehnung; scherung; dehnungsamplitude; deformation; "
+            "deformationsamplitude; scherdeformation; déformation; amplitude de déformation"
         ),
         "v": (
             "velocity; sliding velocity; speed; sliding speed; geschwindigkeit; gleitgeschwindigkeit; "

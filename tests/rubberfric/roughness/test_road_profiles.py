@@ -143,4 +143,4 @@ def test_report_of_a_road():
     assert found.resolved().q1 > 2e4
     text = found.report()
     assert "rms slope along the profile 2.82" in text
-    assert "rms slope 1.3, as usual for rubber on roads, at q1 = 2433 1/m" in text
+    assert "rms slope 1.3, as usual for rubber on roads, at q1 = 3013 1/m" in text

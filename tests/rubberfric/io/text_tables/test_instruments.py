@@ -1,4 +1,4 @@
-"""Exports in the styles of fifteen instruments, with column names of their manuals.
+"""Exports in the styles of fifteen instruments and of RepTate.
 
 All files hold E' = 4 and 8 MPa, E'' = 3 and 6 MPa at 1 and 10 Hz and 20 °C, or a third of these moduli in
 shear, or E(t) = 6 and 3 MPa at 1 and 2 s.
@@ -133,7 +133,7 @@ def test_sweep_with_the_columns_of_the_message(tmp_path):
     columns = json.loads(refused(path, lambda: fitting.read(path)).rpartition("columns=")[2])
     assert columns == ["?", "f [Hz]", "?", "strain [%]", "delta [deg]", "T [°C]"]
     path = put(tmp_path, path.read_text().replace("0.01,", "0.005,").replace("0.02,", "0.01,"))
-    given = ["-", "f [Hz]", "stress [MPa]", "strain [%]", "delta [deg]", "T [°C]"]
+    given = ["-", "f [Hz]", "E_stress [MPa]", "strain [%]", "delta [deg]", "T [°C]"]
     data = fitting.read(path, columns=given, kind="modulus")
     np.testing.assert_allclose([data.storage, data.loss], [[4e6, 8e6], [3e6, 6e6]], rtol=1e-6)
 
@@ -150,8 +150,48 @@ RELAXATIONS = {
         "1,5,60,0.6,10\n2,5,30,0.3,10\n",
         {"kind": "relaxation"},
     ),
+    "TA TRIOS, stress and strain": (
+        "[step]\nStress relaxation - 1\nTime\tStep time\tStress\tStrain\tTemperature\ns\ts\tPa\t%\t°C\n"
+        "101\t1\t20000\t1\t20\n102\t2\t10000\t1\t20\n",
+        SHEAR | {"kind": "relaxation"},
+    ),
+    "Malvern rSpace": (
+        "Action Name;Time (sequence)(s);Time (action)(s);Shear stress(Pa);Shear strain(%);Temperature(°C)\n"
+        "Relaxation;101,0;1,000;20000;1,0;20,0\nRelaxation;102,0;2,000;10000;1,0;20,0\n",
+        SHEAR | {"kind": "relaxation"},
+    ),
+    "HAAKE RheoWin, French": ("t en s;t_seg en s;G(t) en Pa\n11;1;2000000\n12;2;1000000\n", SHEAR),
     "HAAKE RheoWin": ("t in s;t_seg in s;G(t) in Pa\n11;1;2000000\n12;2;1000000\n", SHEAR),
 }
+
+
+REPTATE_SWEEP = """T=20;Mw=94.9;chem=PI;label=PI88k;PDI=1.03;
+Freq\t    G'\t        G"\t        Temp\t    Strain
+rad/s\t    Pa\t        Pa\t        °C\t        %\t
+100       3.4801E5    70871       20.0     0.96734
+68.129    3.328E5     70723       20.0     0.96362
+"""
+REPTATE_CREEP = """stress=10;chem=PE;label=CM3;T=150;
+t\t    strain\t    stress\tT
+s\t    -\t        Pa\t    C
+1\t1.5E-5\t10\t    149.9
+10\t3E-5\t10\t    149.9
+"""
+
+
+def test_files_of_reptate(tmp_path):
+    """The examples of its manual: frequencies in rad/s, and creep as strain and stress in shear."""
+    data = fitting.read(put(tmp_path, REPTATE_SWEEP), poisson=0.5)
+    np.testing.assert_allclose([data.omega, data.storage], [[100, 68.129], [3 * 3.4801e5, 3 * 3.328e5]])
+    data = fitting.read(put(tmp_path, REPTATE_CREEP), poisson=0.5, kind="creep")
+    np.testing.assert_allclose([data.time, data.compliance], [[1, 10], [5e-7, 1e-6]], rtol=1e-12)
+
+
+def test_a_frequency_in_rad_per_second_is_angular(tmp_path):
+    data = fitting.read(put(tmp_path, "Frequency [rad/s];E' [MPa];E'' [MPa]\n2;4;3\n"))
+    np.testing.assert_allclose(data.omega, [2.0])
+    path = put(tmp_path, "Angular frequency [Hz];E' [MPa];E'' [MPa]\n2;4;3\n")
+    assert "unit 'Hz': must be one of rad/s" in refused(path, lambda: fitting.read(path))
 
 
 @pytest.mark.parametrize("instrument", RELAXATIONS)

@@ -6,6 +6,7 @@ import numpy as np
 
 import fitting
 import rubberfric as rf
+from fitting.commands.main import main
 
 SCENE = """
 [lower]
@@ -39,7 +40,7 @@ relative = 0.03
 """
 
 
-def test_a_wheel_tester(call, tmp_path, monkeypatch):
+def test_a_wheel_tester(call_main, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("tyre.toml").write_text(SCENE)
     Path("job.toml").write_text(JOB)
@@ -50,7 +51,9 @@ def test_a_wheel_tester(call, tmp_path, monkeypatch):
     ]
     titles = "slip angle [deg],speed [km/h],load [kN],side force [kN]"
     Path("drum.csv").write_text("\n".join([titles, *rows]))
-    status, printed, complaint = call("job.toml", "--out", "fit.h5", "--plot", "fit.png", "--no-cache")
+    status, printed, complaint = call_main(
+        main, "job.toml", "--out", "fit.h5", "--plot", "fit.png", "--no-cache"
+    )
     assert (status, complaint) == (0, "")
     assert "1: force, 10 points: 10 values" in printed
     fitted = fitting.FitResult.load("fit.h5").scene
