@@ -1,6 +1,6 @@
 """Members of an ensemble, which are many fits of one structure, and the results of their runs.
 
-Members differ in their start, their data, or their fixed parameters. All share one compiled step, the
+Members differ in their start, their data, or their fixed parameters. All share the compiled functions, the
 conditions and the constants. `fitting.run_ensemble` runs them.
 
 Files of an `EnsembleResult`::
