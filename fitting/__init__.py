@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from fitting.characterise.softening import softening_from_sweep as softening_from_sweep
     from fitting.characterise.spectrum import SpectrumFit as SpectrumFit
     from fitting.characterise.spectrum import fit_spectrum as fit_spectrum
+    from fitting.data.averages import average as average
     from fitting.data.files import read as read
     from fitting.data.files import write as write
     from fitting.data.kinds import AreaData as AreaData

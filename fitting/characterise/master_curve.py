@@ -3,12 +3,13 @@
 import dataclasses
 import functools
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import BSpline, PchipInterpolator
 
 import rubberfric as rf
-from fitting.characterise.master_report import Fall, largest_fall, report_of
+from fitting.characterise.master_report import Fall, labelled_part, largest_fall, report_of
 from fitting.characterise.pictures import plot_master_curve
 from fitting.characterise.shift_laws import ShiftLaw, arrhenius_through, wlf_through
 from fitting.characterise.sweep_shifts import ENTROPIC, Shifts, shifts_of
@@ -152,6 +153,14 @@ class MasterCurve:
         for i in np.delete(np.unique(self.of_sweep), self.reference):
             log_b[i] += change[:, self.of_sweep == i].mean()
         return rf.TabulatedVertical(self.T, np.exp(log_b))
+
+    def to_dataframe(self, part: str = "curve") -> Any:
+        """Return the "curve" or the "shifts" as a pandas.DataFrame, see `master_report.labelled_part`."""
+        return labelled_part(self, part).to_dataframe()
+
+    def to_xarray(self, part: str = "curve") -> Any:
+        """Return the "curve" over omega, or the "shifts" over T, as an xarray.Dataset."""
+        return labelled_part(self, part).to_xarray()
 
     def as_prior(self, body: str = "lower", widen: float = 1.0) -> dict[str, Prior]:
         """Return the fitted `shift` and its covariance as the `prior` of another fit.

@@ -1,4 +1,4 @@
-"""Report on a master curve: shifts, laws, and signs that the sweeps do not superpose."""
+"""Report on a master curve: shifts, laws, signs that the sweeps do not superpose, and data frames."""
 
 from typing import Any, NamedTuple
 
@@ -7,6 +7,7 @@ from scipy.interpolate import BSpline
 from scipy.optimize import brentq
 
 from fitting.characterise.sweep_shifts import ENTROPIC
+from rubberfric.base import Labelled, LabelledArrays, shown
 
 # Largest error of temperatures that is considered as the reason of a misfit [K].
 _WARMEST = 5.0
@@ -179,3 +180,37 @@ def _advised(curve):
     if not curve.shifts.scaled:
         return None
     return "entropic" if np.linalg.norm(seen - entropic) < 0.5 * np.linalg.norm(seen) else "free"
+
+
+def labelled_part(curve: Any, part: str) -> LabelledArrays:
+    """Return a part of a master curve as arrays with units, for data frames.
+
+    Parameters
+    ----------
+    part : "curve": omega, E_stor and E_loss at T_ref, T_sweep and the residuals of every point
+        "shifts": T, aT, bT, and the standard errors of ln a_T and ln b_T, for every sweep
+
+    Raises
+    ------
+    ValueError : unknown part
+    """
+    if part not in ("curve", "shifts"):
+        raise ValueError(f"part = {shown(part)}: must be 'curve' or 'shifts'")
+    attributes = {"T_ref": curve.T_ref}
+    if part == "shifts":
+        quantities = {
+            "aT": Labelled(np.exp(curve.log_aT), "-"),
+            "bT": Labelled(np.exp(curve.log_bT), "-"),
+            "aT_relative_error": Labelled(curve.stderr, "-"),
+            "bT_relative_error": Labelled(curve.stderr_bT, "-"),
+        }
+        return LabelledArrays({"T": Labelled(curve.T, "K")}, quantities, ("T",), attributes)
+    quantities = {
+        "E_stor": Labelled(curve.data.storage, "Pa"),
+        "E_loss": Labelled(curve.data.loss, "Pa"),
+        "T_sweep": Labelled(curve.T[curve.of_sweep], "K"),
+        "E_stor_residual": Labelled(curve.residuals[0], "-"),
+        "E_loss_residual": Labelled(curve.residuals[1], "-"),
+    }
+    omega = {"omega": Labelled(curve.data.omega, "rad/s")}
+    return LabelledArrays(omega, quantities, ("omega",), attributes)

@@ -99,6 +99,7 @@ def _add_response(parser: Parser) -> None:
 
 
 _BODIES = ("lower", "upper")
+_SWITCH: dict[str, Any] = {"action": "store_const", "const": True}
 # Options for reading data: keyword arguments of `fitting.read`, and keys of [[data]] in a job.
 READING: dict[str, dict[str, Any]] = {
     "pressure": {"type": float, "metavar": "Pa", "help": "used if the data lack it [Pa]"},
@@ -130,6 +131,10 @@ READING: dict[str, dict[str, Any]] = {
     "area": {"type": float, "metavar": "m2", "help": "contact area, for loads instead of pressures [m^2]"},
     "frequency": {"type": float, "metavar": "Hz", "help": "used if the data lack it [Hz]"},
     "block": {"type": int, "metavar": "N", "help": "block of columns to read, from 1, if titles are equal"},
+    "zero": _SWITCH | {"help": "subtract the readings without load before and after a run from the forces"},
+    "discard": {"metavar": "START", "help": 'start of each section to leave out: "10 mm", "2 s" or settling'},
+    "fold": _SWITCH | {"help": "combine both directions of reciprocating runs"},
+    "average": _SWITCH | {"help": "average runs at equal conditions, with their scatter as error"},
 }
 
 

@@ -10,7 +10,9 @@
     pressure = 1e5                      # and temperature, relative, body, name, if the file lacks them;
                                         # normalisation, hurst of a spectrum; poisson, columns, kind of a
                                         # table as other programs write it, area, frequency, block,
-                                        # check_units = false, bad_rows, see `fitting.read`
+                                        # check_units = false, bad_rows, see `fitting.read`;
+                                        # zero, discard, fold, average of runs; with average = true,
+                                        # file may be a list of files with a run each
     ...
 
     [scenes.R20]                        # instead of scene and data: several scenes, which share parameters
@@ -60,6 +62,7 @@ import numpy as np
 
 import rubberfric as rf
 from fitting.budget.changes import Sizes
+from fitting.data.averages import average
 from fitting.data.files import read
 from fitting.data.measured import Measured
 from fitting.parameters.constraints import CONSTRAINTS, Constraint
@@ -75,8 +78,9 @@ RULE_KEYS = ("rule", *dict.fromkeys(f.name for cls in FILE_RULES.values() for f 
 PRIOR_KEYS = ("mean", "sigma", "smooth", "low", "high")
 FIT_KEYS = ("file", "body", "widen")
 CONDITIONS = ("pressure", "temperature", "relative", "hurst", "poisson", "area", "frequency")
-TEXTS = ("body", "normalisation", "kind", "bad_rows")
-EXTRA = ("columns", "check_units", "block", "name")
+TEXTS = ("body", "normalisation", "kind", "bad_rows", "discard")
+AS_THEY_ARE = ("columns", "check_units", "block", "zero", "fold", "average")  # `fitting.read` checks them
+EXTRA = (*AS_THEY_ARE, "name")
 REALS = ("loss_width", "decades", "tolerance", "further_time")  # may be integers in TOML
 
 
@@ -174,12 +178,25 @@ def _data(path, key, content):
     toml.check_keys(path, key, content, ("file", *CONDITIONS, *TEXTS, *EXTRA), ("file",))
     given = {name: _one(path, f"{key}.{name}", content[name]) for name in CONDITIONS if name in content}
     given |= {name: _text(path, f"{key}.{name}", content[name]) for name in TEXTS if name in content}
-    given |= {name: content[name] for name in ("columns", "check_units", "block") if name in content}
-    data = _read(path, f"{key}.file", content["file"], lambda file: read(file, **given))
+    given |= {name: content[name] for name in AS_THEY_ARE if name in content}
+    files = content["file"]
+    if isinstance(files, list):
+        data = _mean_of_files(path, key, files, given)
+    else:
+        data = _read(path, f"{key}.file", files, lambda file: read(file, **given))
     if "name" in content:
         name = _text(path, f"{key}.name", content["name"])
         data = dataclasses.replace(data, name=name, check_units=False)
     return data
+
+
+def _mean_of_files(path, key, files, given):
+    """Return the mean of the runs in several files, which are read with the options `given`."""
+    if given.get("average") is not True:
+        raise ValueError(f"{path}: {key}.file = {shown(files)}: must be one file, or average = true")
+    runs: Any = [_read(path, f"{key}.file", file, lambda file: read(file, **given)) for file in files]
+    with about(f"{path}: {key}.file"):
+        return average(runs)
 
 
 def _check_paths(path, table, content, keys):

@@ -4,7 +4,9 @@ A CSV table has two header rows, names and units (`rubberfric.io.tables`). Its c
 data:
 
     friction   v | log10_v, mu, and if known  sigma | relative_sigma, p, T
-               F_t, F_n: mu = |F_t| / |F_n| and p = |F_n| / area; v_travel, slip_angle: v of a rolling wheel
+               F_t, F_n: mu = |F_t| / |F_n| and p = |F_n| / A, with a column A or the argument area
+               v_travel, slip_angle, slip_ratio: v of a rolling wheel
+               t, x: time and position of records, see `fitting.data.records`
     area       v | log10_v, A_over_A0,        sigma | relative_sigma, p, T
     modulus    omega | f, E_stor, E_loss,     sigma_stor, sigma_loss | relative_sigma, T
                E_comp with delta or tan_del, compliances D_stor ..., and shear moduli with `poisson`
@@ -32,8 +34,10 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitting.data.kinds import KINDS, TRANSIENTS, SpectrumData
+from fitting.data.averages import average as mean_of_runs
+from fitting.data.kinds import KINDS, TRANSIENTS, FrictionData, SpectrumData
 from fitting.data.measured import DATA_FORMAT, Measured
+from fitting.data.records import Steps, read_record
 from fitting.data.slip import MomentData, SlipData, with_sign_of_slip
 from rubberfric.base import (
     FINITE,
@@ -49,6 +53,8 @@ from rubberfric.base import (
 )
 from rubberfric.io import (
     COLUMNS,
+    Frame,
+    as_source,
     column_hint,
     hdf5,
     read_density,
@@ -66,7 +72,7 @@ from rubberfric.roughness import (
 
 
 def read(
-    path: StrPath,
+    path: StrPath | Any,
     *,
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
@@ -82,12 +88,19 @@ def read(
     area: float | None = None,
     frequency: float | None = None,
     block: int | None = None,
+    zero: bool = False,
+    discard: str | None = None,
+    fold: bool = False,
+    average: bool = False,
 ) -> Measured:
-    """Read measured data from a table (.csv, .txt, .tsv, .dat, and .xlsx with openpyxl) or an .h5 file.
+    """Read measured data from a table, an .h5 file or a data frame.
+
+    Tables are .csv, .txt, .tsv, .dat, and .xlsx with openpyxl.
 
     Parameters
     ----------
-    path : path of the file
+    path : path of the file, or a data frame of pandas, polars, xarray or pyarrow, or a mapping
+        A data frame has the same titles as a table. `rubberfric.io.as_frame(frame, units)` adds units.
     pressure, temperature, body, relative : as in the constructors
         Values that the file lacks. Friction and area need a pressure [Pa], in the file or here. A CSV file
         never contains the body.
@@ -116,28 +129,54 @@ def read(
     frequency : frequency [Hz] of all moduli, if the table has no column of frequencies
         None: the frequency that the lines above the table state, such as "Frequency: 10 Hz".
     block : number of the block of columns, from 1, if the table has several blocks with equal titles
+    zero : bool
+        True subtracts the drift of load cells from the forces of a record: a line through the readings
+        without load before and after the run.
+    discard : "10 mm", "2 s" or "settling": the start of each section of a record is left out
+        A section has one direction and one velocity. "settling" is the part before mu settles.
+    fold : bool
+        True combines both directions of reciprocating runs, so that a misalignment cancels. The hysteresis
+        is the error.
+    average : bool
+        True averages the sections of a record and equal conditions, see `fitting.average`. The errors follow
+        from the scatter of repeated conditions.
 
     Returns
     -------
     Data of the class in `fitting.data.kinds.KINDS` that the columns of a table or the kind in an HDF5 file
     determine. Forces and moments that all have the opposite sign of the slip are reversed. Numbers written by
-    `write` are read back to the last bit. Only .h5 files keep `name`.
+    `write` are read back to the last bit. Only .h5 files keep `name` and `history`, which states how
+    quantities were computed from columns, and the effects of `zero`, `discard`, `fold` and `average`
+    (`fitting.data.records`).
 
     Raises
     ------
     ValueError
         The message is one line that names the file, the fault and the rule. An argument that the file already
         contains, or that its kind of data does not have, is an error as well.
+
+    Examples
+    --------
+    >>> run = {"v [mm/s]": [5, 5, -5, -5], "Fn [N]": [100] * 4, "Ft [N]": [82, 82, -78, -78]}
+    >>> data = fitting.read(run, area=4e-4, fold=True)
+    >>> data.friction, data.pressure, data.sigma
+    (array([0.8]), array([250000.]), array([0.02]))
     """
-    path = as_path(path)
+    source = as_source(path)
+    is_file = not isinstance(source, Frame)
+    path = as_path(source) if is_file else source
+    steps = Steps(zero, discard, fold, average)
+    steps.check(str(path))
     given = _present(pressure=pressure, temperature=temperature, body=body, relative=relative)
     scaling = _present(normalisation=normalisation, hurst=hurst)
     layout = _present(columns=columns, poisson=poisson, area=area, block=block)
-    if path.suffix.lower() == ".h5":
+    if is_file and path.suffix.lower() == ".h5":
+        _refuse(path, steps.given(), "it is for tables")
         _refuse(path, layout | _present(frequency=frequency, kind=kind), "it is for tables")
         _refuse(path, scaling, "it is for CSV spectra")
         return _read_hdf5(path, given)
-    _check_suffix(path)
+    if is_file:
+        _check_suffix(path)
     if pressure is not None:
         _refuse(path, _present(area=area), "pressure is given, too")
     _check_numbers(path, _present(poisson=poisson, area=area, frequency=frequency, hurst=hurst))
@@ -146,26 +185,37 @@ def read(
     needed = tuple(names[name] for name in cls.needed() if name not in ("pressure", "omega"))
     optional = tuple(column for column in names.values() if column not in needed)
     layout["bad_rows"] = bad_rows
+    history: list[str] = []
+    if any(steps):
+        if cls is not FrictionData:
+            _refuse(path, steps.given(), f"{cls.quantity} data have none")
+        path = read_record(path, steps, layout, history)
+        layout = _present(area=area, bad_rows=bad_rows)
     if cls is SpectrumData:
         table = _read_spectrum(path, optional, normalisation, hurst, layout)
     else:
         _refuse(path, scaling, "it is for CSV spectra")
-        table = read_table(path, needed, optional, increasing=False, **layout)
+        table = read_table(path, needed, optional, increasing=False, history=history, **layout)
     values = {name: table[column] for name, column in names.items() if column in table}
-    if frequency is not None:
-        if "omega" not in names or "omega" in values:
-            why = "the file has it" if "omega" in values else f"{cls.quantity} data have none"
-            _refuse(path, {"frequency": frequency}, why)
-        given["omega"] = 2 * np.pi * frequency
-    elif "omega" in names and "omega" not in values:
-        given |= _present(omega=stated_frequency(path))
+    values = with_sign_of_slip(cls, values, history) if cls in (SlipData, MomentData) else values
+    given |= _omega_of_all(path, cls, values, frequency)
     _check_conditions(path, cls, {*values, *given}, layout)
-    if cls in (SlipData, MomentData):
-        values = with_sign_of_slip(cls, values)
     try:
-        return _made(cls, values, given, check_units)
+        data = _made(cls, values, given | {"history": tuple(history)}, check_units)
+        return mean_of_runs(data) if isinstance(data, FrictionData) and average else data
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _omega_of_all(path, cls, values, frequency):
+    """Return {"omega": one angular frequency} if `frequency` or the lines above a table state it, or {}."""
+    known = "omega" in cls.fields() and "omega" not in values
+    if frequency is None:
+        return _present(omega=stated_frequency(path)) if known and not isinstance(path, Frame) else {}
+    if not known:
+        why = "the file has it" if "omega" in values else f"{cls.quantity} data have none"
+        _refuse(path, {"frequency": frequency}, why)
+    return {"omega": 2 * np.pi * frequency}
 
 
 def _check_suffix(path):
@@ -224,8 +274,10 @@ def read_group(group: h5py.Group | h5py.Dataset | h5py.Datatype, **given: Any) -
         raise ValueError(f"{group.name}: kind = {kind!r}: {closest(kind, tuple(KINDS))}")
     cls = KINDS[kind]
     texts = _arguments(cls) & {"name", "body"}
-    hdf5.check_names(group, cls.fields(), ("kind", *sorted(texts)))
+    hdf5.check_names(group, (*cls.fields(), "history"), ("kind", *sorted(texts)))
     values = {name: hdf5.plain(group.attrs[name]) for name in texts if name in group.attrs}
+    if "history" in group:
+        values["history"] = hdf5.read_texts(group, "history")
     for name, about in cls.fields().items():
         if name in group or name in cls.needed():
             values[name] = hdf5.read_values(group, name, about.unit)
@@ -308,7 +360,7 @@ def _kind(path, columns, poisson, kind, block, presses):
     }
     given = {COLUMNS[name].name for name in names if name in COLUMNS}
     slips, speeds = given & {"slip_angle", "slip_ratio"}, given & {"v", "v_travel"}
-    if slips and speeds and {"F_n", "F_t"} <= given and not (presses or given & {"mu", "p"}):
+    if slips and speeds and {"F_n", "F_t"} <= given and not (presses or given & {"mu", "p", "A"}):
         return SlipData
     found = {cls for column, cls in telling.items() if column in given}
     if "F_t" in given:  # the force comes before the moment, which `kind` chooses

@@ -55,6 +55,8 @@ class FrictionData(Measured):
     relative : standard deviation of ln(friction), > 0 [-], or None
         0.03 stands for 3 %. Give either `relative` or `sigma`. If both are None, the errors are unknown.
     name : text on one line, for reports and legends
+    history : tuple of texts on one line, which describe how the data were computed from a file
+        `fitting.read` fills it. Reports, HTML and files contain it.
     check_units : bool
         False accepts values that look like values in another unit.
 
@@ -87,7 +89,7 @@ class AreaData(Measured):
     area : real contact area divided by nominal contact area, 0 < A/A0 <= 1 [-]
         check_units=False accepts values outside this range, because noise may cause them.
     sigma : standard deviation of `area`, > 0 [-], or None
-    pressure, temperature, relative, name, check_units : as in `FrictionData`
+    pressure, temperature, relative, name, history, check_units : as in `FrictionData`
     """
 
     quantity: ClassVar[str] = "area"
@@ -115,7 +117,7 @@ class ModulusData(Measured):
     relative : standard deviation of ln E' and of ln E'', > 0 [-], or None
     body : "lower", "upper" or None
         Body of the scene that has this material.
-    name, check_units : as in `FrictionData`
+    name, history, check_units : as in `FrictionData`
 
     Notes
     -----
@@ -154,7 +156,7 @@ class SpectrumData(Measured):
     relative : standard deviation of ln C, > 0 [-], or None; up to 2.5, as `MeasuredSpectrum.relative`
     body : "lower", "upper" or None
         Body of the scene that has this surface.
-    name, check_units : as in `FrictionData`
+    name, history, check_units : as in `FrictionData`
     """
 
     quantity: ClassVar[str] = "spectrum"

@@ -15,21 +15,23 @@ from fitting.data.fields import (
     GivenArray,
     OptionalArray,
     array,
-    fields_in,
     measurement,
     numbers,
     unit_rule,
 )
 from rubberfric.base import (
     POSITIVE,
+    Labelled,
+    LabelledArrays,
     StrPath,
     check_values,
     check_writable,
     closest,
+    html,
     replacing,
     shown,
 )
-from rubberfric.io import hdf5, write_table
+from rubberfric.io import as_frame, hdf5, read_table, write_table
 
 DATA_FORMAT = "rubberfric data"
 
@@ -57,6 +59,7 @@ class Measured:
 
     relative: OptionalArray = array(_RELATIVE, default=None, kw_only=True)
     name: str = dataclasses.field(default="", kw_only=True)
+    history: tuple[str, ...] = dataclasses.field(default=(), kw_only=True)
     check_units: dataclasses.InitVar[bool] = dataclasses.field(default=True, kw_only=True)
 
     def __post_init__(self, check_units: bool) -> None:
@@ -65,6 +68,7 @@ class Measured:
             raise ValueError(f"{kind}.check_units = {shown(check_units)}: must be True or False")
         if not isinstance(self.name, str) or not self.name.isprintable():
             raise ValueError(f"{kind}.name = {shown(self.name)}: must be text on one line")
+        object.__setattr__(self, "history", _checked_history(f"{kind}.history", self.history))
         body = getattr(self, "body", None)
         if body is not None and not (isinstance(body, str) and body in ("lower", "upper")):
             raise ValueError(f"{kind}.body = {shown(body)}: must be 'lower', 'upper' or None")
@@ -136,7 +140,15 @@ class Measured:
         return sum(getattr(self, name).size for name in self.values)
 
     def __repr__(self) -> str:
-        return f"<{type(self).__name__}: {self.label}>"
+        done = f"; {'; '.join(self.history)}" if self.history else ""
+        return f"<{type(self).__name__}: {self.label}{done}>"
+
+    def _repr_html_(self) -> str:
+        rows: list[str | tuple[str, str]] = []
+        for name, about in self.fields().items():
+            if (values := getattr(self, name)) is not None:
+                rows.append((name, _range(values, about.unit)))
+        return html.table([*rows, *self.history], caption=f"{type(self).__name__}: {self.label}")
 
     @classmethod
     def fields(cls) -> dict[str, Field]:
@@ -261,19 +273,18 @@ class Measured:
             raise ValueError(f"{kind}: no point is in these ranges; must overlap with {own}")
         arrays = {name: getattr(self, name) for name in self.fields()}
         own = {name: values[keep] for name, values in arrays.items() if values is not None}
-        return dataclasses.replace(self, **own, check_units=False)
+        texts = [f"{name} = {shown(limits)}" for name, limits in ranges.items()]
+        history = (*self.history, f"{keep.sum()} of {keep.size} points selected: {', '.join(texts)}")
+        return dataclasses.replace(self, **own, history=history, check_units=False)
 
     @classmethod
     def from_frame(cls, frame: Any, units: Mapping[str, str] | None = None, **given: Any) -> Self:
-        """Create data from the columns of a pandas.DataFrame, or of a mapping of titles to numbers.
+        """Create data from the columns of a data frame, or of a mapping of titles to numbers.
 
         Parameters
         ----------
-        frame : data frame or mapping
-            Titles are names of columns as in files (v, mu, T, ...; `fitting.data.files`), or "name [unit]".
+        frame, units : as in `rubberfric.io.as_frame`
             Columns with other titles are ignored.
-        units : units of columns whose titles state no unit, such as {"v": "mm/s", "p": "MPa"}; the default
-            is SI
         given : arguments of the constructor that the frame lacks, or that replace columns of the frame
             An example is pressure=3e5.
 
@@ -283,28 +294,43 @@ class Measured:
             A column is missing, occurs twice, or does not hold numbers. A unit is unknown. The constructor
             raises ValueError. The message is one line.
         """
-        needed = [name for name in cls.needed() if name not in given]
-        found: dict[str, Any] = dict(fields_in(frame, cls.fields(), needed, units))
+        columns = {name: about.column for name, about in cls.fields().items() if name not in given}
+        needed = tuple(columns[name] for name in cls.needed() if name in columns)
+        optional = tuple(column for column in columns.values() if column not in needed)
+        table = read_table(as_frame(frame, units), needed, optional, increasing=False, bad_rows=None)
+        found: dict[str, Any] = {name: table[c] for name, c in columns.items() if c in table}
         return cls(**found | given)
 
-    def columns(self) -> dict[str, np.ndarray]:
-        """Return a dict of title of a column -> values in SI, which `from_frame` reads.
-
-        The title has the form "name [unit]".
-        """
-        given = {about: getattr(self, name) for name, about in self.fields().items()}
-        return {f"{a.column} [{a.unit}]": values for a, values in given.items() if values is not None}
-
     def to_dataframe(self) -> Any:
-        """Return the data as a pandas.DataFrame. Pandas must be installed."""
-        import pandas
+        """Return the data as a pandas.DataFrame with titles "name [unit]", for `fitting.read`.
 
-        return pandas.DataFrame(self.columns())
+        `attrs` contains name and history. Raise ImportError if pandas is not installed.
+        """
+        return self._labelled().to_dataframe()
+
+    def to_xarray(self) -> Any:
+        """Return the data as an xarray.Dataset over "point", with units in `attrs`, for `fitting.read`.
+
+        Raise ImportError if xarray is not installed.
+        """
+        return self._labelled().to_xarray()
+
+    def _labelled(self) -> LabelledArrays:
+        known = {n: about for n, about in self.fields().items() if getattr(self, n) is not None}
+        arrays = {n: (about.column, Labelled(getattr(self, n), about.unit)) for n, about in known.items()}
+        texts = {"name": self.name, "body": getattr(self, "body", None), "history": "\n".join(self.history)}
+        return LabelledArrays(
+            dict(arrays[n] for n in known if n in self.conditions),
+            dict(arrays[n] for n in known if n not in self.conditions),
+            ("point",),
+            {key: text for key, text in texts.items() if text},
+        )
 
     def write(self, path: StrPath) -> None:
         """Write a .csv or .h5 file completely or not at all, for `fitting.read`.
 
-        A CSV file contains `name` and `body` only as comments, so `read` needs the body as an argument.
+        A CSV file contains `name`, `body` and `history` only as comments, so `read` needs the body as an
+        argument.
 
         Raises
         ------
@@ -319,6 +345,7 @@ class Measured:
             return
         body = getattr(self, "body", None)
         comment = [self.name] * bool(self.name) + [f"of the {body} body"] * (body is not None)
+        comment += self.history
         columns = {about.column: getattr(self, name) for name, about in self.fields().items()}
         columns = {column: values for column, values in columns.items() if values is not None}
         write_table(path, columns, "\n".join(comment))
@@ -329,9 +356,20 @@ class Measured:
         group.attrs["name"] = self.name
         if (body := getattr(self, "body", None)) is not None:
             group.attrs["body"] = body
+        if self.history:
+            hdf5.write_texts(group, "history", self.history)
         for name, about in self.fields().items():
             if getattr(self, name) is not None:
                 hdf5.write_values(group, name, getattr(self, name), about.unit)
+
+
+def _checked_history(where: str, history: object) -> tuple[str, ...]:
+    """Return the history as a tuple, or raise ValueError unless all entries are texts on one line."""
+    if not isinstance(history, tuple | list) or not all(isinstance(x, str) for x in history):
+        raise ValueError(f"{where} = {shown(history)}: must be a tuple of texts")
+    if not all(text.isprintable() for text in history):
+        raise ValueError(f"{where} = {shown(history)}: must be texts on one line each")
+    return tuple(history)
 
 
 def _range(values: np.ndarray, unit: str) -> str:

@@ -103,14 +103,17 @@ class MomentData(Measured):
     temperature: OptionalArray = array(TEMPERATURE, default=None)
 
 
-def with_sign_of_slip(cls: type[Measured], values: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def with_sign_of_slip(
+    cls: type[Measured], values: dict[str, np.ndarray], history: list[str]
+) -> dict[str, np.ndarray]:
     """Return the fields of `SlipData` or `MomentData` with the measured values in the sign of the slip.
 
     Tyre testers often count a side force negative at a positive slip angle [ISO 8855]. The sign is reversed
-    if no value has the sign of the slip.
+    if no value has the sign of the slip, and `history` says so.
     """
     (name,) = cls.values
     slip = next((values[field] for field in ("angle", "ratio") if field in values), None)
     if slip is None or name not in values or np.any(values[name] * slip >= 0):
         return values
+    history.append(f"{name} reversed, because no value had the sign of the slip")
     return values | {name: -values[name]}

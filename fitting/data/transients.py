@@ -61,4 +61,3 @@ class CreepData(Measured):
     sigma: OptionalArray = array(Field("sigma_creep", "1/Pa", POSITIVE), default=None)
     temperature: OptionalArray = array(TEMPERATURE, default=None)
     body: str | None = dataclasses.field(default=None, kw_only=True)
-

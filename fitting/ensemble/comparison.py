@@ -11,7 +11,7 @@ from fitting.parameters.scenes import by_name
 from fitting.results.record import FitRecord
 from fitting.results.report import aligned_table
 from fitting.uncertainty.criteria import ALONE, Criteria, criteria
-from rubberfric.base import html
+from rubberfric.base import html, optional_library
 
 # A difference of the sum of ln p is significant if it is > SMALL and > ERRORS times its standard error
 # [Sivula, Magnusson, Matamoros & Vehtari, arXiv:2008.10296].
@@ -69,9 +69,9 @@ class Comparison:
 
     def to_dataframe(self) -> Any:
         """Return the variants as a pandas.DataFrame indexed by name. Pandas must be installed."""
-        import pandas
-
-        return pandas.DataFrame([one._asdict() for one in self.variants]).set_index("name")
+        return (
+            optional_library("pandas").DataFrame([one._asdict() for one in self.variants]).set_index("name")
+        )
 
     def _repr_html_(self) -> str:
         return html.table([*self._table(), *self.words], HEADINGS, self.words[0])

@@ -26,6 +26,7 @@ from rubberfric.base import (
     parts_of,
     rising_of,
     shown,
+    unit_of,
 )
 
 Scenes = rf.Scene | dict[str, rf.Scene]
@@ -107,6 +108,13 @@ def owner_of(scene: Scenes, path: str) -> tuple[Any, str]:
     for step in steps:
         owner = owner.get(step) if isinstance(owner, dict) else getattr(owner, step, None)
     return owner, name
+
+
+def unit(scene: Scenes, path: str) -> str:
+    """Return the unit of the number at a key path, or "" if the number is dimensionless."""
+    owner, name = owner_of(scene, path)
+    found = unit_of(type(owner), name)
+    return "" if found == "-" else found
 
 
 def field_of(owner: Any, name: str) -> Leaf | None:

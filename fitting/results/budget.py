@@ -12,10 +12,11 @@ import numpy as np
 from fitting.budget.changes import Sizes
 from fitting.budget.contributions import Contribution, contributions
 from fitting.parameters.constraints import is_number
+from fitting.parameters.scenes import unit
 from fitting.results import hdf5 as fit_files
 from fitting.results.record import FitRecord, solved_fit
-from fitting.results.report import aligned_table, unit
-from rubberfric.base import StrPath, html
+from fitting.results.report import aligned_table
+from rubberfric.base import StrPath, html, optional_library
 from rubberfric.io import hdf5
 from rubberfric.plot import style
 
@@ -151,11 +152,9 @@ class Budget:
 
     def to_dataframe(self) -> Any:
         """Return shifts as a pandas.DataFrame, a row for each parameter. Pandas must be installed."""
-        import pandas
-
         columns = {"value": self.fit.values, "noise": self.noise}
         columns |= {one.source: one.shift for one in self.contributions} | {"total": self.total}
-        return pandas.DataFrame(columns, index=list(self.names))
+        return optional_library("pandas").DataFrame(columns, index=list(self.names))
 
     def save(self, path: StrPath) -> None:
         """Write the fit and the budget to an HDF5 file (.h5), completely or not at all.

@@ -44,7 +44,7 @@ from fitting.parameters.priors import PRIORS, Prior
 from fitting.parameters.scenes import Scenes, each_scene
 from fitting.results.at_bounds import AtBound
 from fitting.results.record import FitRecord, Minimum
-from fitting.results.report import report, unit
+from fitting.results.report import report
 from fitting.solvers.further import FurtherStarts
 from fitting.solvers.objective import MESSAGES
 from fitting.solvers.options import SOLVERS
@@ -128,11 +128,8 @@ def _read_rules(group: h5py.Group, classes: Mapping[str, type[RuleOrPrior]]) -> 
 
 def _write_parameters(group: h5py.Group, result: FitRecord) -> None:
     hdf5.write_values(group, "x", result.x, "-")
-    units = []
-    for free in result.variables.own:
-        units += [unit(result.scene_at_start, free.path) or "-"] * (free.slot[1] - free.slot[0])
     hdf5.write_texts(group, "names", result.names)
-    hdf5.write_texts(group, "units", units)
+    hdf5.write_texts(group, "units", result.units)
     hdf5.write_texts(group, "withheld", [result.withheld.get(name, "") for name in result.names])
     for name in ("values", "start_values", "stderr"):
         hdf5.write_values(group, name, np.asarray(getattr(result, name)), "as in units")

@@ -14,7 +14,7 @@ from fitting.parameters.constraints import Constraint, Positive
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.plausible import implausible
 from fitting.parameters.priors import Prior
-from fitting.parameters.scenes import ALL, Scenes, each_scene
+from fitting.parameters.scenes import ALL, Scenes, each_scene, unit
 from fitting.parameters.variables import Variables
 from fitting.results.at_bounds import AtBound
 from fitting.solvers.evaluation import residual_rows
@@ -24,7 +24,7 @@ from fitting.solvers.problem import make_problem
 from fitting.uncertainty.covariance import uncertainty
 from fitting.uncertainty.intervals import SolvedProblem, Valley, valleys
 from fitting.uncertainty.verdict import Verdict, verdict
-from rubberfric.base import closest
+from rubberfric.base import Labelled, LabelledArrays, closest
 
 
 class Minimum(NamedTuple):
@@ -111,12 +111,38 @@ class FitRecord(SolvedProblem):
         return dataclasses.replace(self, free=free, problem=problem, x=problem.start, uncertainty=known)
 
     def to_dataframe(self) -> Any:
-        """Return the free parameters as a pandas.DataFrame indexed by key path. Pandas must be installed."""
-        import pandas
+        """Return the free parameters as a pandas.DataFrame indexed by key path.
 
+        The columns are value, stderr, start, unit and withheld. Raise ImportError without pandas.
+        """
+        return self._labelled().to_dataframe().set_index("parameter").rename_axis(None)
+
+    def to_xarray(self) -> Any:
+        """Return the free parameters as an xarray.Dataset over "parameter", with their correlation.
+
+        The correlation has the dimensions "parameter" and "other". Raise ImportError without xarray.
+        """
+        data = self._labelled().to_xarray()
+        correlation = ("parameter", "other"), self.correlation, {"units": "-"}
+        return data.assign(correlation=correlation).assign_coords(other=list(self.names))
+
+    def _labelled(self) -> LabelledArrays:
         withheld = [self.withheld.get(name, "") for name in self.names]
-        columns = {"value": self.values, "stderr": self.stderr, "start": self.start_values}
-        return pandas.DataFrame(columns | {"withheld": withheld}, index=list(self.names))
+        arrays = {"value": self.values, "stderr": self.stderr, "start": self.start_values}
+        quantities = arrays | {"unit": self.units, "withheld": withheld}
+        attributes = {"message": self.message, "cost": self.cost, "redchi": self.redchi}
+        return LabelledArrays(
+            {"parameter": Labelled(list(self.names))},
+            {name: Labelled(values) for name, values in quantities.items()},
+            ("parameter",),
+            attributes,
+        )
+
+    @property
+    def units(self) -> list[str]:
+        """Unit of each free element, "-" if it is dimensionless."""
+        slots = [(free.path, free.slot[1] - free.slot[0]) for free in self.variables.own]
+        return [text for path, n in slots for text in [unit(self.scene_at_start, path) or "-"] * n]
 
     @property
     def variables(self) -> Variables:

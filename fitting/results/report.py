@@ -12,14 +12,13 @@ from fitting.parameters.correlated import Correlated
 from fitting.parameters.discrepancy import text_of
 from fitting.parameters.plausible import implausible
 from fitting.parameters.priors import Smooth, Sum
-from fitting.parameters.scenes import Scenes, each_scene, leaf_names, owner_of, paths_of
+from fitting.parameters.scenes import each_scene, leaf_names, paths_of, unit
 from fitting.parameters.selection import PriorContext
 from fitting.results.record import FitRecord
 from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import ASSUMED, CONTACT_QUANTITIES
 from fitting.uncertainty.intervals import LEVEL
 from rubberfric.analysis import contact_model_name, theory_error
-from rubberfric.base import unit_of
 
 # Largest number of elements listed for a key path. Longer arrays show the first and the last.
 LISTED = 24
@@ -29,13 +28,6 @@ _CORRELATED = 0.5
 _PAIRS = 20
 # Largest number of names without an error bar in the headlines.
 _BARE = 4
-
-
-def unit(scene: Scenes, path: str) -> str:
-    """Return the unit of the number at a key path, or "" if the number is dimensionless."""
-    owner, name = owner_of(scene, path)
-    found = unit_of(type(owner), name)
-    return "" if found == "-" else found
 
 
 def variable_rows(result: FitRecord) -> list[tuple[str, ...] | str]:
@@ -264,6 +256,7 @@ def _data(result):
     sets = zip(result.data, result.residuals, result.estimated, strict=True)
     for i, (one, rows, scale) in enumerate(sets, 1):
         lines.append(f"{i}: {one.label}: {_count(len(one), 'value')}, {_errors(one, scale, result)}")
+        lines += [f"   {text}" for text in one.history]
         lines.append(f"   chi-square per value = {np.mean(rows**2):.4g}")
     return lines
 

@@ -17,7 +17,7 @@ from fitting.results.report import aligned_table
 from fitting.solvers.options import check_options
 from fitting.uncertainty.intervals import Band
 from fitting.uncertainty.posterior import DrawProgress, diagnosed, run_chains
-from rubberfric.base import StrPath, html, quick_jit
+from rubberfric.base import StrPath, html, optional_library, quick_jit
 from rubberfric.io import hdf5
 
 # R-hat below which draws are reliable [Vehtari, Gelman, Simpson, Carpenter & Buerkner, Bayesian Anal. 16
@@ -145,12 +145,10 @@ class Samples:
 
     def to_dataframe(self) -> Any:
         """Return a pandas.DataFrame: chain, draw, one column for each free number, and log_density."""
-        import pandas
-
         chains, draws, _ = self.x.shape
         columns = {"chain": np.repeat(np.arange(chains), draws), "draw": np.tile(np.arange(draws), chains)}
         columns |= dict(zip(self.names, self._rows.T, strict=True))
-        return pandas.DataFrame(columns | {"log_density": self.log_density.ravel()})
+        return optional_library("pandas").DataFrame(columns | {"log_density": self.log_density.ravel()})
 
     def report(self) -> str:
         """Return text of several lines with diagnostics of the draws and quantiles of all parameters."""

@@ -42,6 +42,9 @@ if TYPE_CHECKING:
     from rubberfric.base.objects.fields import static as static
     from rubberfric.base.objects.key_paths import KeyPath as KeyPath
     from rubberfric.base.objects.key_paths import parse_key_path as parse_key_path
+    from rubberfric.base.objects.labelled import Labelled as Labelled
+    from rubberfric.base.objects.labelled import LabelledArrays as LabelledArrays
+    from rubberfric.base.objects.labelled import optional_library as optional_library
     from rubberfric.base.objects.physical import Kind as Kind
     from rubberfric.base.objects.physical import PhysicalObject as PhysicalObject
     from rubberfric.base.objects.physical import fields_of as fields_of

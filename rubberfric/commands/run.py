@@ -23,11 +23,18 @@ from rubberfric.base.release import cores
 from rubberfric.base.units import to_celsius
 from rubberfric.commands.arguments import write_outputs
 from rubberfric.io.files import MOST_POINTS, read_computable, save_result
-from rubberfric.io.results import CONDITION_UNITS, QUANTITY_FORMATS, Conditions, Result, result_shape
+from rubberfric.io.results import QUANTITY_FORMATS, Conditions, Result, result_shape
 from rubberfric.scene.scene import Scene, dissipates, rough_surfaces
 from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import solve
-from rubberfric.theory.structure import Solution, has_transverse_force, iterated, iterates, quantities_of
+from rubberfric.theory.structure import (
+    CONDITION_UNITS,
+    Solution,
+    has_transverse_force,
+    iterated,
+    iterates,
+    quantities_of,
+)
 
 _SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "temperatures"}
 # More points make the sweep slower without changing the errors.

@@ -35,6 +35,9 @@ if TYPE_CHECKING:
     from rubberfric.io.tables import read_normalisation as read_normalisation
     from rubberfric.io.tables import read_table as read_table
     from rubberfric.io.tables import write_table as write_table
+    from rubberfric.io.text_tables.frames import Frame as Frame
+    from rubberfric.io.text_tables.frames import as_frame as as_frame
+    from rubberfric.io.text_tables.frames import as_source as as_source
     from rubberfric.io.text_tables.preamble import stated_frequency as stated_frequency
     from rubberfric.io.toml import read_conditions as read_conditions
 

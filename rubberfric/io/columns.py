@@ -132,6 +132,8 @@ COLUMNS = {
     "v_travel": Column("v_travel", units.SPEED, positive=False, offered=False),
     "slip_angle": Column("slip_angle", units.ANGLE, positive=False, offered=False),
     "slip_ratio": Column("slip_ratio", units.RATIO, positive=False, offered=False),
+    "x": Column("x", units.PATH, positive=False, offered=False),
+    "A": Column("A", units.AREA, offered=False),
     "moment": Column("moment", units.MOMENT, positive=False, offered=False),
     "sigma_F_t": Column("sigma_F_t", units.FORCE, offered=False),
     "sigma_moment": Column("sigma_moment", units.MOMENT, offered=False),
@@ -262,11 +264,15 @@ def known_unit(unit: str | None, name: str | None) -> str:
 
 
 def settled_axis(name: str | None, unit: str | None) -> str | None:
-    """Return the name of an abscissa after its unit.
+    """Return the name of an abscissa or an area after its unit.
 
-    A frequency in rad/s is omega. A wavevector in cycles/m is n, and a wavenumber in rad/m is q. A column n
-    whose unit is no spatial frequency, such as a counter, is unknown. Other names are unchanged.
+    A frequency in rad/s is omega. A wavevector in cycles/m is n, and a wavenumber in rad/m is q. A contact
+    area in m^2 is A. A column n whose unit is no spatial frequency, such as a counter, and a column A whose
+    unit is no area, are unknown. Other names are unchanged.
     """
+    if name in ("A", "A_over_A0"):
+        is_area = known_unit(unit, "A") in units.AREA
+        return "A" if is_area else None if name == "A" else name
     plain = known_unit(unit, name)
     if name == "f":
         return "omega" if plain in units.ANGULAR else "f"

@@ -73,12 +73,14 @@ class TextTable(NamedTuple):
     units: list[str]
     rows: TextRows  # numbers with decimal points
     bad: Sequence[tuple[int, str]] = ()  # line and fault of rows that cannot be read
+    place: str = "line"  # what the number of a row counts
 
     def with_columns(self, places: Sequence[int]) -> "TextTable":
         """Return the table with only the columns at `places`."""
         titles, units = ([values[i] for i in places] for values in (self.titles, self.units))
         rows = [(line, [row[i] for i in places]) for line, row in self.rows]
-        return TextTable(self.where, titles, [self.names[i] for i in places], units, rows, self.bad)
+        names = [self.names[i] for i in places]
+        return self._replace(titles=titles, names=names, units=units, rows=rows)
 
 
 def find_table(path: StrPath, text: str, generic: str = "E", block: int | None = None) -> TextTable | None:
@@ -204,8 +206,10 @@ def suggested_columns(text: str) -> str:
     units: list[str | None] = [*below[0], *[""] * len(titles)] if below else [None] * len(titles)
     for title, unit in zip(titles, units, strict=False):
         name, own = known_name(title)
+        unit = own if own is not None else unit
+        name = settled_axis(name, unit)
         column = COLUMNS.get(name or "")
-        unit = known_unit(own if own is not None else unit, name)
+        unit = known_unit(unit, name)
         known = column is not None and unit in column.units
         suggestions.append(f"{name} [{unit}]" if known else f"{name} [?]" if column else "?")
     if len(suggestions) > _MOST_SUGGESTED:

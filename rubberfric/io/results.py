@@ -4,7 +4,7 @@ Programs that read these tables interpolate linearly in v, p and T, and keep the
 """
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -12,10 +12,11 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.checks import NONNEGATIVE, check_increasing, check_values, is_concrete, shown
 from rubberfric.base.objects.html import count, folded, short, table, with_unit
+from rubberfric.base.objects.labelled import LabelledArrays
 from rubberfric.base.objects.physical import object_html
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene, check_background, shifts, takes_temperature
-from rubberfric.theory.structure import Solution
+from rubberfric.theory.structure import CONDITION_UNITS, SOLUTION_UNITS, Solution
 
 
 class Quantity(NamedTuple):
@@ -28,16 +29,18 @@ class Quantity(NamedTuple):
 
 # In the order of a printed table.
 QUANTITY_FORMATS = {
-    "area": Quantity("-", "A/A0 [-]"),
-    "friction": Quantity("-", "mu [-]"),
-    "separation": Quantity("m", "u_bar [um]", 1e6),
-    "viscoelastic_friction": Quantity("-", "mu_visc [-]"),
-    "shear_friction": Quantity("-", "mu_shear [-]"),
-    "transverse_friction": Quantity("-", "mu_side [-]"),
-    "flash_temperature": Quantity("K", "T_flash [K]"),
-    "converged": Quantity("-"),
+    name: Quantity(SOLUTION_UNITS[name], *heading)
+    for name, heading in {
+        "area": ("A/A0 [-]",),
+        "friction": ("mu [-]",),
+        "separation": ("u_bar [um]", 1e6),
+        "viscoelastic_friction": ("mu_visc [-]",),
+        "shear_friction": ("mu_shear [-]",),
+        "transverse_friction": ("mu_side [-]",),
+        "flash_temperature": ("T_flash [K]",),
+        "converged": (),
+    }.items()
 }
-CONDITION_UNITS = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
 # Axes of a table of friction.
 AXES = ("velocity", "pressure", "temperature")
 # Axes of the arrays of a result.
@@ -104,6 +107,14 @@ class Curves(NamedTuple):
     solution: Solution  # arrays [temperature, pressure, velocity]; None: not computed
     title: str = ""
 
+    def to_dataframe(self) -> Any:
+        """Return a pandas.DataFrame with a row for each point. Raise ImportError without pandas."""
+        return _labelled(self).to_dataframe()
+
+    def to_xarray(self) -> Any:
+        """Return an xarray.Dataset over temperature, pressure, velocity. Raise ImportError without xarray."""
+        return _labelled(self).to_xarray()
+
 
 class Result(NamedTuple):
     """Contents of a result file."""
@@ -114,6 +125,14 @@ class Result(NamedTuple):
     quadrature: Quadrature
     title: str = ""
     interpolation: Interpolation | None = None  # None: the model was evaluated at every point
+
+    def to_dataframe(self) -> Any:
+        """Return a pandas.DataFrame with a row for each point. Raise ImportError without pandas."""
+        return _labelled(self).to_dataframe()
+
+    def to_xarray(self) -> Any:
+        """Return an xarray.Dataset over temperature, pressure, velocity. Raise ImportError without xarray."""
+        return _labelled(self).to_xarray()
 
     def _repr_html_(self) -> str:
         conditions, quantities = (
@@ -131,6 +150,11 @@ class Result(NamedTuple):
         ]
         tables = [table(rows, caption=self.title or "Result"), folded("scene", object_html(self.scene))]
         return "\n".join(tables)
+
+
+def _labelled(result: Curves | Result) -> LabelledArrays:
+    arrays = result.solution.labelled(*result.conditions.grid(), axes=DIMENSIONS)
+    return arrays._replace(attributes={"title": result.title} if result.title else {})
 
 
 def check_conditions(where: str, conditions: Conditions, scene: Scene) -> None:

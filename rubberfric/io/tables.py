@@ -20,13 +20,15 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.atomic import StrPath, write_text
-from rubberfric.base.checks import check_choice, closest, listed, shown, warn_caller
+from rubberfric.base.checks import check_choice, closest, listed, shown
 from rubberfric.io.columns import COLUMNS, SET_VALUES, TRANSIENTS, quantities_of
 from rubberfric.io.exports import TextTable, find_table, headless, pick, suggested_columns
 from rubberfric.io.height_maps import read_traces
 from rubberfric.io.text_tables.derived import RELATIONS, plan_for, with_derived, with_wheel_names
+from rubberfric.io.text_tables.frames import DataFrame, Frame, as_source
 from rubberfric.io.text_tables.lines import text_above_numbers
 from rubberfric.io.text_tables.own_tables import missing_column, project_rows, project_table
+from rubberfric.io.text_tables.values import check_units, table_values
 from rubberfric.io.text_tables.workbooks import read_export
 from rubberfric.roughness.normalisation import density_column, find_normalisation
 
@@ -38,7 +40,7 @@ BAD_ROWS = ("error", "drop")
 
 
 def read_table(
-    path: StrPath,
+    path: StrPath | DataFrame,
     needed: Sequence[str],
     optional: Sequence[str] = (),
     increasing: bool = True,
@@ -49,12 +51,13 @@ def read_table(
     area: float | None = None,
     block: int | None = None,
     wavenumber: str | None = None,
+    history: list[str] | None = None,
 ) -> dict[str, np.ndarray]:
-    """Read columns of a table of the project or of another program (`rubberfric.io.exports`).
+    """Read columns of a table of the project, of another program (`rubberfric.io.exports`), or of a frame.
 
     Parameters
     ----------
-    path : path of the file
+    path : path of the file, or a data frame (`rubberfric.io.as_frame`)
     needed, optional : names in SI ("omega", not "f") of columns that the file must and may hold
         Missing quantities are computed from other columns (`rubberfric.io.text_tables.derived`): E_stor and
         E_loss from `abs(E*)`, a phase angle, tan(delta) or shear moduli, mu from forces, p from a load
@@ -73,6 +76,7 @@ def read_table(
     block : number of the block of columns, from 1, if an export has several blocks with equal titles
     wavenumber : "rad" or "cycles", the meaning of 1/m in a column "wavenumber" of an export
         None refuses such a column, because it may be 2 pi over the wavelength or one over it.
+    history : list to which one text is appended for each quantity that is computed, and for rows left out
 
     Returns
     -------
@@ -89,14 +93,15 @@ def read_table(
         check_choice("bad_rows", bad_rows, BAD_ROWS)
     if isinstance(needed, str) or isinstance(optional, str):
         raise ValueError(f"needed, optional = {shown((needed, optional))}: must be lists of names")
-    text, wanted = read_export(path), (*needed, *optional)
+    path = as_source(path)
+    text, wanted = _text(path), (*needed, *optional)
     export = _export(path, text, columns, generic or ("E" if poisson is None else "G"), block)
     if export is None:
         _refuse(
             path, {"area": area, "block": block}, "the table has no load, and no columns with equal titles"
         )
         found, place = project_table(path, text, needed, optional)
-        _check_units(place, found)
+        check_units(place, found)
         plan = plan_for(wanted, quantities_of(found.names))
     else:
         export = export._replace(names=with_wheel_names(export.names, export.titles))
@@ -109,11 +114,10 @@ def read_table(
                 f"{wavenumber}{u[1:]}" if n == "wavenumber" and u[:2] == "1/" else u for n, u in pairs
             ]
             found = found._replace(units=replaced)
-        _check_units(export.where, found)
+        check_units(export.where, found)
         if area is not None and "area" not in [relation.constant for relation in plan.relations]:
-            why = (
-                "the file has p" if "p" in plan.columns else "the table has no load F_n, or needs no pressure"
-            )
+            own = [name for name in ("p", "A") if name in plan.columns]
+            why = f"the file has {own[0]}" if own else "the table has no load F_n, or needs no pressure"
             _refuse(path, {"area": area}, why)
     if (
         poisson is not None
@@ -123,9 +127,9 @@ def read_table(
         raise ValueError(
             f"{found.where}: poisson = {shown(poisson)}: must not be given; the table has no shear moduli"
         )
-    table = _values(path, found, bad_rows)
+    table = table_values(path, found, bad_rows, wanted, history)
     if plan.relations:
-        table = with_derived(path, found.where, table, plan, poisson, area)
+        table = with_derived(path, found.where, table, plan, poisson, area, history)
     table = {name: values for name, values in table.items() if name in wanted}
     for quantity in needed:
         if quantity not in table:
@@ -161,7 +165,7 @@ def _ordered(path, found, table, quantity, either):
 
 
 def read_columns(
-    path: StrPath,
+    path: StrPath | DataFrame,
     columns: list[str] | None = None,
     poisson: float | None = None,
     bad_rows: str = "error",
@@ -181,16 +185,19 @@ def read_columns(
     ------
     ValueError : as for `read_table`, or two columns hold the same quantity
     """
+    path = as_source(path)
     names = read_names(path, columns, "E" if poisson is None else "G", block)
     quantities = tuple(dict.fromkeys(COLUMNS[name].name for name in names if name in COLUMNS))
     if not quantities:
-        near = closest("".join(names[:1]), tuple(COLUMNS))
-        raise ValueError(f"{path}: columns {listed(names)}: none is known; {near}{column_hint(path)}")
+        near = f"columns {listed(names)}: none is known; {closest(names[0], tuple(COLUMNS))}" if names else ""
+        raise ValueError(f"{path}: {near or 'must have a known column'}{column_hint(path)}")
     auxiliary = {column for relation in RELATIONS for column in relation.columns}
     auxiliary -= {"E_stor", "E_loss", "strain"}
     moduli = tuple(m for m in ("E_stor", "E_loss") if plan_for([m], quantities).columns)
     if moduli:
         auxiliary |= {"t", *TRANSIENTS}  # of oscillation, and in time-domain columns of master curves
+    if "v" in quantities:
+        auxiliary |= {"t", "x"}  # of records
     plain = tuple(name for name in quantities if name not in (*auxiliary, *moduli))
     return read_table(
         path, (*plain, *moduli), (), False, columns=columns, poisson=poisson, bad_rows=bad_rows, block=block
@@ -198,7 +205,7 @@ def read_columns(
 
 
 def read_density(
-    path: StrPath,
+    path: StrPath | DataFrame,
     normalisation: str | None,
     optional: Sequence[str] = (),
     columns: list[str] | None = None,
@@ -215,15 +222,23 @@ def read_density(
     -------
     dict with the keys "q", "C" (the density, [m^4] or [m^3]), and the optional columns of the table
     """
+    path = as_source(path)
     normalisation = read_normalisation(path, normalisation, columns)
     density, meaning = density_column(normalisation), _WAVENUMBERS.get(normalisation)
     table = read_table(path, ("q", density), optional, columns=columns, wavenumber=meaning, **options)
     return {("C" if name == density else name): values for name, values in table.items()}
 
 
-def read_normalisation(path: StrPath, normalisation: str | None, columns: list[str] | None = None) -> str:
+def _text(path: StrPath | Frame) -> str:
+    return "" if isinstance(path, Frame) else read_export(path)
+
+
+def read_normalisation(
+    path: StrPath | DataFrame, normalisation: str | None, columns: list[str] | None = None
+) -> str:
     """Return the normalisation of a spectrum: the given one, or the one that titles or header name."""
-    header = text_above_numbers(read_export(path))
+    path = as_source(path)
+    header = text_above_numbers(_text(path))
     return find_normalisation(path, read_names(path, columns), normalisation, header)
 
 
@@ -259,24 +274,27 @@ def read_directions(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
 
 
 def read_names(
-    path: StrPath, columns: list[str] | None = None, generic: str = "E", block: int | None = None
+    path: StrPath | DataFrame, columns: list[str] | None = None, generic: str = "E", block: int | None = None
 ) -> list[str]:
     """Read the names of the columns of a table.
 
     Only the known names are returned for a table of another program.
     """
-    text = read_export(path)
+    path = as_source(path)
+    text = _text(path)
     export = _export(path, text, columns, generic, block)
     if export is None:
         return project_rows(path, text)[0][0][1]
     return [SET_VALUES.get(name, name) for name in export.names if name is not None]
 
 
-def column_hint(path: StrPath) -> str:
+def column_hint(path: StrPath | Frame) -> str:
     """Return the end of an error message about unknown column titles.
 
     The text names a function that can read the file, or suggests the argument `columns`.
     """
+    if isinstance(path, Frame):
+        return f"; it has the columns {listed(path.titles)}. Rename a column, or give its values"
     try:
         read_traces(path)
     except ValueError:
@@ -335,67 +353,13 @@ def table_text(table: Mapping[str, ArrayLike]) -> str:
 
 
 def _export(
-    path: StrPath, text: str, titles: list[str] | None, generic: str, block: int | None
+    path: StrPath | Frame, text: str, titles: list[str] | None, generic: str, block: int | None
 ) -> TextTable | None:
+    """Return a table of another program or a data frame, or None for a table of this project."""
+    if isinstance(path, Frame):
+        _refuse(path, {"block": block}, "a data frame has no blocks")
+        return path.table(titles, generic)
     if titles is None:
         return find_table(path, text, generic, block)
     _refuse(path, {"block": block}, 'columns= selects columns, with "-" for one not read')
     return headless(path, text, titles)
-
-
-def _values(path: StrPath, table: TextTable, bad_rows: str | None) -> dict[str, np.ndarray]:
-    """Return the values in SI of a table.
-
-    A bad row is an error, or, if `bad_rows` is "drop", is left out with a warning.
-    """
-    bad, rows = list(table.bad), []
-    columns = [COLUMNS[name or ""] for name in table.names]
-    for line, row in table.rows:
-        try:
-            values = [
-                column.read(f"{path}: line {line}: {_short(title)} = {shown(text)}", text, unit)
-                for column, title, unit, text in zip(columns, table.titles, table.units, row, strict=True)
-            ]
-        except ValueError as error:
-            bad.append((line, str(error)))
-        else:
-            rows.append(values)
-    if bad:
-        bad.sort()
-        if bad_rows != "drop":
-            hint = "" if bad_rows is None else '; bad_rows="drop" leaves out such rows'
-            raise ValueError(f"{bad[0][1]}{hint}")
-        if not rows:
-            raise ValueError(
-                f"{path}: must have a row of valid numbers; {bad[0][1].removeprefix(f'{path}: ')}"
-            )
-        lines, of = (
-            listed([str(line) for line in dict.fromkeys(line for line, _ in bad)], 5),
-            len(bad) + len(rows),
-        )
-        warn_caller(
-            f"{path}: {len(bad)} of {of} rows have bad values and are left out: lines {lines}", UserWarning
-        )
-    values = np.array(rows, float).reshape(len(rows), len(columns))
-    return {column.name: values[:, i] for i, column in enumerate(columns)}
-
-
-def _short(title: str) -> str:
-    return title if len(title) <= 60 else title[:57] + "..."
-
-
-def _check_units(where: str, table: TextTable) -> None:
-    for title, name, unit in zip(table.titles, table.names, table.units, strict=True):
-        known = COLUMNS[name or ""].units
-        if name == "wavenumber" and unit not in known:
-            raise ValueError(
-                f"{where}: column {title}: is 2 pi / wavelength or 1 / wavelength: must have the unit rad/m"
-                f" or cycles/m, or rad/mm ..., got {unit!r}"
-            )
-        if unit == "rpm" and name in ("v", "v_travel"):
-            raise ValueError(
-                f"{where}: column {title}: rpm is a rate of rotation: must be a velocity; multiply it by"
-                " 2 pi r / 60 with the radius r of the track [m], and name the unit m/s"
-            )
-        if unit not in known:
-            raise ValueError(f"{where}: column {title}: unit {unit!r}: must be one of {', '.join(known)}")

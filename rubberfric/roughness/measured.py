@@ -6,11 +6,12 @@ removes short waves, and C falls more steeply: behind a tip it approaches C_1D ~
 [Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001].
 """
 
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import scipy
 
+from rubberfric.base.objects.labelled import Labelled, LabelledArrays
 from rubberfric.roughness.lines import ArealSpectrum, areal_spectrum
 from rubberfric.roughness.moments import cutoff, rms_slope
 from rubberfric.roughness.periodograms import Sampling, expected_bins
@@ -130,6 +131,32 @@ class MeasuredSpectrum(NamedTuple):
     sampling: Sampling | None
     limits: InstrumentLimits = InstrumentLimits()
     remarks: tuple[str, ...] = ()
+
+    def to_dataframe(self) -> Any:
+        """Return the bins as a pandas.DataFrame: q, C or C_1D, relative_sigma and modes, with units.
+
+        `fitting.read(frame, normalisation="C")` reads it, or "C_1D" of a profile. The numbers of the surface
+        are in `attrs`. Raise ImportError if pandas is not installed.
+        """
+        return self._labelled().to_dataframe()
+
+    def to_xarray(self) -> Any:
+        """Return the bins as an xarray.Dataset over q. Raise ImportError if xarray is not installed."""
+        return self._labelled().to_xarray()
+
+    def _labelled(self) -> LabelledArrays:
+        density = Labelled(self.C, "m^4") if self.dimensions == 2 else Labelled(self.C, "m^3")
+        numbers = ("cell", "left_out", "h_rms", "dimensions", "rms_height", "rms_slope")
+        return LabelledArrays(
+            {"q": Labelled(self.q, "1/m")},
+            {
+                "C" if self.dimensions == 2 else "C_1D": density,
+                "relative_sigma": Labelled(self.relative, "-"),
+                "modes": Labelled(self.modes, "-"),
+            },
+            ("q",),
+            {name: getattr(self, name) for name in numbers},
+        )
 
     def knots(self) -> tuple[np.ndarray, np.ndarray]:
         r"""Return entries (q, C) of a log-log linear table with the mean square height of all bins.

@@ -7,11 +7,13 @@ Roughness of one solid strains the other solid periodically, and its own solid o
 import dataclasses
 import enum
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
+from jax.typing import ArrayLike
 
+from rubberfric.base.objects.labelled import Labelled, LabelledArrays
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum
 from rubberfric.scene.scene import (
     Body,
@@ -25,6 +27,11 @@ from rubberfric.scene.scene import (
 from rubberfric.scene.softening import Softened
 
 QUANTITIES = ("area", "friction", "separation")
+# Units of the fields of `Solution`.
+SOLUTION_UNITS = dict.fromkeys(
+    ("area", "friction", "viscoelastic_friction", "shear_friction", "transverse_friction", "converged"), "-"
+) | {"separation": "m", "flash_temperature": "K"}
+CONDITION_UNITS = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
 # From `solve`, or read from a file.
 Values = jax.Array | np.ndarray
 
@@ -40,6 +47,60 @@ class Solution(NamedTuple):
     transverse_friction: Values | None = None  # across the sliding; 0 if isotropic [-]
     flash_temperature: Values | None = None  # of the contact, mean of the deformable solids [K]
     converged: Values | None = None  # bool; True if heated or adhesive contact converged
+
+    def to_dataframe(
+        self,
+        velocity: ArrayLike | None = None,
+        pressure: ArrayLike | None = None,
+        temperature: ArrayLike | None = None,
+    ) -> Any:
+        """Return the quantities as a pandas.DataFrame, a row for each point.
+
+        Parameters
+        ----------
+        velocity, pressure, temperature : arguments of `solve` [m/s], [Pa], [K]
+            They become columns. None leaves them out.
+
+        Raises
+        ------
+        ImportError : pandas is not installed
+        ValueError : the conditions do not broadcast to the quantities
+
+        Examples
+        --------
+        >>> solution = rf.solve(scene, [0.1, 1.0], 2e5)  # doctest: +SKIP
+        >>> list(solution.to_dataframe([0.1, 1.0], 2e5))  # doctest: +SKIP
+        ['velocity [m/s]', 'pressure [Pa]', 'area [-]', 'friction [-]', 'separation [m]']
+        """
+        return self.labelled(velocity, pressure, temperature).to_dataframe()
+
+    def to_xarray(
+        self,
+        velocity: ArrayLike | None = None,
+        pressure: ArrayLike | None = None,
+        temperature: ArrayLike | None = None,
+    ) -> Any:
+        """Return the quantities as an xarray.Dataset whose coordinates are the conditions.
+
+        The arguments are those of `to_dataframe`. An axis along which one condition changes has its name.
+        Raise ImportError if xarray is not installed.
+        """
+        return self.labelled(velocity, pressure, temperature).to_xarray()
+
+    def labelled(
+        self,
+        velocity: ArrayLike | None = None,
+        pressure: ArrayLike | None = None,
+        temperature: ArrayLike | None = None,
+        axes: tuple[str, ...] | None = None,
+    ) -> LabelledArrays:
+        """Return the quantities and the conditions with their units. `axes` are names of the axes."""
+        given = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
+        return LabelledArrays(
+            {n: Labelled(x, CONDITION_UNITS[n]) for n, x in given.items() if x is not None},
+            {n: Labelled(x, SOLUTION_UNITS[n]) for n, x in self._asdict().items() if x is not None},
+            axes,
+        )
 
 
 def quantity_parts(quantities: Iterable[str]) -> set[str]:

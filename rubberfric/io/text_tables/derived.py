@@ -4,7 +4,7 @@
 
     E' = |E*| cos(delta)     E'' = |E*| sin(delta)     E = 2 (1 + nu) G
     E* = 1 / D*              G* = 1 / J*               |E*| = stress / strain
-    mu = |F_t| / |F_n|       p = |F_n| / area          v = |v_travel sin(slip angle)|
+    mu = |F_t| / |F_n|       p = |F_n| / A             v = |v_travel sin(slip angle)|
     v = |v_travel slip ratio|, and v = |v_travel| sqrt(sin^2 a + (s cos a)^2) at a slip angle a and a ratio s,
     which is the longitudinal slip velocity divided by v_travel cos a [ISO 8855]
 
@@ -37,6 +37,7 @@ class Relation(NamedTuple):
     result: str
     columns: tuple[str, ...]
     compute: Callable[..., np.ndarray]
+    formula: str  # of the result, for the history of data
     constant: str = ""  # last argument of `compute`
 
 
@@ -45,42 +46,80 @@ def _inverse(part: np.ndarray, other: np.ndarray) -> np.ndarray:
     return 1 / (part + other * (other / part))
 
 
+def _ratio(part: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return part / other
+
+
 RELATIONS = (
-    Relation("tan_del", ("delta",), np.tan),
+    Relation("tan_del", ("delta",), np.tan, "tan(delta)"),
     *(
         relation
         for m in "EGDJ"
         for relation in (
-            Relation(f"{m}_stor", (f"{m}_comp", "tan_del"), lambda comp, tan: comp / np.hypot(1, tan)),
-            Relation(f"{m}_loss", (f"{m}_stor", "tan_del"), lambda stor, tan: stor * tan),
-            Relation(f"{m}_stor", (f"{m}_loss", "tan_del"), lambda loss, tan: loss / tan),
+            Relation(
+                f"{m}_stor",
+                (f"{m}_comp", "tan_del"),
+                lambda comp, tan: comp / np.hypot(1, tan),
+                f"{m}_comp / sqrt(1 + tan_del^2)",
+            ),
+            Relation(
+                f"{m}_loss",
+                (f"{m}_stor", "tan_del"),
+                lambda stor, tan: stor * tan,
+                f"{m}_stor tan_del",
+            ),
+            Relation(
+                f"{m}_stor",
+                (f"{m}_loss", "tan_del"),
+                lambda loss, tan: loss / tan,
+                f"{m}_loss / tan_del",
+            ),
         )
     ),
     *(
         relation
         for m, D, stress in (("E", "D", "E_stress"), ("G", "J", "G_stress"))
         for relation in (
-            Relation(f"{m}_stor", (f"{D}_stor", f"{D}_loss"), _inverse),
-            Relation(f"{m}_loss", (f"{D}_loss", f"{D}_stor"), _inverse),
-            Relation(f"{m}_comp", (f"{D}_comp",), lambda compliance: 1 / compliance),
-            Relation(f"{m}_comp", (stress, "strain"), lambda stress, strain: stress / strain),
-            Relation(f"{m}_relax", (stress, "strain"), lambda stress, strain: stress / strain),
-            Relation(f"{D}_creep", (stress, "strain"), lambda stress, strain: strain / stress),
+            Relation(f"{m}_stor", (f"{D}_stor", f"{D}_loss"), _inverse, f"{D}_stor / |{D}*|^2"),
+            Relation(f"{m}_loss", (f"{D}_loss", f"{D}_stor"), _inverse, f"{D}_loss / |{D}*|^2"),
+            Relation(f"{m}_comp", (f"{D}_comp",), lambda compliance: 1 / compliance, f"1 / {D}_comp"),
+            Relation(f"{m}_comp", (stress, "strain"), _ratio, f"{stress} / strain"),
+            Relation(f"{m}_relax", (stress, "strain"), _ratio, f"{stress} / strain"),
+            Relation(f"{D}_creep", ("strain", stress), _ratio, f"strain / {stress}"),
         )
     ),
-    Relation("E_stor", ("G_stor",), young_from_shear, "poisson"),
-    Relation("E_loss", ("G_loss",), young_from_shear, "poisson"),
-    Relation("E_relax", ("G_relax",), young_from_shear, "poisson"),
-    Relation("D_creep", ("J_creep",), lambda creep, nu: 1 / young_from_shear(1 / creep, nu), "poisson"),
-    Relation("mu", ("F_t", "F_n"), lambda tangential, normal: np.abs(tangential / normal)),
-    Relation("p", ("F_n",), lambda normal, area: np.abs(normal) / area, "area"),
+    *(
+        Relation(f"E_{part}", (f"G_{part}",), young_from_shear, f"2 (1 + poisson) G_{part}", "poisson")
+        for part in ("stor", "loss", "relax")
+    ),
+    Relation(
+        "D_creep",
+        ("J_creep",),
+        lambda creep, nu: 1 / young_from_shear(1 / creep, nu),
+        "J_creep / (2 (1 + poisson))",
+        "poisson",
+    ),
+    Relation("mu", ("F_t", "F_n"), lambda F_t, F_n: np.abs(F_t / F_n), "|F_t| / |F_n|"),
+    Relation("p", ("F_n", "A"), lambda F_n, A: np.abs(F_n) / A, "|F_n| / A"),
+    Relation("p", ("F_n",), lambda F_n, area: np.abs(F_n) / area, "|F_n| / area", "area"),
     Relation(
         "v",
         ("v_travel", "slip_angle", "slip_ratio"),
         lambda speed, angle, ratio: np.abs(speed) * np.hypot(np.sin(angle), ratio * np.cos(angle)),
+        "|v_travel| sqrt(sin(slip_angle)^2 + (slip_ratio cos(slip_angle))^2)",
     ),
-    Relation("v", ("v_travel", "slip_angle"), lambda speed, angle: np.abs(speed * np.sin(angle))),
-    Relation("v", ("v_travel", "slip_ratio"), lambda speed, ratio: np.abs(speed * ratio)),
+    Relation(
+        "v",
+        ("v_travel", "slip_angle"),
+        lambda speed, angle: np.abs(speed * np.sin(angle)),
+        "|v_travel sin(slip_angle)|",
+    ),
+    Relation(
+        "v",
+        ("v_travel", "slip_ratio"),
+        lambda speed, ratio: np.abs(speed * ratio),
+        "|v_travel slip_ratio|",
+    ),
 )
 DERIVED = tuple(dict.fromkeys(relation.result for relation in RELATIONS))
 
@@ -162,9 +201,15 @@ def _has_part(title: str, parts: Iterable[str]) -> bool:
 
 
 def with_derived(
-    path: StrPath, where: str, table: Values, plan: Plan, poisson: float | None, area: float | None
+    path: StrPath,
+    where: str,
+    table: Values,
+    plan: Plan,
+    poisson: float | None,
+    area: float | None,
+    history: list[str] | None = None,
 ) -> Values:
-    """Return a table with the results of all relations of a plan.
+    """Return a table with the results of all relations of a plan, and append their formulas to `history`.
 
     Raises
     ------
@@ -188,14 +233,17 @@ def with_derived(
         values = [table[name] for name in relation.columns]
         values += [constants[relation.constant]] if relation.constant else []
         table[relation.result] = relation.compute(*values)
+        if history is not None:
+            given = f", {relation.constant} = {constants[relation.constant]:g}" if relation.constant else ""
+            history.append(f"{relation.result} = {relation.formula}{given}")
     if any(relation.result == "mu" for relation in plan.relations) and "v" in table:
         reverses = np.ptp(np.sign(table["F_t"])) > 0 or np.any(table["v"] < 0)
         table["v"] = np.abs(table["v"])
         if reverses:
-            warn_caller(
-                f"{path}: forces or velocities have both signs; mu = |F_t| / |F_n| and |v| are used",
-                UserWarning,
-            )
+            text = "forces or velocities have both signs; mu = |F_t| / |F_n| and |v| are used"
+            warn_caller(f"{path}: {text}", UserWarning)
+            if history is not None:
+                history.append(text)
     return table
 
 

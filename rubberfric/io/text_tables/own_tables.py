@@ -71,6 +71,11 @@ def project_rows(path: StrPath, content: str) -> tuple[TextRows, BadRows]:
 def missing_column(where: str, quantity: str) -> str:
     """Return the message about a missing column, with the columns that would determine it."""
     spellings = [name for name, column in COLUMNS.items() if column.name == quantity and column.offered]
-    ways = [" and ".join(relation.columns) for relation in RELATIONS if relation.result == quantity]
+    every = [set(relation.columns) for relation in RELATIONS if relation.result == quantity]
+    ways = [
+        " and ".join(relation.columns)
+        for relation in RELATIONS
+        if relation.result == quantity and not any(other < set(relation.columns) for other in every)
+    ]
     computed = f", or {' or '.join(ways)}" if ways else ""
     return f"{where}: no column {' or '.join(spellings)}: the table must have one{computed}"

@@ -56,8 +56,8 @@ SPELLINGS = {
         "J_creep": "J(t); shear creep compliance",
         "N_creep": "creep compliance; kriechkomplianz; kriechnachgiebigkeit; complaisance de fluage",
         "t": (
-            "time; time (sequence); test time; elapsed time; zeit; versuchszeit; prüfzeit; temps; "
-            "temps d'essai"
+            "time; time (sequence); test time; elapsed time; zeit; versuchszeit; prüfzeit; messzeit; "
+            "temps; temps d'essai"
         ),
         "t_step": (
             "step time; interval time; segment time; time (action); t seg; schrittzeit; abschnittszeit; "
@@ -127,8 +127,8 @@ SPELLINGS = {
             "charge; charge normale"
         ),
         "mu": (
-            "friction coefficient; friction coeff; friction factor; coefficient of friction; cof; mu_visc; "
-            "side force coefficient; lateral force coefficient; \u03bc; reibwert; reibbeiwert; "
+            "friction; friction coefficient; friction coeff; friction factor; coefficient of friction; cof; "
+            "mu_visc; side force coefficient; lateral force coefficient; \u03bc; reibwert; reibbeiwert; "
             "reibungskoeffizient; reibungszahl; seitenkraftbeiwert; coefficient de frottement; "
             "coefficient de friction"
         ),
@@ -137,6 +137,15 @@ SPELLINGS = {
             "pression de contact"
         ),
         "A_over_A0": "contact area; A/A0; kontaktfläche; aire de contact",
+        "A": (
+            "nominal area; nominal contact area; apparent contact area; contact patch area; nennfläche; "
+            "nominelle kontaktfläche; scheinbare kontaktfläche; aire nominale; aire apparente; "
+            "surface de contact"
+        ),
+        "x": (
+            "position; distance; sliding distance; displacement; weg; gleitweg; reibweg; verschiebung; "
+            "distance de glissement; déplacement"
+        ),
         "q": "wavevector; angular wavenumber; wellenvektor; kreiswellenzahl; vecteur d'onde",
         "wavenumber": "wavenumber; wave number; wellenzahl; nombre d'onde",
         "n": "spatial frequency; raumfrequenz; ortsfrequenz; fréquence spatiale",

@@ -17,6 +17,8 @@ COMPLIANCE = {f"1/{unit}": 1 / PRESSURE[unit] for unit in ("Pa", "kPa", "MPa", "
 COMPLIANCE |= {"cm2/dyn": 10.0}
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}  # [s]
 FORCE = {"N": 1.0, "mN": 1e-3, "kN": 1e3, "kgf": 9.80665, "lbf": 4.4482216152605}  # [N]
+PATH = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "cm": 1e-2, "in": 0.0254}  # lengths of a sliding path [m]
+AREA = {"m^2": 1.0, "mm^2": 1e-6, "cm^2": 1e-4, "in^2": 0.0254**2}  # nominal contact areas [m^2]
 MOMENT = {"N m": 1.0, "N mm": 1e-3, "kN m": 1e3, "lbf ft": 4.4482216152605 * 0.3048}  # [N m]
 ANGLE = {"rad": 1.0, "deg": math.pi / 180, "mrad": 1e-3}  # [rad]
 SPEED = {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6, "nm/s": 1e-9}  # [m/s]
@@ -59,6 +61,8 @@ UNIT_SPELLINGS = {
     **{f"{of}m/s": (f"{of}m s-1", f"{of}m/sec") for of in ("", "m", "u", "n")},
     **{f"{of}m^4": (f"{of}m4",) for of in ("", "c", "m", "u", "n")},
     **{f"{of}m^3": (f"{of}m3",) for of in ("", "c", "m", "u", "n")},
+    **{f"{of}m^2": (f"{of}m2",) for of in ("", "c", "m")},
+    "in^2": ("in2", "sq in"),
     **{f"1/{of}m": (f"{of}m-1", f"rad/{of}m") for of in ("", "c", "m", "u", "n")},
     **{f"cycles/{of}m": (f"cycle/{of}m", f"cyc/{of}m", f"c/{of}m") for of in ("", "c", "m", "u", "n")},
 }

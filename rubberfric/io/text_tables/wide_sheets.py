@@ -22,7 +22,7 @@ from rubberfric.io.columns import COLUMNS, LONGEST_TITLE, known_name, known_unit
 
 # Quantities that a label can state, by the unit of the label.
 _LABELLED = {unit: COLUMNS[name] for name in ("v", "p", "omega", "f", "T") for unit in COLUMNS[name].units}
-_CONDITIONS = ("v", "p", "omega", "t", "T", "strain", "E_stress", "G_stress", "q")
+_CONDITIONS = ("v", "p", "omega", "t", "x", "T", "strain", "E_stress", "G_stress", "q")
 _VALUE = re.compile(
     r"[\s_,;:@(\[]*(?:\b(?:at|bei|[TpvfF]\s*=)\s*)?([+-]?\d+(?:[.,]\d+)?)\s*([^\s\d()\[\],;]+)[)\]]*"
 )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rubberfric as rf
-from fitting import FrictionData, MasterCurve, ModulusData, fit_master_curve, fit_prony
+from fitting import FrictionData, MasterCurve, ModulusData, fit_master_curve, fit_prony, read
 from fitting.characterise.sweep_shifts import invert_blocks, solve_blocks
 
 LAW = rf.WLF(8.0, 110.0, 293.15)
@@ -79,6 +79,22 @@ def test_shifts_and_law_without_noise():
     np.testing.assert_allclose(exact.log_aT, LAW.log_factor(T), atol=5e-3)
     np.testing.assert_allclose(exact.wlf.values, [8.0, 110.0], rtol=5e-3)
     assert exact.T_ref == 293.15 and exact.log_aT[5] == exact.stderr[5] == 0.0
+
+
+def test_data_frames(found):
+    curve = found.to_dataframe()
+    np.testing.assert_array_equal(curve["E_stor [Pa]"], found.data.storage)
+    data = read(curve)
+    np.testing.assert_array_equal(data.loss, found.data.loss)
+    assert set(curve["T_sweep [K]"]) == set(T) and curve.attrs["T_ref"] == 293.15
+    shifts = rf.io.read_table(found.to_dataframe("shifts"), ["T", "aT"], ["bT"])
+    np.testing.assert_array_equal(shifts["T"], T)
+    np.testing.assert_allclose(shifts["aT"], np.exp(found.log_aT), rtol=1e-15)
+    with pytest.raises(ValueError, match=r"^part = 'aT': must be 'curve' or 'shifts'$"):
+        found.to_dataframe("aT")
+    pytest.importorskip("xarray")
+    assert found.to_xarray("shifts").aT.sel(T=293.15) == 1.0
+    assert found.to_xarray().E_stor.dims == ("omega",)
 
 
 def test_shifts_and_law_within_their_bars(found):

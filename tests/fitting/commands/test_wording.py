@@ -21,7 +21,7 @@ PARSERS = {name: command.parser for name, command in arguments.COMMANDS.items()}
 JOB_KEYS = {*job.CONDITIONS, *job.TEXTS, *job.EXTRA, *job.RULE_KEYS, *FILE_OPTIONS}
 SCENE_KEYS = {"columns", "contact_model", "bad_rows", "poisson", "shift", "normalisation", "hurst"}
 # Arguments of functions that no command calls, and of constructors.
-ONLY_PYTHON = {"flat", "surface", "temperature"}
+ONLY_PYTHON = {"flat", "pooled", "surface", "temperature"}
 # Figures: options of matplotlib.
 DRAWN = {"pad"}
 

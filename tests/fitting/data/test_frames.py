@@ -58,7 +58,7 @@ def test_titles_as_instruments_and_other_programs_spell_them():
 def test_there_and_back():
     data = fitting.FrictionData(V, MU, pressure=3e5, temperature=293.15, sigma=0.01)
     frame = data.to_dataframe()
-    assert list(frame.columns) == ["v [m/s]", "mu [-]", "sigma [-]", "p [Pa]", "T [K]"]
+    assert list(frame.columns) == ["v [m/s]", "p [Pa]", "T [K]", "mu [-]", "sigma [-]"]
     again = fitting.FrictionData.from_frame(frame)
     for name in ("velocity", "friction", "pressure", "temperature", "sigma"):
         np.testing.assert_array_equal(getattr(again, name), getattr(data, name))
@@ -67,13 +67,23 @@ def test_there_and_back():
 @pytest.mark.parametrize(
     ("frame", "units", "message"),
     [
-        ({"v": V}, None, r"^the frame has no column mu \[-\]; it has the columns v\. .* give friction="),
-        ({"v [knots]": V, "mu": MU}, None, r"^column 'v \[knots\]': unit 'knots': "),
-        ({"v": V, "log10_v": V, "mu": MU}, None, r"^column 'log10_v': v is given twice$"),
-        ({"v": V, "mu": ["a"] * 3}, None, r"^column 'mu': must be numbers$"),
+        ({"v": V}, None, r"^data frame: no column mu: .* it has the columns v\. Rename a column"),
+        ({"v [knots]": V, "mu": MU, "p": V}, None, r"^data frame: column v \[knots\]: unit 'knots': must be"),
+        (
+            {"v": V, "log10_v": V, "mu": MU, "p": V},
+            None,
+            r"^data frame: columns 'v' and 'log10_v': both hold",
+        ),
+        ({"v": V, "mu": ["a"] * 3, "p": V}, None, r"^data frame: row 1: mu = 'a': must be a number$"),
         ({"v": V, "mu": MU}, {"T": "C"}, r"^units: 'T' is not a column that is read$"),
-        ({"v": V, "mu": [1.0, np.nan, 1.0], "p": [1e5] * 3}, None, r"^FrictionData\.friction\[1\] = nan"),
-        ({"v": V, "mu": MU}, None, r"^the frame has no column p \[Pa\]; it has the columns v, mu\. Rename"),
+        ({"v [m/s]": V, "mu": MU, "p": V}, {"v": "mm/s"}, r"^column 'v \[m/s\]': unit 'mm/s' contradicts"),
+        (
+            {"v": V, "mu": [1.0, np.nan, 1.0], "p": V},
+            None,
+            r"^data frame: row 2: mu = 'nan': must be finite",
+        ),
+        ({"v": V, "mu": MU}, None, r"^data frame: no column p: .* it has the columns v, mu\. Rename"),
+        ({"v": V, "mu": [1.0]}, None, r"^data frame: columns differ in length \('v' has 3, 'mu' has 1\)"),
     ],
 )
 def test_wrong_frames(frame, units, message):

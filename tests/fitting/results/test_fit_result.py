@@ -12,10 +12,11 @@ from support.scenes.fits import FAST
 
 import fitting
 import rubberfric as rf
+from fitting.parameters.scenes import unit
 from fitting.results.hdf5 import GROUPS, save
 from fitting.results.plot import CurveConditions, PlottedCurve, curve_colours, plot_fit, save_plot
 from fitting.results.record import Minimum
-from fitting.results.report import LISTED, unit
+from fitting.results.report import LISTED
 from fitting.solvers.objective import INTERRUPTED, OUT_OF_STEPS
 from rubberfric.base.objects.physical import PhysicalObject
 from rubberfric.io.hdf5 import read_object
@@ -161,6 +162,19 @@ def test_numbers_by_their_key_paths(joint, quick):
     assert list(frame.index) == list(quick.names)
     np.testing.assert_array_equal(frame["value"], quick.values)
     assert frame.loc["gamma", "withheld"].startswith("not identified")
+    assert list(frame["unit"]) == ["Pa", "Pa", "Pa", "-"]
+
+
+def test_data_set_of_a_fit(joint):
+    pytest.importorskip("xarray")
+    data = joint.to_xarray()
+    names = list(joint.names)
+    assert data.value.sel(parameter="upper.material.E[1]") == joint.values[1]
+    assert list(data.unit.values) == [
+        row or "-" for row in (unit(SCENE, name.split("[")[0]) for name in names)
+    ]
+    one = data.correlation.sel(parameter=names[0], other=names[2])
+    assert one == joint.correlation[0, 2] and data.correlation.dims == ("parameter", "other")
 
 
 def test_report_of_failed_and_of_assumed_errors(quick):
@@ -178,6 +192,12 @@ def test_report_of_failed_and_of_assumed_errors(quick):
     assert (
         section(quick.report(), "Data")[0] == "1: modulus, 12 points: 24 values, errors given (relative 3 %)"
     )
+
+
+def test_report_says_what_was_done_to_data(quick):
+    data = (dataclasses.replace(quick.data[0], history=("E_stor = 2 (1 + poisson) G_stor",)),)
+    lines = section(dataclasses.replace(quick, data=data).report(), "Data")
+    assert lines[1] == "   E_stor = 2 (1 + poisson) G_stor"
 
 
 def test_correlations_are_sorted_cut_and_closed(quick):

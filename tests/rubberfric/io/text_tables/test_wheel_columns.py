@@ -70,6 +70,12 @@ def test_the_force_along_the_slip_gives_the_friction(tmp_path, slip, values, vel
     np.testing.assert_allclose(data.pressure, 1e5, rtol=1e-14)
 
 
+def test_a_column_of_areas_gives_friction_of_a_wheel(tmp_path):
+    titles = "slip angle [deg],speed [m/s],load [N],side force [N],contact area [cm2]"
+    data = fitting.read(put(tmp_path, titles, (30.0, 10.0, 500.0, 400.0, 50.0)))
+    np.testing.assert_allclose([data.friction, data.pressure], [[0.8], [1e5]], rtol=1e-14)
+
+
 def test_combined_slip(tmp_path):
     """The velocity of the tread relative to the road, as vectors: travel (v cos a, v sin a), tread (V, 0)."""
     v, angle, ratio = 10.0, 0.2, 0.1

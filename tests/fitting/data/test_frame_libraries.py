@@ -1,0 +1,117 @@
+"""`fitting.read` takes data frames of pandas, polars, xarray and Arrow, with their units."""
+
+import numpy as np
+import pandas
+import pytest
+
+import fitting
+import rubberfric as rf
+
+V = [1.0, 10.0, 100.0]  # [mm/s]
+MU = [0.5, 0.7, 0.9]
+T = [10.0, 20.0, 30.0]  # [°C]
+TITLES = {"sliding velocity [mm/s]": V, "COF": MU, "Temp. (°C)": T}
+
+
+def check(data):
+    np.testing.assert_allclose(data.velocity, [1e-3, 1e-2, 0.1], rtol=1e-15)
+    np.testing.assert_array_equal(data.friction, MU)
+    np.testing.assert_allclose(data.temperature, [283.15, 293.15, 303.15], rtol=1e-15)
+    np.testing.assert_array_equal(data.pressure, [2e5] * 3)
+
+
+def test_pandas():
+    frame = pandas.DataFrame(TITLES)
+    check(fitting.read(frame, pressure=2e5))
+    check(fitting.read(TITLES | {"p": 2e5}))
+    check(fitting.read(frame.set_index("sliding velocity [mm/s]"), pressure=2e5))
+    named = frame.set_axis(["a", "b", "c"], axis=1)
+    check(fitting.read(named, pressure=2e5, columns=["v [mm/s]", "mu", "T [C]"]))
+    with pytest.raises(
+        ValueError, match=r"^data frame: must have a known column; it has the columns a, b, c"
+    ):
+        rf.io.read_columns(named)
+
+
+def test_units_of_pandas():
+    """In `attrs`, in a second level of the titles, and as an argument."""
+    frame = pandas.DataFrame({"v": V, "mu": MU, "T": T})
+    check(fitting.read(rf.io.as_frame(frame, {"v": "mm/s", "T": "°C"}), pressure=2e5))
+    frame.attrs["units"] = {"v": "mm/s", "T": "°C"}
+    check(fitting.read(frame, pressure=2e5))
+    levels = pandas.MultiIndex.from_tuples([("v", "mm/s"), ("mu", "-"), ("T", "°C")])
+    check(fitting.read(pandas.DataFrame(np.transpose([V, MU, T]), columns=levels), pressure=2e5))
+
+
+def test_bad_rows_of_frames():
+    frame = pandas.DataFrame({"v": [*V, 1.0], "mu": [*MU, None], "T": [*T, 20.0], "p": [2e5] * 4})
+    frame.attrs["units"] = {"v": "mm/s", "T": "°C"}
+    with pytest.raises(ValueError, match=r"^data frame: row 4: mu = 'nan': must be finite; bad_rows="):
+        fitting.read(frame)
+    with pytest.warns(UserWarning, match="^data frame: 1 of 4 rows have bad values and are left out: rows 4"):
+        check(fitting.read(frame, bad_rows="drop"))
+
+
+def test_polars():
+    polars = pytest.importorskip("polars")
+    check(fitting.read(polars.DataFrame(TITLES), pressure=2e5))
+    check(fitting.read(polars.DataFrame(TITLES).lazy(), pressure=2e5))
+    hole = polars.DataFrame({"v": [*V, 1.0], "mu": [*MU, None], "p": [2e5] * 4})
+    with pytest.raises(ValueError, match=r"^data frame: row 4: mu = 'None': must be a number"):
+        fitting.read(hole)
+
+
+def test_xarray():
+    """A grid over temperature and velocity is read point by point."""
+    xarray = pytest.importorskip("xarray")
+    mu = np.array([MU, [0.4, 0.6, 0.8]])
+    coordinates = {
+        "T": ("T", [20.0, 40.0], {"units": "°C"}),
+        "v": ("v", V, {"units": "mm/s"}),
+        "p": ((), 2.0, {"units": "bar"}),
+    }
+    grid = xarray.Dataset({"mu": (("T", "v"), mu, {"units": "-"})}, coordinates)
+    for source in (grid, grid.mu):
+        data = fitting.read(source)
+        np.testing.assert_array_equal(data.friction, mu.ravel())
+        np.testing.assert_allclose(data.velocity, [1e-3, 1e-2, 0.1] * 2, rtol=1e-15)
+        np.testing.assert_allclose(data.temperature, np.repeat([293.15, 313.15], 3), rtol=1e-15)
+        np.testing.assert_allclose(data.pressure, 2e5, rtol=1e-15)
+
+
+class Table:
+    """The interface of pyarrow.Table that is used."""
+
+    def __init__(self, columns):
+        self.columns, self.to_pydict = list(columns.values()), lambda: columns
+
+
+def test_arrow():
+    check(fitting.read(Table(TITLES), pressure=2e5))
+
+
+def test_other_kinds_of_data():
+    modulus = fitting.read(pandas.DataFrame({"f [Hz]": [1.0], "E' [MPa]": [2.0], "E'' [MPa]": [0.1]}))
+    np.testing.assert_allclose([modulus.omega, modulus.storage], [[2 * np.pi], [2e6]], rtol=1e-15)
+    spectrum = fitting.read({"q [1/um]": [1.0, 2.0], "C [um^4]": [1.0, 0.1]}, normalisation="C")
+    np.testing.assert_allclose([spectrum.q, spectrum.C], [[1e6, 2e6], [1e-24, 1e-25]], rtol=1e-14)
+    table = rf.io.read_table(pandas.DataFrame({"T (°C)": T, "lg aT": [1.0, 0.0, -1.0]}), ["T", "aT"])
+    np.testing.assert_allclose(table["aT"], [10.0, 1.0, 0.1], rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("source", "options", "message"),
+    [
+        (
+            TITLES,
+            {"block": 1, "pressure": 2e5},
+            "^data frame: block = 1: must not be given; a data frame has no",
+        ),
+        (TITLES, {"columns": ["v"], "pressure": 2e5}, "^data frame: columns = .*: must be a list of 3 texts"),
+        (TITLES, {}, r"^data frame: no column p: add it to the table, or give pressure"),
+        ({"a": V, "b": MU}, {}, r"^data frame: columns .*must be the columns of one kind of data"),
+    ],
+)
+def test_wrong_frames(source, options, message):
+    with pytest.raises(ValueError, match=message):
+        fitting.read(source, **options)

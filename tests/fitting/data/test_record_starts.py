@@ -1,0 +1,58 @@
+"""Start-up parts of records, which are made from known friction, written, and read back."""
+
+import numpy as np
+import pytest
+from support.refusals import refused
+
+import fitting
+
+
+def put(folder, columns):
+    rows = zip(*(map(repr, np.asarray(values).tolist()) for values in columns.values()), strict=True)
+    (folder / "run.csv").write_text("".join(f"{','.join(row)}\n" for row in (columns, *rows)))
+    return folder / "run.csv"
+
+
+def start_up(n=1000):
+    """Return mu rising to 0.8 with a decay of 30 rows, with noise, at 10 mm/s in 10 s."""
+    t = np.arange(n) * 10.0 / n
+    mu = 0.8 * (1 - 0.5 * np.exp(-np.arange(n) / 30.0)) + 0.005 * np.random.default_rng(1).normal(size=n)
+    return {
+        "t [s]": t,
+        "x [mm]": 10.0 * t,
+        "v [mm/s]": np.full(n, 10.0),
+        "mu": mu,
+        "p [bar]": np.full(n, 2.0),
+    }
+
+
+@pytest.mark.parametrize("without", [(), ("x [mm]",), ("t [s]",)])
+@pytest.mark.parametrize("discard", ["20 mm", "2 cm", "2 s", "2000 ms"])
+def test_the_start_is_discarded(tmp_path, discard, without):
+    run = {name: values for name, values in start_up().items() if name not in without}
+    path = put(tmp_path, run)
+    if "t [s]" in without and discard.endswith("s"):
+        assert "must be a length, because the table has no column t" in refused(
+            path, lambda: fitting.read(path, discard=discard)
+        )
+        return
+    data = fitting.read(path, discard=discard)
+    np.testing.assert_array_equal(data.friction, run["mu"][200:])
+    assert data.history == (f"first {discard} of each of 1 sections discarded: 200 of 1000 rows",)
+
+
+def test_settling(tmp_path):
+    """The rule removes about five decays. The mean is then right within its standard error of 0.0002."""
+    data = fitting.read(put(tmp_path, start_up()), discard="settling")
+    assert 90 < 1000 - len(data) < 300
+    # The rule itself, term by term.
+    mu = np.round(start_up()["mu"], 15)
+    errors = [np.sum((mu[d:] - mu[d:].mean()) ** 2) / (1000 - d) ** 2 for d in range(500)]
+    assert 1000 - len(data) == np.argmin(errors)
+    assert data.friction.mean() == pytest.approx(0.8, abs=5e-4)
+    assert "rows before mu settles (MSER) of each of 1 sections discarded: " in data.history[0]
+    slow = start_up() | {"mu": np.linspace(0.4, 0.8, 1000)}
+    path = put(tmp_path, slow)
+    assert "mu does not settle within half of a section of 1000 rows" in refused(
+        path, lambda: fitting.read(path, discard="settling")
+    )
