@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from rubberfric.roughness.normalisation import NORMALISATION_RULE as NORMALISATION_RULE
     from rubberfric.roughness.normalisation import check_normalisation as check_normalisation
     from rubberfric.roughness.normalisation import density_column as density_column
+    from rubberfric.roughness.normalisation import density_of_levels as density_of_levels
     from rubberfric.roughness.normalisation import find_normalisation as find_normalisation
     from rubberfric.roughness.normalisation import heights_by_normalisation as heights_by_normalisation
     from rubberfric.roughness.normalisation import spectrum_as as spectrum_as

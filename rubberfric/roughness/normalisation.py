@@ -36,6 +36,8 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.checks import (
+    FINITE,
+    POSITIVE,
     as_array,
     as_leaf,
     between,
@@ -100,6 +102,10 @@ _ANGULAR = {
     "W1": '"ISO_8608" (h_rms^2 = int G_d dn)',
 }
 
+# Width of bands in lg n, by their number per octave [IEC 61260, base ten].
+_BAND_WIDTHS = {1: 0.3, 3: 0.1}
+# Largest deviation of a nominal wavelength, such as 63 mm or 125 mm, from an exact one, in lg.
+_NOMINAL = 0.02
 # C_1D falls more slowly than this share of the slope of a self-affine surface, -(1 + 2 H), before a roll-off.
 _FLAT = 0.5
 # The slope at the beginning of a table is fitted over this factor of q. A roll-off from about 2 q[0] on is
@@ -223,6 +229,60 @@ def heights_by_normalisation(q: ArrayLike, values: ArrayLike) -> dict[str, float
         scale = about.factor * (math.pi * q if about.line else q if about.radial else 1.0)
         heights[name] = float(rms_height(TabulatedSpectrum(q, values / scale)))
     return heights
+
+
+def density_of_levels(
+    wavelength: ArrayLike, level: ArrayLike, *, per_octave: int = 3
+) -> tuple[np.ndarray, np.ndarray]:
+    r"""Return q [1/m] and G_d [m^3] from texture levels in bands [ISO 13473-2, ISO 13473-4].
+
+    .. math:: L = 10 \lg \frac{\int_\mathrm{band} G_d\, dn}{(10^{-6}\,\mathrm{m})^2},\qquad
+              q = \frac{2\pi}{\lambda}
+
+    Bands are a factor 10^(0.3 / per_octave) wide. Within a band, G_d is a power law with the slope of the
+    neighbouring bands, and exact for a power law.
+
+    Parameters
+    ----------
+    wavelength : centres of neighbouring bands [m], shape (n,), n >= 2, in any order; nominal values such as
+        63 mm are replaced by the exact 10^1.8 mm
+    level : texture level [dB] relative to 1e-6 m, shape (n,)
+    per_octave : 3 for one-third-octave bands, 1 for octave bands
+
+    Returns
+    -------
+    Tuple of q, increasing, and the one-sided displacement density G_d, whose normalisation is "ISO_8608"
+
+    Raises
+    ------
+    ValueError : if shapes differ, values are invalid, or the wavelengths are not those of neighbouring bands.
+
+    Examples
+    --------
+    >>> q, G_d = rf.roughness.density_of_levels([80e-3, 63e-3, 50e-3, 40e-3], [58.0, 57.5, 56.8, 56.0])
+    >>> C = rf.roughness.spectrum_from("ISO_8608", q, G_d)
+    """
+    if isinstance(per_octave, bool) or per_octave not in _BAND_WIDTHS:
+        raise ValueError(f"per_octave = {shown(per_octave)}: must be 3 or 1")
+    wave, L = (np.asarray(as_leaf(name, x, 1)) for name, x in (("wavelength", wavelength), ("level", level)))
+    check_values("wavelength", wave, POSITIVE)
+    check_values("level", L, FINITE)
+    if wave.shape != L.shape or wave.size < 2:
+        raise ValueError(f"wavelength {wave.shape}, level {L.shape}: must have equal lengths, at least 2")
+    order, width = np.argsort(-wave), _BAND_WIDTHS[per_octave]
+    band = np.round(np.log10(wave[order]) / width)
+    off = np.abs(np.log10(wave[order]) / width - band)
+    if off.max() > _NOMINAL / width or not (np.diff(band) == -1).all():
+        raise ValueError(
+            f"wavelength = {shown(wave.tolist())}: must be centres of neighbouring bands, 10^(k {width:g}) m"
+        )
+    n = 10.0 ** (-width * band)
+    square = 1e-12 * 10.0 ** (L[order] / 10)
+    # G_d ~ n^(slope - 1) has the integral n G_d 2 sinh(slope w / 2) / slope over a band of width w in ln n.
+    slope, w = np.gradient(np.log(square), np.log(n)), width * math.log(10)
+    near = np.abs(slope) < 1e-6
+    integral = np.where(near, w, 2 * np.sinh(slope * w / 2) / np.where(near, 1.0, slope))
+    return 2 * math.pi * n, square / (n * integral)
 
 
 def find_normalisation(

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from support.folders import ROOT
 
 import rubberfric as rf
@@ -69,7 +70,7 @@ def test_snippets(tmp_path, monkeypatch, capsys):
         exec(compile(snippet, "spectra.md", "exec"), names)
     printed = capsys.readouterr().out
     assert "5e-05 m^3 per m^2" in printed and "top spectrum" in printed
-    assert names["found"].h_rms == pytest.approx(1e-5, rel=0.03)
+    assert names["height"] == pytest.approx(1e-5, rel=0.03)
 
 
 def test_curves_of_the_picture():
@@ -83,3 +84,74 @@ def test_curves_of_the_picture():
     q, Wr = curves["Wr"]
     assert np.trapezoid(Wr, q) == pytest.approx(1e-10, rel=0.01)
     assert (ROOT / "notebooks" / "figures" / "spectra.png").stat().st_size > 10_000
+
+
+def density(n):
+    """A one-sided road density over n [cycles/m], with a roll-off at 20 cycles/m."""
+    return 1e-7 / (1 + (n / 20) ** 2) ** 1.3
+
+
+def levels(waves, width, G=density):
+    """Texture levels by quadrature of the density over bands about 10^(k width)."""
+    exact = 10 ** (width * np.round(np.log10(waves) / width))
+    ends = [(10 ** (-width / 2) / wave, 10 ** (width / 2) / wave) for wave in exact]
+    return 10 * np.log10([quad(G, *end, epsabs=0, epsrel=1e-11)[0] / 1e-12 for end in ends])
+
+
+THIRDS = np.array([500, 400, 315, 250, 200, 160, 125, 100, 80, 63, 50, 40, 31.5, 25, 20, 16, 12.5]) / 1e3
+THIRDS = np.append(THIRDS, np.array([10, 8, 6.3, 5, 4, 3.15, 2.5, 2]) / 1e3)
+
+
+@pytest.mark.parametrize(
+    ("waves", "per_octave", "error"),
+    [(THIRDS, 3, 3e-3), (np.array([500, 250, 125, 63, 31.5, 16, 8, 4, 2]) / 1e3, 1, 0.03)],
+)
+def test_texture_levels(waves, per_octave, error):
+    """Levels of a density with a roll-off give it back within `error`, and a power law exactly."""
+    width = {3: 0.1, 1: 0.3}[per_octave]
+    q, G_d = rf.roughness.density_of_levels(waves[::-1], levels(waves[::-1], width), per_octave=per_octave)
+    exact = 2 * np.pi * 10 ** (-width * np.round(np.log10(waves) / width))
+    np.testing.assert_allclose(q, exact, rtol=1e-12)
+    np.testing.assert_allclose(G_d, density(q / (2 * np.pi)), rtol=error)
+    for power in (-2.6, -1.0):
+        L = levels(waves, width, lambda n, power=power: 1e-6 * n**power)
+        q, G_d = rf.roughness.density_of_levels(waves, L, per_octave=per_octave)
+        np.testing.assert_allclose(G_d, 1e-6 * (q / (2 * np.pi)) ** power, rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_texture_levels_of_a_road():
+    """Levels of a surface along lines give its rms height, of waves from 500 to 2 mm."""
+    surface = rf.SelfAffine(2 * np.pi / 0.55, 2 * np.pi / 0.1, 1e5, 0.8, 1e-3)
+
+    def along(n):
+        return float(4 * np.pi * rf.roughness.line_spectrum(surface, 2 * np.pi * n))
+
+    n = np.geomspace(1.0, 1500.0, 800)
+    dense = np.asarray(4 * np.pi * rf.roughness.line_spectrum(surface, 2 * np.pi * n))
+    bands = [10 ** (-0.1 * np.round(np.log10(THIRDS) / 0.1) + shift) for shift in (-0.05, 0.05)]
+    squares = [
+        np.trapezoid(np.interp(x := np.linspace(a, b, 300), n, dense), x) for a, b in zip(*bands, strict=True)
+    ]
+    q, G_d = rf.roughness.density_of_levels(THIRDS, 10 * np.log10(np.array(squares) / 1e-12))
+    assert G_d[10] == pytest.approx(along(q[10] / (2 * np.pi)), rel=0.01)
+    table = rf.TabulatedSpectrum(q, rf.roughness.spectrum_from("ISO_8608", q, G_d))
+    exact = float(rf.roughness.rms_height(surface, q[-1]))
+    assert float(rf.roughness.rms_height(table)) == pytest.approx(exact, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("waves", "L", "more", "message"),
+    [
+        ([0.1, 0.05], [50.0, 49.0], {}, "must be centres of neighbouring bands, 10^(k 0.1) m"),
+        ([0.1, 0.09], [50.0, 49.0], {}, "must be centres of neighbouring bands"),
+        ([0.1, 0.08], [50.0], {}, "must have equal lengths"),
+        ([0.1, -0.08], [50.0, 49.0], {}, "wavelength[1] = -0.08: must be > 0"),
+        ([0.1, 0.08], [50.0, np.nan], {}, "level[1] = nan: must be finite"),
+        ([0.1, 0.08], [50.0, 49.0], {"per_octave": 2}, "per_octave = 2: must be 3 or 1"),
+    ],
+)
+def test_levels_that_are_refused(waves, L, more, message):
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
+        rf.roughness.density_of_levels(waves, L, **more)
+    assert "\n" not in str(error.value)
