@@ -144,6 +144,27 @@ def test_outliers(profiles, smooth):
         assert np.abs(mended - h).max() < 3e-6 and (mended == h)[~found].all()
 
 
+def test_the_rule_of_outliers():
+    """By loops over the points, with a threshold that a tenth of them exceeds."""
+    h = np.round(rng(6).standard_normal((9, 11)), 2)
+
+    def distance(line, k):
+        return abs(line[k] - np.median([line[k - 2], line[k - 1], line[k + 1], line[k + 2]]))
+
+    across = {(i, k): distance(h[:, k], i) for i in range(2, 7) for k in range(11)}
+    along = {(i, k): distance(h[i], k) for i in range(9) for k in range(2, 9)}
+    limit = 1.5 / 0.6745 * np.median([*across.values(), *along.values()])
+    expected = {
+        place
+        for place in {**across, **along}
+        if min(across.get(place, np.inf), along.get(place, np.inf)) > limit
+    }
+    assert {tuple(place) for place in np.argwhere(tools.find_outliers(h, 1.5))} == expected and expected
+    limit = 1.5 / 0.6745 * np.median(list(along.values()))
+    found = np.argwhere(tools.find_outliers(h, 1.5, profiles=True))
+    assert {tuple(place) for place in found} == {place for place, d in along.items() if d > limit}
+
+
 def test_a_plane_has_no_outliers():
     plane = 3.0 * np.arange(20.0)[:, None] - np.arange(30.0)
     assert not tools.find_outliers(plane).any() and not tools.find_outliers(np.zeros((9, 9))).any()
