@@ -48,8 +48,14 @@ def test_profiles_become_an_isotropic_surface():
     areal = measured.areal()
     assert set(data.q) <= set(measured.q[1:]) and data.relative.max() < 1
     np.testing.assert_allclose(data.C, np.exp(np.interp(np.log(data.q), np.log(areal.q), np.log(areal.C))))
-    precise = fitting.spectrum_data(measured._replace(relative=measured.relative / 20))
-    np.testing.assert_array_equal(precise.q, measured.q[1:])
+
+    class Precise(rf.roughness.MeasuredSpectrum):
+        """The same profiles, as if all errors were 10 %."""
+
+        def areal(self):
+            return areal._replace(covariance=0.01 * np.eye(areal.q.size))
+
+    np.testing.assert_array_equal(fitting.spectrum_data(Precise(*measured)).q, measured.q[1:])
     whole = fitting.spectrum_data(rf.roughness.ArealSpectrum(areal.q, areal.C, areal.covariance))
     assert set(whole.q) >= set(data.q)
     assert resolved_ends(measured) == (measured.q[0], measured.q[-1])
