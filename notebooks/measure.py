@@ -57,6 +57,7 @@ MEASUREMENTS = {
     "molecular_dynamics": pytest("rubberfric/theory/area/test_molecular_dynamics.py"),
     "master_curves": pytest("fitting/characterise/test_public_sweeps.py"),
     "prony_series": pytest("fitting/characterise/test_public_series.py"),
+    "spectra": "python notebooks/spectra.py",  # draws a picture
     "sphere": pytest("rubberfric/analysis/test_sliding_sphere.py"),
     "tyre": pytest("whole_scenes/test_tyre_friction.py"),
 }
