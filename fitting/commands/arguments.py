@@ -94,7 +94,7 @@ def _add_response(parser: Parser) -> None:
     add("--kind", choices=kinds, help="kind of data (default: from the columns)")
     text = "Poisson's ratio, needed for shear moduli (default: 0.5)"
     add("--poisson", type=float, metavar="NU", help=text)
-    for name in ("columns", "bad_rows", "check_units", "frequency", "block"):
+    for name in ("columns", "bad_rows", "check_units", "block"):
         _add_reading(parser, name)
 
 

@@ -29,7 +29,14 @@ from fitting.characterise.spectrum import fit_spectrum
 from fitting.commands.arguments import HEIGHTS, reading_options
 from fitting.commands.work import Output, finish
 from fitting.data.files import read
-from fitting.data.kinds import TRANSIENTS, CreepData, ModulusData, RelaxationData, SpectrumData
+from fitting.data.kinds import (
+    TRANSIENTS,
+    CreepData,
+    ModulusData,
+    RelaxationData,
+    SpectrumData,
+    as_data_sets,
+)
 from fitting.parameters.constraints import Positive
 from fitting.results.result import FitResult, friction_table
 from fitting.solvers.problem import CURVE_QUANTITIES, make_problem
@@ -100,9 +107,7 @@ def read_response(
     arguments: argparse.Namespace, path: StrPath, temperature: float | None = None
 ) -> ModulusData | RelaxationData | CreepData:
     """Return the moduli over frequency, or the relaxation moduli or compliances over time, of a file."""
-    options = reading_options(
-        arguments, "columns", "poisson", "check_units", "bad_rows", "frequency", "block"
-    )
+    options = reading_options(arguments, "columns", "poisson", "check_units", "bad_rows", "block")
     kind = arguments.kind or "modulus"
     if arguments.kind is None:
         names = {COLUMNS[name].name for name in _names(arguments, path) if name in COLUMNS}
@@ -239,7 +244,7 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
         scene, place = scene.replace(shear=_SHEAR), _new_scene(out)
         check_writable(place, (".toml",))
     reading = reading_options(arguments)
-    data = [read(path, **reading) for path in arguments.data]
+    data = as_data_sets([read(path, **reading) for path in arguments.data])
     rough = [side for side in ("lower", "upper") if getattr(scene, side).spectrum is not None]
     if not rough and any(one.quantity in CURVE_QUANTITIES for one in data):
         raise ValueError(

@@ -67,3 +67,35 @@ def test_creep_at_one_temperature(run, tmp_path):
     assert run(*files, "--out", "moduli.csv")[0] == 0
     table = rf.io.read_table("moduli.csv", ("omega", "E_stor", "E_loss", "sigma_stor", "sigma_loss"))
     assert table["omega"].size == 21 and (table["sigma_stor"] < 0.1 * table["E_stor"]).all()
+
+
+def test_one_of_two_samples_beside_each_other(run, tmp_path):
+    omega = np.geomspace(1e-2, 1e2, 17)
+    s = 1j * omega[:, None] * TAU
+    modulus = REST + (s / (1 + s)) @ E
+    titles = ";".join(["Frequency [rad/s];E' [Pa];E'' [Pa]"] * 2)
+    rows = "\n".join(
+        f"{w};9e6;1e6;{w};{x.real:.9g};{x.imag:.9g}" for w, x in zip(omega, modulus, strict=True)
+    )
+    (tmp_path / "two.csv").write_text(f"{titles}\n{rows}\n")
+    assert run("mastercurve", "two.csv", "--block", 2, "--out", "scene.toml")[0] == 0
+    np.testing.assert_allclose(ratio("scene.toml", [1e-1, 1.0, 1e1]), 1, atol=0.005)
+
+
+def test_the_kind_of_stress_and_strain_over_time(run, tmp_path):
+    """A strain of 1 % under stress E(t) / 100."""
+    modulus = REST + np.exp(-TIMES[:, None] / TAU) @ E
+    rows = "\n".join(f"{t:.8g},{m / 1e8:.8g},1" for t, m in zip(TIMES, modulus, strict=True))
+    (tmp_path / "stress.csv").write_text(f"Time (s),Tensile stress (MPa),Tensile strain (%)\n{rows}\n")
+    status, _, errors = run("mastercurve", "stress.csv", "--out", "scene.toml")
+    assert status == 2 and "no column E_stor" in errors
+    assert run("mastercurve", "stress.csv", "--kind", "relaxation", "--out", "scene.toml")[0] == 0
+    np.testing.assert_allclose(ratio("scene.toml", [1e-2, 1e-1, 1.0]), 1, atol=0.005)
+
+
+def test_a_job_refuses_data_over_time(run, tmp_path):
+    (tmp_path / "relaxation.csv").write_text("t,E_relax\ns,Pa\n1,2e6\n2,1e6\n")
+    road = rf.Body(rf.Rigid(), rf.SelfAffine(1e3, 1e3, 1e5, 0.8, 1e-5))
+    rf.save_scene("scene.toml", rf.Scene(road, rf.Body(rf.Prony(1e6, [1e6], [1.0]))))
+    status, _, errors = run("job", "scene.toml", "relaxation.csv", "--out", "job.toml")
+    assert status == 2 and "fit_prony(data).moduli() converts it" in errors
