@@ -71,9 +71,7 @@ def rows_of(
     else:
         ends = np.asarray(as_leaf("temperature", temperature, 1), float)
         fits = ends.size == 2 and 0 < ends[0] < ends[1]
-        need(
-            fits, f"temperature = {shown(temperature)}: must be (lowest, highest) [K], with lowest < highest"
-        )
+        need(fits, f"temperature = {shown(temperature)}: must be (lowest, highest) [K], in this order")
         law.check_temperature(ends)
     T_ref = float(law.reference_temperature)
     inside = ends[0] <= T_ref <= ends[1]
