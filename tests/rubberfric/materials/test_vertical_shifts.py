@@ -263,9 +263,11 @@ def test_files_and_key_paths(tmp_path):
     assert rf.load_scene(path).upper.material.shift.vertical.bT.tolist() == [1.2, 1.0, 0.7]
 
 
-def test_cards_refuse_it():
+def test_cards_without_rows_over_temperature_refuse_it():
     material = prony(wlf(ENTROPIC))
-    with pytest.raises(ValueError, match=r"^material\.shift\.vertical = Entropic: must be None for abaqus"):
+    with pytest.raises(ValueError, match=r"^material\.shift\.vertical = Entropic: must be None for lsdyna"):
+        rf.io.write_prony(None, material, "lsdyna", bulk=2e9, density=1100.0)
+    with pytest.raises(ValueError, match="^temperature is missing"):
         rf.io.write_prony(None, material, "abaqus")
     assert "*VISCOELASTIC" in rf.io.write_prony(None, material, "abaqus", shift=False).upper()
 
