@@ -95,7 +95,7 @@ def converted(
 ) -> tuple[rf.Prony, SeriesProblem, SeriesMinimum, Compliance]:
     """Return the material, the moduli and their uncertainty for the fitted terms of a compliance.
 
-    The covariance of ln E is that of ln D transformed by the derivatives of the conversion.
+    The derivatives of the conversion transform the covariance of ln D into the covariance of ln E.
 
     Parameters
     ----------

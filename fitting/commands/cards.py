@@ -5,8 +5,8 @@
     rubberfric-fit cards scene.toml --out tread.inp --density 1150
     rubberfric-fit cards moduli.csv --program ansys --bulk 2e9 --out tread.mac
 
-The cards are those of `rubberfric.io.write_prony`. A table of moduli, or of E(t) or D(t), is fitted by
-`fitting.fit_prony` before.
+`rubberfric.io.write_prony` writes the cards. `fitting.fit_prony` fits a table of moduli, or of E(t) or D(t),
+before.
 """
 
 import argparse
@@ -28,7 +28,7 @@ _SHOWN = (1.0, 1e3, 1e6)
 
 
 def run_cards(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
-    """Write cards, print what they hold, and return the exit status."""
+    """Write cards, print a summary, and return the exit status."""
     del interrupts
     show(f"reading {arguments.input}")
     texts: list[str] = []
@@ -87,7 +87,7 @@ def _material(arguments, show, texts):
 
 
 def _summary(material, program, arguments):
-    """Return a text with E' and E'' of the material, for a check in the other program."""
+    """Return a text with E' and E'' of the material, to compare them with the other program."""
     law = material.shift
     reference = None if law is None else float(law.reference_temperature)
     modulus = np.asarray(rf.complex_modulus(material, np.array(_SHOWN), reference))

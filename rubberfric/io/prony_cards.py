@@ -170,8 +170,8 @@ def write_prony(
         The density is written in kg/m^3 with Pa, and in t/mm^3 with MPa.
     shift : False leaves out the shift, for cards at its reference temperature, or at `temperature`
     name : name of the material, for abaqus and openradioss, on one line and without commas or quotes
-    temperature : (lowest, highest) temperature [K] of a vertical shift, or None for those of a table
-        abaqus and ansys: moduli E b_T are written in a row for each temperature. Between the rows the
+    temperature : (lowest, highest) temperature [K] of a vertical shift, or None for the range of its table
+        abaqus and ansys: a row for each temperature holds the moduli E b_T. Between the rows the
         programs interpolate, with an error of b_T below 1e-4. The range must include the reference
         temperature. Entropic needs a range.
         With shift=False: the temperature of the cards, one number. Their moduli are E b_T and their times

@@ -267,7 +267,7 @@ def test_cards_without_rows_over_temperature_refuse_it():
     material = prony(wlf(ENTROPIC))
     with pytest.raises(ValueError, match=r"^material\.shift\.vertical = Entropic: must be None for lsdyna"):
         rf.io.write_prony(None, material, "lsdyna", bulk=2e9, density=1100.0)
-    with pytest.raises(ValueError, match="^temperature is missing"):
+    with pytest.raises(ValueError, match=r"^temperature is missing"):
         rf.io.write_prony(None, material, "abaqus")
     assert "*VISCOELASTIC" in rf.io.write_prony(None, material, "abaqus", shift=False).upper()
 
