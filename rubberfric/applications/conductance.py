@@ -60,19 +60,13 @@ def contact_conductance(
     The stiffness of the theory is 3 to 12 % below that of boundary elements. The conductance is that of the
     contact areas alone, without air, radiation or oxide layers.
     """
-    check_without(scene, ("adhesion", "softening"), "the conductance")
-    bodies = {"lower": scene.lower, "upper": scene.upper}
-    for name, body in bodies.items():
-        if body.layer is not None:
-            raise ValueError(f"scene.{name}.layer: must be None for the conductance, which is of half-spaces")
+    check_half_spaces(scene, "the conductance")
     if len(conductivity) != 2:
         raise ValueError(f"conductivity has {len(conductivity)} values: must be (lower, upper)")
     first, second = (as_numbers(f"conductivity[{i}]", one, POSITIVE) for i, one in enumerate(conductivity))
     # First, because it checks pressure and temperature.
     stiffness = contact_stiffness(scene, 0.0, pressure, temperature, quadrature=quadrature)
-    compliance = sum(
-        _compliance(f"scene.{name}", body.material, temperature) for name, body in bodies.items()
-    )
+    compliance = relaxed_compliance(scene, temperature)
     return of_stiffness(stiffness, compliance, first, second)
 
 
@@ -83,10 +77,27 @@ def of_stiffness(
     return 2 * jnp.asarray(stiffness) * compliance / (1 / jnp.asarray(first) + 1 / jnp.asarray(second))
 
 
-def _compliance(where, material, temperature):
+def check_half_spaces(scene: Scene, what: str) -> None:
+    """Raise ValueError unless `what` is defined for a scene: half-spaces without adhesion and softening."""
+    check_without(scene, ("adhesion", "softening"), what)
+    for name, body in (("lower", scene.lower), ("upper", scene.upper)):
+        if body.layer is not None:
+            raise ValueError(f"scene.{name}.layer: must be None for {what}, which is of half-spaces")
+
+
+def relaxed_compliance(scene: Scene, temperature: ArrayLike | None) -> jax.Array:
+    """Return 1 / E_r of both solids in series at rest [1/Pa].
+
+    A ValueError is raised if a solid has no modulus at rest.
+    """
+    bodies = (("lower", scene.lower), ("upper", scene.upper))
+    return jnp.asarray(sum(_compliance(name, body.material, temperature) for name, body in bodies))
+
+
+def _compliance(name, material, temperature):
     """Return 1 / E_r at rest [1/Pa], or 0.0 for a rigid solid."""
     if not material.deforms:
         return 0.0
     if material.is_liquid():
-        raise ValueError(f"{where}.material has no modulus at rest: E_inf must be > 0")
+        raise ValueError(f"scene.{name}.material has no modulus at rest: E_inf must be > 0")
     return 1 / E_r(material, None, temperature)

@@ -18,7 +18,7 @@ import numpy as np
 
 from rubberfric.roughness.radial_mesh import Mesh
 from rubberfric.scene.interface import Correlation
-from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
+from rubberfric.theory.area.area_correction import UniformTable, correct_argument
 from rubberfric.theory.area.partial_contact import (
     contact_argument,
     contact_fraction,
@@ -41,7 +41,7 @@ class Contact(NamedTuple):
     G_panels: jax.Array  # plain, part from each panel, (panels, points), or from all of them, (1, points)
     G: jax.Array | None  # plain, up to every contact node; None if only the area is needed
     gamma: jax.Array
-    correction: CorrectionTable | None
+    correction: UniformTable | None
     # With adhesion: equivalent pressure without adhesion divided by sigma_0, (points,); True where this
     # pressure was found; separation minus the separation without adhesion under this pressure [m].
     load: jax.Array | None = None
@@ -123,7 +123,7 @@ class Roughness(NamedTuple):
     strained: tuple[str, ...]  # the solid that each surface strains: "lower" or "upper"
     scale: jax.Array  # unit of all moduli [Pa]
     gamma: jax.Array
-    correction: CorrectionTable | None  # of S in G
+    correction: UniformTable | None  # of S in G
     correlation: Correlation | None = None  # already included in the roughness; for solids at rest
     approximate: bool = False  # True if another mesh checks the results, so that a failed G may be 0
 

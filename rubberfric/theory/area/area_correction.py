@@ -39,20 +39,29 @@ _ORDER = 10
 _ENTRIES = 513
 
 
-class CorrectionTable(NamedTuple):
-    """Table of ln(G/g) at uniform steps of ln g.
-
-    Between the entries ln(G/g) is a polynomial. Beyond the table ln(G/g) is a straight line.
-    """
+class UniformTable(NamedTuple):
+    """Function at uniform steps of its argument, quintic between the entries and a straight line beyond."""
 
     start: jax.Array
     step: jax.Array
     cells: jax.Array  # coefficients in the position within a cell, (6, cells), ascending
     slopes: jax.Array  # at both ends, per cell
 
+    def __call__(self, at: jax.Array) -> jax.Array:
+        """Evaluate the table at values of any shape."""
+        position = (at - self.start) / self.step
+        count = self.cells.shape[1]
+        index = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)).astype(int), 0, count - 1)
+        # Outside the table, the straight lines below are added.
+        t = jnp.clip(position - index, 0.0, 1.0)
+        columns = self.cells.at[:, index].get(mode="promise_in_bounds")
+        value = functools.reduce(lambda total, column: total * t + column, columns[::-1])
+        value = value + jnp.minimum(position, 0.0) * self.slopes[0]
+        return value + jnp.maximum(position - count, 0.0) * self.slopes[1]
 
-def correction_table(gamma: jax.Array) -> CorrectionTable:
-    """Return the table of the corrected G for one gamma in 0 ... 1."""
+
+def correction_table(gamma: jax.Array) -> UniformTable:
+    """Return the table of ln(G/g) over ln g, with the corrected G, for one gamma in 0 ... 1."""
     dtype = jnp.result_type(gamma)
     node, weight = (jnp.asarray(x, dtype) for x in gauss(_ORDER))
     edges = jnp.asarray(np.linspace(_LOWEST, _HIGHEST, _PANELS + 1), dtype)
@@ -82,40 +91,30 @@ def correction_table(gamma: jax.Array) -> CorrectionTable:
         return value - (jnp.log(here) - target) * _energy(value, gamma)[0] * here / jnp.exp(value)
 
     value = jax.lax.fori_loop(0, 5, improved, jax.lax.stop_gradient(value))
-    return CorrectionTable(start, step, *_quintic(step, *_derivatives(value, plain_at(value), gamma)))
+    return quintic_table(start, step, *_derivatives(value, plain_at(value), gamma))
 
 
-def correct_argument(table: CorrectionTable, x: jax.Array) -> jax.Array:
+def correct_argument(table: UniformTable, x: jax.Array) -> jax.Array:
     """Return x = 1 / (2 sqrt(G)) with S in G, given x without S in G.
 
     `x` may have any shape. x with S and x without S are at most 27.
     """
-    log_plain = -2 * jnp.log(2 * x)
-    position = (log_plain - table.start) / table.step
-    count = table.cells.shape[1]
-    index = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)).astype(int), 0, count - 1)
-    # Within the table; outside it G follows a power law.
-    t = jnp.clip(position - index, 0.0, 1.0)
-    columns = table.cells.at[:, index].get(mode="promise_in_bounds")
-    value = functools.reduce(lambda total, column: total * t + column, columns[::-1])
-    value = value + jnp.minimum(position, 0.0) * table.slopes[0]
-    value = value + jnp.maximum(position - count, 0.0) * table.slopes[1]
-    return x * jnp.exp(-0.5 * value)
+    return x * jnp.exp(-0.5 * table(-2 * jnp.log(2 * x)))
 
 
-def _quintic(h, f, slope, curvature):
-    """Return the quintic Hermite polynomial of each cell, and the slopes at both ends of the table.
-
-    `h` is the width of a cell. The variable of a polynomial is the position in the cell, from 0 to 1.
-    """
-    d, c = h * slope, h * h * curvature
+def quintic_table(
+    start: jax.Array, step: jax.Array, f: jax.Array, slope: jax.Array, curvature: jax.Array
+) -> UniformTable:
+    """Return the table of a function with the given values and derivatives at `start`, `start + step`, ..."""
+    d, c = step * slope, step * step * curvature
     rise = f[1:] - f[:-1] - d[:-1] - 0.5 * c[:-1]
     tilt = d[1:] - d[:-1] - c[:-1]
     bend = c[1:] - c[:-1]
     a3 = 10 * rise - 4 * tilt + 0.5 * bend
     a4 = -15 * rise + 7 * tilt - bend
     a5 = 6 * rise - 3 * tilt + 0.5 * bend
-    return jnp.stack([f[:-1], d[:-1], 0.5 * c[:-1], a3, a4, a5]), d[np.array([0, -1])]
+    cells = jnp.stack([f[:-1], d[:-1], 0.5 * c[:-1], a3, a4, a5])
+    return UniformTable(start, step, cells, d[np.array([0, -1])])
 
 
 def _energy(log_G, gamma):

@@ -35,7 +35,7 @@ import jax.numpy as jnp
 
 from rubberfric.base.fixed_points import implicit
 from rubberfric.base.roots import first, zero
-from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
+from rubberfric.theory.area.area_correction import UniformTable, correct_argument
 from rubberfric.theory.area.partial_contact import (
     TWO_OVER_ROOT_PI,
     AdhesiveLoad,
@@ -71,7 +71,7 @@ class Unloading(NamedTuple):
     stiffness: jax.Array  # scale over sigma_0
     gain: jax.Array  # twice the work of adhesion over sigma_0 [m]
     gamma: jax.Array
-    correction: CorrectionTable | None
+    correction: UniformTable | None
 
 
 # Axes of the points.
@@ -170,7 +170,7 @@ def _nodes(point, z):
 def _ends(point, z):
     """Return x = 1 / (2 sqrt(G)) of all roughness under the pressure sigma_0 e^z, for two kinds of G.
 
-    The first G is the plain G. The second G contains S if the point has a `CorrectionTable`.
+    The first G is the plain G. The second G contains S if the point has a `UniformTable`.
     """
     x = jnp.minimum(point.end * jnp.exp(z), 2 * _FULL)
     return x, x if point.correction is None else correct_argument(point.correction, x)

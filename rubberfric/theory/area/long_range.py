@@ -37,7 +37,7 @@ from rubberfric.base.fixed_points import implicit
 from rubberfric.base.logarithms import floored_log
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.base.roots import first, zero
-from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
+from rubberfric.theory.area.area_correction import UniformTable, correct_argument
 from rubberfric.theory.area.partial_contact import (
     TWO_OVER_ROOT_PI,
     AdhesiveLoad,
@@ -82,7 +82,7 @@ class Gaps(NamedTuple):
     strength: jax.Array  # work / (range sigma_0)
     reach: jax.Array  # the range [m]
     gamma: jax.Array
-    correction: CorrectionTable | None
+    correction: UniformTable | None
     lost: LossTable
 
 
