@@ -13,6 +13,7 @@ import rubberfric as rf
 from rubberfric.applications import leak_conductivity, leak_rate, percolation_pressure
 from rubberfric.applications.gaps import Gaps, gaps_at_rest, moments_of
 from rubberfric.applications.leak import effective_conductivity
+from rubberfric.scene import cast
 from rubberfric.theory.area.corrected_separation import corrected_separation
 
 SEAL = rf.Prony(3e6, [2e6, 1e6], [1e-3, 1.0], 0.49)
@@ -75,7 +76,7 @@ def test_mean_of_the_gaps():
     t = np.exp(log_t)
     g = stiffness**2 / 8 * np.asarray(moments.up_to(2, t)) - 0.0085
     x = 0.5 / np.sqrt(np.where(g > 0, g, 1e-4))
-    w = x * np.asarray(contact.gap(np.log(np.minimum(x, 5.7)))) * (x < 5.7)
+    w = x * np.asarray(contact.gap(jnp.log(jnp.minimum(x, 5.7)))) * (x < 5.7)
     m1 = np.asarray(moments.up_to(1, t))
     expected = 0.25 * stiffness * np.sum(0.5 * (w[1:] + w[:-1]) * np.diff(m1))
     assert float(jnp.sum(gaps.share * gaps.mean)) == pytest.approx(expected, rel=3e-6)
@@ -204,7 +205,7 @@ def test_extremes():
         jax.grad(lambda h: leak_conductivity(SCENE.replace("lower.spectrum.h_rms", h), 1e4))(0.0)
     )
     assert float(leak_conductivity(rf.Scene(rf.Body(RIGID), rf.Body(SEAL)), 1e4)) == 0
-    single = rf.scene.cast(SCENE, "float32")
+    single = cast(SCENE, "float32")
     found = leak_conductivity(single, np.float32(2e4), None, np.float32(0.415))
     assert found.dtype == jnp.float32
     assert float(found) == pytest.approx(float(leak_conductivity(SCENE, 2e4)), rel=1e-3)
