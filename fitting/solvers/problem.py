@@ -193,8 +193,8 @@ def _check_contact(scene, data):
     """Raise ValueError unless the scene can predict the data at their temperatures."""
     if data.quantity in SLIP_QUANTITIES and scene.patch is None:
         raise ValueError(
-            f"data {data.label!r}: the scene has no patch; add one:"
-            " scene.replace(patch=rubberfric.Patch(length, width, stiffness))"
+            f"data {data.label!r}: the scene has no patch; add the table [patch] to its file,"
+            " or scene.replace(patch=rubberfric.Patch(length, width, stiffness))"
         )
     if data.quantity != "area" and scene.shear is None and not dissipates(scene):
         raise ValueError(  # friction would not depend on any parameter

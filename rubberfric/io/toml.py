@@ -205,8 +205,7 @@ def _build_child(path, key, field, content):
 
     The name of a kind without keys may stand for its table.
     """
-    if isinstance(content, str) and content in field.names:
-        content = {"kind": content}
+    content: Any = {"kind": content} if isinstance(content, str) and content in field.names else content
     check_keys(path, key, content, content)
     if not issubclass(field.role, Kind):
         return _build(path, key, field.role, content)

@@ -78,7 +78,7 @@ def _projected_table(q, C):
     return jnp.exp(projection(jnp.log(C), q, q, None)[0])
 
 
-def positive_array(name, value):
+def positive_array(name: str, value: ArrayLike) -> jax.Array:
     """Return values > 0 as a floating-point array."""
     value = jnp.asarray(value)
     value = value if jnp.issubdtype(value.dtype, jnp.floating) else value.astype(float)
@@ -86,7 +86,9 @@ def positive_array(name, value):
     return value
 
 
-def projection(log_C, knots, q, q1):
+def projection(
+    log_C: jax.Array, knots: jax.Array, q: jax.Array, q1: jax.Array | None
+) -> tuple[jax.Array, jax.Array]:
     """Return ln C_1D at q, and its derivatives with respect to ln C at the knots.
 
     The last piece continues beyond the last knot up to q1, or without an end if q1 is None.

@@ -113,7 +113,7 @@ CALLS = {
     ),
     "a file in place of data": (
         lambda: fitting.fit_prony("master_curve.csv"),
-        ("data is a str", "must be ModulusData, for example from fitting.read"),
+        ("data is a str", "must be ModulusData, RelaxationData or CreepData, for example from fitting.read"),
     ),
     "a start value as text": (
         lambda: fitting.fit(SCENE, DATA, {"upper.material.E": Positive("1e6")}),

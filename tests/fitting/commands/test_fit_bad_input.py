@@ -56,13 +56,13 @@ def test_scene(scene):
     [
         ([], "data is empty: must hold at least one data set"),
         ((), "data is empty"),
-        (None, "data is a NoneType: must be FrictionData, AreaData, ModulusData or SpectrumData, or a list"),
+        (None, "data is a NoneType: must be FrictionData, AreaData, ModulusData, SpectrumData, SlipData or"),
         (5, "data is a int: must be"),
         ("friction.csv", "data is a str: must be"),
         ({"a": MODULUS}, "data is a dict: must be"),
         (np.ones((3, 2)), "data is a ndarray: must be"),
         (ModulusData, "data is a type: must be"),
-        ([MODULUS, None], "data[1] is a NoneType: must be FrictionData, AreaData, ModulusData or"),
+        ([MODULUS, None], "data[1] is a NoneType: must be FrictionData, AreaData, ModulusData, Spec"),
         ([[MODULUS]], "data[0] is a list: must be"),
     ],
 )

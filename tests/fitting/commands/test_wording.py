@@ -19,7 +19,7 @@ from rubberfric.commands.wording import CALLS
 PARSERS = {name: command.parser for name, command in arguments.COMMANDS.items()}
 # Keys of job files and of scene files, which are lines of TOML.
 JOB_KEYS = {*job.CONDITIONS, *job.TEXTS, *job.EXTRA, *job.RULE_KEYS, *FILE_OPTIONS}
-SCENE_KEYS = {"columns", "contact_model", "bad_rows", "poisson", "shift", "normalisation", "hurst"}
+SCENE_KEYS = {"columns", "contact_model", "bad_rows", "poisson", "shift", "normalisation", "hurst", "patch"}
 # Arguments of functions that no command calls, and of constructors.
 ONLY_PYTHON = {"flat", "pooled", "surface", "temperature"}
 # Figures: options of matplotlib.

@@ -56,7 +56,7 @@ def test_a_forgotten_vertical_shift_is_an_error():
         write_prony(None, rubber(TABLE, 0.5), bulk=2e9)
     with pytest.raises(ValueError, match=r"must include T_ref = 293.15 K"):
         write_prony(None, rubber(TABLE), temperature=(300.0, 320.0))
-    with pytest.raises(ValueError, match=r"must be \(lowest, highest\) \[K\], with lowest < highest"):
+    with pytest.raises(ValueError, match=r"must be \(lowest, highest\) \[K\], in this order"):
         write_prony(None, rubber(TABLE), temperature=(320.0, 280.0))
     with pytest.raises(ValueError, match="must not be given; the material has no vertical shift"):
         write_prony(None, rubber(None), temperature=RANGE)
