@@ -106,8 +106,8 @@ def read(
         never contains the body.
     normalisation, hurst : normalisation, and H, of a spectrum in a CSV file
         See `rubberfric.roughness.normalisation`. The normalisation is required for a spectrum, unless a title
-        names it (W1 and Wr of Gwyddion, Gd of ISO 8608), or the text above the table does (ISO 8608,
-        contact.engineering). It is "C" for a file of `write`. Without H, a spectrum along a line is inverted
+        names it (W1 and Wr of Gwyddion, Gd of ISO 8608, texts of contact.engineering), or the text above the
+        table does (ISO 8608). It is "C" for a file of `write`. Without H, a spectrum along a line is inverted
         by `areal_spectrum`, with the relative errors of the file if it has them. They are kept as errors of
         C. With H it is converted as for a self-affine surface, which makes h_rms 1.09 to 1.4 times too large
         at a roll-off. A column "wavenumber" needs the unit rad/m or cycles/m unless the normalisation is

@@ -125,7 +125,10 @@ COLUMNS = {
     "k": Column("q", units.WAVEVECTOR, offered=False),
     "n": Column("q", units.CYCLES, offered=False),
     "wavenumber": Column("q", units.NUMBER, offered=False),
-    **{name: Column("C_1D", units.LINE, offered=False) for name in ("W1", "Wr", "G_d")},
+    **{
+        name: Column("C_1D", units.LINE, offered=False)
+        for name in ("W1", "Wr", "G_d", "q_C_iso_over_pi", "C_1D_surfacetopography")
+    },
     "delta": Column("delta", units.ANGLE, limit=(math.pi / 2, "90 deg; is it in deg or rad?"), offered=False),
     "F_t": Column("F_t", units.FORCE, positive=False, offered=False),
     "F_n": Column("F_n", units.FORCE, positive=False, nonzero=True, offered=False),

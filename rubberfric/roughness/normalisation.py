@@ -85,15 +85,12 @@ NORMALISATION_RULE = "must be " + ", ".join(
 )
 
 # Titles of densities that name their normalisation.
-_NAMED = {"W1": "W1", "Wr": "Wr", "G_d": "ISO_8608"}
+_NAMED = {name: name for name in ("W1", "Wr", "q_C_iso_over_pi", "C_1D_surfacetopography")}
+_NAMED["G_d"] = "ISO_8608"
 # Equal normalisations.
 _EQUAL = {"W1": ("W1", "C_1D_one_sided")}
-# Texts above a table that name its normalisation, as contact.engineering and road profilers write them.
-_HEADERS = (
-    (re.compile(r"q/\u03c0\s*[\u00d7x*]\s*2D PSD"), "q_C_iso_over_pi"),
-    (re.compile(r"1D PSD along [xy]"), "C_1D_surfacetopography"),
-    (re.compile(r"\bISO[ /-]*(?:TS[ -]*)?(?:8608|13473-4)\b"), "ISO_8608"),
-)
+# Texts above a table that name its normalisation.
+_HEADERS = ((re.compile(r"\bISO[ /-]*(?:TS[ -]*)?(?:8608|13473-4)\b"), "ISO_8608"),)
 # Normalisations over angular wavevectors, and the one over cycles/m that the same numbers would have.
 _ANGULAR = {
     "C": '"C_iso" (h_rms^2 = 2 pi int n C dn)',
@@ -296,10 +293,10 @@ def find_normalisation(
     ----------
     path : name of the table in messages
     names : names of the columns, from `rubberfric.io.read_names`
-        W1, Wr and G_d name the normalisations "W1", "Wr" and "ISO_8608". q and k are in rad/m, n in cycles/m.
+        W1 and Wr of Gwyddion, G_d of ISO 8608, and the names of contact.engineering name the normalisation.
+        q and k are in rad/m, n in cycles/m.
     normalisation : given one, or None
-    header : text above the table, which may name the normalisation: "2D PSD" after q/π, and "1D PSD along x"
-        of contact.engineering, "ISO 8608" and "ISO 13473-4"
+    header : text above the table, in which "ISO 8608" and "ISO 13473-4" name the normalisation
 
     Raises
     ------

@@ -152,5 +152,7 @@ SPELLINGS = {
         "G_d": "Gd; Gd(n); G_d(n); displacement psd",
         "W1": "W1(k)",
         "Wr": "Wr(k)",
+        "q_C_iso_over_pi": "q/\u03c0 \u00d7 2d psd",
+        "C_1D_surfacetopography": "1d psd along x; 1d psd along y",
     }.items()
 }

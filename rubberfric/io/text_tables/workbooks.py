@@ -17,6 +17,7 @@ from rubberfric.base.atomic import (
     read_bytes,
 )
 from rubberfric.base.checks import warn_caller
+from rubberfric.io.text_tables.series import first_series
 
 Rows = list[tuple[Any, ...]]  # cells of a sheet
 
@@ -34,7 +35,8 @@ def read_export(path: StrPath) -> str:
     The encoding is UTF-8, UTF-16, or Latin-1 with signs such as ° and µ. Excel workbooks (.xlsx) are read
     with openpyxl. The first sheet with rows of numbers becomes lines of cells separated by tabs. Sheets with
     equal titles follow, and a warning names these and the other sheets with numbers. A formula whose value is
-    not stored becomes the text of the formula.
+    not stored becomes the text of the formula. Of a text with several series (`series_of`), the first one is
+    returned.
 
     Raises
     ------
@@ -48,7 +50,7 @@ def read_export(path: StrPath) -> str:
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return decoded(path, content, "utf-16")
     latin = set(content) - set(range(128)) <= set(_LATIN)
-    return decoded(path, content, "latin-1" if latin else "utf-8-sig")
+    return first_series(path, decoded(path, content, "latin-1" if latin else "utf-8-sig"))
 
 
 def _workbook_text(path: StrPath) -> str:

@@ -86,8 +86,8 @@ def rms(data):
         ("q,C_1D\n1/m,m^3", "Wr", True),
         ("k [1/m],Wr [m^3]", "Wr", False),
         ("q,C_1D\n1/m,m^3", "q_C_iso_over_pi", True),
-        ("# q/\u03c0 \u00d7 2D PSD of contact.engineering\nq,C_1D\n1/m,m^3", "q_C_iso_over_pi", False),
-        ("# 1D PSD along x\nq,C_1D\n1/m,m^3", "C_1D_surfacetopography", False),
+        ("Wavevector [1/m],q/\u03c0 \u00d7 2D PSD [m³]", "q_C_iso_over_pi", False),
+        ("q (1/m),1D PSD along x (m³)", "C_1D_surfacetopography", False),
         ("ISO 8608; class C\n\nn [cycles/m],C_1D [m^3]", "ISO_8608", False),
         ("# after ISO/TS 13473-4\nn,C_1D\ncycles/m,m^3", "ISO_8608", False),
         ("n,C\ncycles/m,m^4", "C_iso over n", True),
@@ -179,6 +179,28 @@ def test_heights_of_all_normalisations():
         assert best == name or heights[best] == heights[name]
     assert heights["C_1D_one_sided"] == heights["W1"]
     assert heights["C_1D"] == pytest.approx(np.sqrt(2) * heights["W1"])
+
+
+@pytest.mark.parametrize("first", ["q_C_iso_over_pi", "C_1D_surfacetopography"])
+def test_a_text_of_contact_engineering(tmp_path, first):
+    """Several series of one surface in micrometres; the first one is read, and a warning names the others."""
+    series = {"q_C_iso_over_pi": "q/\u03c0 \u00d7 2D PSD", "C_1D_surfacetopography": "1D PSD along x"}
+    text = "# Power-spectral density (PSD)\n# ====\n\n# Further arguments of analysis function: {}\n\n"
+    for name in sorted(series, reverse=first.startswith("q")):
+        x, y, _ = DENSITIES[name]
+        title = series[name]
+        text += f"# {title}\n# {'-' * len(title)}\n# Columns: Wavevector (µm⁻¹), PSD (µm³)\n"
+        text += "".join(f"{1e-6 * a:.9e} {1e18 * b:.9e}\n" for a, b in zip(x, y, strict=True)) + "\n"
+    (tmp_path / "psd.txt").write_text(text, encoding="utf-8")
+    others = [title for name, title in series.items() if name != first]
+    with pytest.warns(UserWarning, match=f"the first of 2 series; the others are '{others[0]}'"):
+        data = fitting.read(tmp_path / "psd.txt")
+    assert data.q.size == Q.size and rms(data) == pytest.approx(RMS, rel=0.02)
+    with (
+        pytest.warns(UserWarning, match="the first of 2 series"),
+        pytest.raises(ValueError, match="leave the"),
+    ):
+        fitting.read(tmp_path / "psd.txt", normalisation="C_1D")
 
 
 def test_density_of_a_scene_file(tmp_path):
