@@ -29,6 +29,8 @@ class Series(NamedTuple):
 
 def series_of(text: str) -> list[Series]:
     """Return all series of a text; [] for a text of another program."""
+    if "Columns:" not in text:
+        return []
     found, lines = [], text.splitlines()
     for i, line in enumerate(lines):
         columns = _COLUMNS.fullmatch(line.strip())
