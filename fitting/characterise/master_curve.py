@@ -11,6 +11,8 @@ from scipy.interpolate import BSpline, PchipInterpolator
 import rubberfric as rf
 from fitting.characterise.master_report import Fall, labelled_part, largest_fall, report_of
 from fitting.characterise.pictures import plot_master_curve
+from fitting.characterise.prony import over_frequency
+from fitting.characterise.prony_series import Response
 from fitting.characterise.shift_laws import ShiftLaw, arrhenius_through, wlf_through
 from fitting.characterise.sweep_shifts import ENTROPIC, Shifts, shifts_of
 from fitting.characterise.sweeps import sweeps_of
@@ -263,7 +265,7 @@ class MasterCurve:
 
 
 def fit_master_curve(
-    isotherms: ModulusData | Sequence[ModulusData],
+    isotherms: Response | Sequence[Response],
     reference: float | None = None,
     *,
     vertical: bool | str = False,
@@ -282,6 +284,7 @@ def fit_master_curve(
     Parameters
     ----------
     isotherms : ModulusData with a temperature for every row, or a list of them
+        RelaxationData and CreepData are converted at each temperature by `fit_prony(...).moduli()`.
         Rows may be in any order, and a sweep may be spread over several data sets. Data with absolute errors
         may contain E' or E'' <= 0; these values are ignored and named in the report.
     reference : temperature of the master curve [K]; the nearest sweep is used
@@ -319,7 +322,8 @@ def fit_master_curve(
     "entropic" only if the moduli rise about as the entropic b_T, otherwise True.
     """
     _check(reference, vertical, same, temperature_error)
-    sweeps = sweeps_of(isotherms, float(same))
+    measured: Any = over_frequency(isotherms, float(same))
+    sweeps = sweeps_of(measured, float(same))
     T = np.array([one.T for one in sweeps])
     nearest = int(np.argmin(np.abs(T - (_ROOM if reference is None else reference))))
     if reference is not None and abs(T[nearest] - reference) > same:
@@ -340,7 +344,7 @@ def fit_master_curve(
     count = [np.maximum(np.isfinite(rest[:, which == i]).sum(axis=1), 1) for i in range(T.size)]
     omega = np.exp(np.concatenate([one.t for one in sweeps]))
     curve = MasterCurve(
-        data=_shifted(isotherms, sweeps, shifts.t, y, order),
+        data=_shifted(measured, sweeps, shifts.t, y, order),
         T=T,
         reference=nearest,
         shifts=shifts,

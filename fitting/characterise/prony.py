@@ -10,8 +10,10 @@ with respect to ln E, which equal the terms. A creep compliance is linear in its
 `fitting.characterise.responses`.
 """
 
+import dataclasses
 import functools
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,7 +30,7 @@ from fitting.characterise.prony_series import (
     reduced,
 )
 from fitting.characterise.responses import converted, flow_time, frequencies, guess, matrix
-from fitting.data.kinds import CreepData, ModulusData
+from fitting.data.kinds import TRANSIENTS, CreepData, ModulusData
 from fitting.parameters.constraints import is_number
 from rubberfric.base import shown
 from rubberfric.materials import Shift
@@ -158,6 +160,40 @@ def fit_prony(
         grid=times,
         compliance=compliance,
     )
+
+
+def over_frequency(data: Response | Sequence[Response], same: float) -> Response | Sequence[Response]:
+    """Return measured data with E' and E'' and their errors in place of data over time.
+
+    Data over time become a data set for each temperature.
+
+    Parameters
+    ----------
+    data : a data set, or a list of data sets
+        The result is `data` itself if it contains no data over time.
+    same : largest difference between neighbouring temperatures within a measurement [K]
+    """
+    sets: list[Any] = list(data) if isinstance(data, list | tuple) else [data]
+    if not any(isinstance(one, TRANSIENTS) for one in sets):
+        return data
+    return [sweep for one in sets for sweep in _sweeps_of(one, same)]
+
+
+def _sweeps_of(data, same):
+    """Return a data set as a list, or data over time as E' and E'' at each temperature."""
+    if not isinstance(data, TRANSIENTS):
+        return [data]
+    if data.temperature is None:
+        return [fit_prony(data).moduli()]
+    order = np.argsort(data.temperature, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(data.temperature[order]) > same) + 1)
+    arrays = {name: getattr(data, name) for name in data.fields()}
+    sweeps = []
+    for group in groups:
+        own = {name: values[group] for name, values in arrays.items() if values is not None}
+        own["temperature"] = np.full(group.size, own["temperature"].mean())
+        sweeps.append(fit_prony(dataclasses.replace(data, **own, check_units=False)).moduli())
+    return sweeps
 
 
 def _check_creep(E_inf, fixed, smooth):

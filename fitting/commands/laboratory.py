@@ -45,8 +45,6 @@ from rubberfric.commands import Interrupts
 from rubberfric.io import COLUMNS, read_names, toml
 from rubberfric.plot import plot_spectrum, save_figure
 
-# Largest difference of neighbouring temperatures within a measurement over time [K].
-_SAME = 1.0
 # Bins per decade of the spectrum of measured heights.
 _BINS = 10
 # Facing body of a new scene with roughness.
@@ -74,8 +72,7 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
     if temperatures and np.ptp(temperatures) > 1.0:
         show("shifting the sweeps")
         vertical: Any = {"none": False, "free": True}.get(arguments.vertical, arguments.vertical)
-        sweeps = [sweep for one in data for sweep in _over_frequency(one)]
-        curve = fit_master_curve(sweeps, arguments.reference, vertical=vertical)
+        curve = fit_master_curve(data, arguments.reference, vertical=vertical)
         moduli, options["shift"] = curve.data, curve.shift
         texts.append(curve.report(command=True))
     elif len(data) > 1:
@@ -128,21 +125,6 @@ def _names(arguments, path):
 
 def _column(cls):
     return cls.fields()[cls.values[0]].column
-
-
-def _over_frequency(data):
-    """Return E' and E'' of each temperature. Data over time are converted."""
-    if isinstance(data, ModulusData):
-        return [data]
-    order = np.argsort(data.temperature, kind="stable")
-    groups = np.split(order, np.flatnonzero(np.diff(data.temperature[order]) > _SAME) + 1)
-    sweeps = []
-    for group in groups:
-        arrays = {name: getattr(data, name) for name in data.fields()}
-        own = {name: values[group] for name, values in arrays.items() if values is not None}
-        own["temperature"] = np.full(group.size, own["temperature"].mean())
-        sweeps.append(fit_prony(dataclasses.replace(data, **own, check_units=False)).moduli())
-    return sweeps
 
 
 def _strain_sweep(arguments):

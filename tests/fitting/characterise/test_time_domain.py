@@ -146,6 +146,19 @@ def _without_temperature(data):
     )
 
 
+def test_a_master_curve_of_creep_at_several_temperatures():
+    """Its shifts are those of the times, and its moduli those of the truth."""
+    omega, exact, creep = truth()
+    T = np.array([283.15, 293.15, 303.15])
+    t = np.outer([10.0, 1.0, 0.1], TIMES).ravel()  # D(t / a_T)
+    data = CreepData(t, np.tile(creep, 3), temperature=np.repeat(T, TIMES.size))
+    curve = fitting.fit_master_curve(data, 293.15)
+    np.testing.assert_allclose(curve.log_aT, np.log([10.0, 1.0, 0.1]), atol=0.05)
+    fit = fit_prony(curve.data, 1.0, shift=curve.shift)
+    found = np.asarray(rf.complex_modulus(fit.material, omega[8:14], 293.15))
+    np.testing.assert_allclose(np.abs(found), np.abs(exact[8:14]), rtol=0.02)
+
+
 # --- files
 
 
