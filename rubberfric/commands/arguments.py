@@ -4,7 +4,7 @@ import argparse
 import importlib.util
 import os
 from collections.abc import Callable, Iterable
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 from rubberfric.base.atomic import TABLE_SUFFIXES, StrPath, check_readable, check_suffix, check_writable
 from rubberfric.base.release import VERSION
@@ -70,6 +70,20 @@ _COMMANDS: dict[str, tuple[str, str, str, tuple[str, str, str] | None]] = {
         _SCENE,
         ("FILE.h5", "write the map and the scene that made it", "draw the map"),
     ),
+    "grip": (
+        "compute the grip of a patch that slips",
+        "Print force, aligning moment and sliding share of a contact patch (brush model) for each slip, "
+        "speed and load.",
+        _SCENE,
+        None,
+    ),
+    "leak": (
+        "compute the leak of a seal",
+        "Print the contact area, the conductivity of the gaps and the leak of a seal for each pressure, and "
+        "the pressure at which the leak ends.",
+        _SCENE,
+        None,
+    ),
     "explore": (
         "change the numbers of a scene on a page with sliders",
         "Serve a page to this machine only, with a slider for each number of a scene. It shows friction, "
@@ -88,6 +102,40 @@ _COMMANDS: dict[str, tuple[str, str, str, tuple[str, str, str] | None]] = {
 }
 
 
+class _Number(NamedTuple):
+    """An option with a number, or with several if `several`."""
+
+    name: str
+    help: str
+    default: float | None = None
+    required: bool = True
+    several: bool = False
+
+
+_TEMPERATURE = _Number("temperature", "temperature [K] (default: the reference temperatures)", required=False)
+# Numbers of the applications.
+_NUMBERS = {
+    "grip": (
+        _Number("length", "length of the patch [m]"),
+        _Number("width", "width of the patch [m]"),
+        _Number("stiffness", "shear stress of the tread per displacement [Pa/m]"),
+        _Number("slip", "slip angles [rad] or slip ratios [-]", several=True),
+        _Number("speed", "travelling speeds [m/s]", several=True),
+        _Number("load", "loads [N]", several=True),
+        _TEMPERATURE,
+    ),
+    "leak": (
+        _Number("pressure", "pressures of the seal on the surface [Pa]", several=True),
+        _Number("fluid-pressure", "difference of the fluid pressure across the seal [Pa]"),
+        _Number("length", "length of the contact along the flow [m]"),
+        _Number("width", "width of the contact across the flow, such as the circumference [m]"),
+        _Number("viscosity", "viscosity of the fluid [Pa s] (default: 1e-3, water)", 1e-3, False),
+        _Number("critical-area", "A/A0 at which the leak ends (default: 0.415)", 0.415, False),
+        _TEMPERATURE,
+    ),
+}
+
+
 def parser() -> Parser:
     """Return the argument parser of `rubberfric`."""
     whole = Parser(prog="rubberfric", description="Rubber friction and contact of rough viscoelastic solids.")
@@ -102,12 +150,35 @@ def parser() -> Parser:
             command.add_argument("--error", type=float, default=1e-6, help=wanted)
         if outputs is not None:
             add_outputs(command, *outputs)
+        if name in _NUMBERS:
+            _add_application(command, name)
         if name == "map":
             _add_map(command)
         if name == "explore":
             _add_explore(command)
         add_common(command)
     return whole
+
+
+def _add_application(command: argparse.ArgumentParser, name: str) -> None:
+    for number in _NUMBERS[name]:
+        several = {"nargs": "+"} if number.several else {}
+        command.add_argument(
+            f"--{number.name}",
+            type=float,
+            metavar="X",
+            help=number.help,
+            default=number.default,
+            required=number.required,
+            **several,
+        )
+    if name == "grip":
+        kind = "slip angle (default) or slip ratio"
+        command.add_argument("--kind", choices=("angle", "ratio"), default="angle", help=kind)
+        shape = "pressure along the patch (default: parabolic)"
+        choices = ("parabolic", "uniform")
+        command.add_argument("--patch-pressure", choices=choices, default="parabolic", help=shape)
+    command.add_argument("--out", metavar="FILE.csv", help="write the table")
 
 
 def _add_map(command: argparse.ArgumentParser) -> None:
@@ -168,7 +239,7 @@ def check_arguments(arguments: argparse.Namespace) -> None:
         if arguments.data is not None:
             check_input(arguments.data, TABLE_SUFFIXES)
         return
-    suffix = ".csv" if arguments.command == "accuracy" else ".h5"
+    suffix = ".csv" if arguments.command in ("accuracy", *_NUMBERS) else ".h5"
     check_outputs(arguments, suffix, inputs=[arguments.scene])
 
 
@@ -188,11 +259,13 @@ def check_outputs(
     inputs = [each for path in inputs if path is not None for each in (path, *named_files(path))]
     if arguments.out is not None:
         check_writable(arguments.out, suffixes)
-    if arguments.plot is not None:
-        check_writable(arguments.plot, (".png", ".pdf", ".svg"))
-    for option in ("out", "plot"):
-        check_no_input(f"--{option}", getattr(arguments, option), inputs)
-    if arguments.plot is not None and importlib.util.find_spec("matplotlib") is None:
+    # The applications have no --plot.
+    plot = getattr(arguments, "plot", None)
+    if plot is not None:
+        check_writable(plot, (".png", ".pdf", ".svg"))
+    for option, path in (("out", arguments.out), ("plot", plot)):
+        check_no_input(f"--{option}", path, inputs)
+    if plot is not None and importlib.util.find_spec("matplotlib") is None:
         raise ValueError("--plot needs matplotlib; install it with: pip install 'rubberfric[plot]'")
 
 

@@ -54,6 +54,10 @@ def _work(command: str) -> Callable[[argparse.Namespace, Progress], tuple[str, O
         from rubberfric.commands.explorer.command import run_explorer as work
     elif command == "doctor":
         from rubberfric.commands.doctor import run_doctor as work
+    elif command in ("grip", "leak"):
+        from rubberfric.commands import applications
+
+        work = {"grip": applications.run_grip, "leak": applications.run_leak}[command]
     else:
         from rubberfric.commands import run
 

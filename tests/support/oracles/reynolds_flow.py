@@ -22,7 +22,7 @@ def flow_tensor(gap, faces="harmonic"):
     some = values > 0
     network = sparse.coo_matrix((values[some], (rows[some], columns[some])), (cube.size, cube.size)).tocsr()
     network = network + network.T
-    # The equations leave the pressure of a closed region open by a constant.
+    # The pressure in each connected region is known up to a constant.
     label = csgraph.connected_components(network, directed=False)[1]
     free = np.ones(cube.size, bool)
     free[np.unique(label, return_index=True)[1]] = False

@@ -1,0 +1,102 @@
+"""`rubberfric grip` and `rubberfric leak`: printed numbers, files, options, and errors."""
+
+import csv
+import functools
+import re
+
+import numpy as np
+import pytest
+
+import rubberfric as rf
+from rubberfric.applications import leak_conductivity, percolation_pressure
+from rubberfric.commands import main as command
+
+SCENE = """
+title = "Small scene"
+[lower]
+material = { kind = "rigid" }
+spectrum = { kind = "self_affine", q0 = 1e3, qr = 4e3, q1 = 1e6, hurst = 0.8, h_rms = 2e-6 }
+[upper]
+material = { kind = "prony", E_inf = 3e6, E = [1e8], tau = [1e-5], shift = SHIFT }
+""".replace("SHIFT", '{ kind = "wlf", C1 = 8.0, C2 = 100.0, T_ref = 293.15 }')
+PATCH = ("--length", 0.12, "--width", 0.15, "--stiffness", 5e7)
+SEAL = ("--fluid-pressure", 5e5, "--length", 2e-3, "--width", 0.157)
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE)
+    return path
+
+
+@pytest.fixture
+def call(call_main):
+    """Run the command in this process: exit status, stdout, stderr."""
+    return functools.partial(call_main, command.main)
+
+
+def numbers(text):
+    """The rows of numbers in a printed text."""
+    return np.array([line.split() for line in text.splitlines() if re.match(r"\s+-?\d", line)], float)
+
+
+def test_leak(call, scene_file, tmp_path):
+    out, p = tmp_path / "leak.csv", np.array([1e4, 2e4])
+    status, printed, complaint = call("leak", scene_file, "--pressure", *p, *SEAL, "--out", out)
+    assert (status, complaint) == (0, "")
+    assert printed.startswith("Small scene\n")
+    scene = rf.load_scene(scene_file)
+    K = np.asarray(leak_conductivity(scene, p))
+    area = np.asarray(rf.contact_area(scene.replace(area_correction=True), 0.0, p))
+    rows = np.stack([p, area, K, K * 5e5 / 1e-3 * 0.157 / 2e-3], -1)
+    np.testing.assert_allclose(numbers(printed), rows, rtol=1e-4)
+    with out.open(newline="") as file:
+        names, units, *values = csv.reader(file)
+    assert names == ["pressure", "area", "conductivity", "leak"]
+    assert units == ["Pa", "-", "m3", "m3/s"]
+    np.testing.assert_allclose(np.array(values, float), rows, rtol=1e-12)
+    last = float(re.search(r"percolation pressure (\S+) Pa", printed)[1])
+    assert last == pytest.approx(float(percolation_pressure(scene)), rel=1e-5)
+
+
+@pytest.mark.slow
+def test_options_of_leak(call, scene_file):
+    options = ("--viscosity", 0.1, "--critical-area", 0.5, "--temperature", 300.0)
+    status, printed, _ = call("leak", scene_file, "--pressure", 1e4, 2e4, *SEAL, *options)
+    K = leak_conductivity(rf.load_scene(scene_file), np.array([1e4, 2e4]), 300.0, 0.5)
+    assert status == 0
+    np.testing.assert_allclose(numbers(printed)[:, 3], K * 5e5 / 0.1 * 0.157 / 2e-3, rtol=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "shape"), [("angle", "parabolic"), ("ratio", "uniform")])
+def test_grip(call, scene_file, kind, shape):
+    options = ("--slip", 0.02, 0.1, "--speed", 1.0, 5.0, "--load", 3e3, "--temperature", 300.0)
+    chosen = ("--kind", kind, "--patch-pressure", shape)
+    status, printed, complaint = call("grip", scene_file, *PATCH, *options, *chosen)
+    assert (status, complaint) == (0, "")
+    patch = rf.Patch(0.12, 0.15, 5e7, shape)
+    slip, speed = np.array([0.02, 0.1, 0.02, 0.1]), np.array([1.0, 1.0, 5.0, 5.0])
+    found = rf.grip(rf.load_scene(scene_file), patch, slip, speed, 3e3, 300.0, kind)
+    columns = [speed, np.full(4, 3e3), slip, *(x for x in found if x is not None)]
+    np.testing.assert_allclose(numbers(printed), np.stack(columns, -1), rtol=1e-4, atol=1e-12)
+    assert "slip stiffness 54000 N per " in printed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("leak", "--pressure", 1e4, *SEAL, "--critical-area", 2.0), "--critical-area 2.0: must be between"),
+        (("leak", "--pressure", 1e4, *SEAL, "--viscosity", 0.0), "--viscosity 0.0: must be > 0"),
+        (("leak", "--pressure", 1e4, *SEAL, "--out", "x.h5"), "x.h5"),
+        (("leak", *SEAL), "--pressure"),
+        (("grip", *PATCH, "--slip", 2.0, "--speed", 1.0, "--load", 1.0), "is it in degrees?"),
+    ],
+)
+def test_invalid_input(call, scene_file, arguments, message):
+    name, *options = arguments
+    status, printed, complaint = call(name, scene_file, *options)
+    assert (status, printed) == (2, "")
+    assert message in complaint
+    assert complaint.count("\n") == 1
