@@ -191,7 +191,9 @@ def _build(path, key, cls, content):
         if isinstance(field, Leaf) or name in instead:
             values[name] = number(path, below, value)
         elif isinstance(field, Child):
-            values[name] = _build_child(path, below, field, value)
+            # The name of a kind without keys may stand for its table.
+            named = isinstance(value, str) and value in field.names
+            values[name] = _build_child(path, below, field, {"kind": value} if named else value)
         elif isinstance(field, Static):
             values[name] = value
     try:
@@ -201,11 +203,7 @@ def _build(path, key, cls, content):
 
 
 def _build_child(path, key, field, content):
-    """Return the object of a field from the TOML table at `key`, which names one of several kinds.
-
-    The name of a kind without keys may stand for its table.
-    """
-    content: Any = {"kind": content} if isinstance(content, str) and content in field.names else content
+    """Return the object of a field from the TOML table at `key`, which names one of several kinds."""
     check_keys(path, key, content, content)
     if not issubclass(field.role, Kind):
         return _build(path, key, field.role, content)
