@@ -9,11 +9,11 @@ import numpy as np
 
 from rubberfric.applications.brush_model import grip, slip_stiffness
 from rubberfric.applications.leak import leak_conductivity, leak_rate, percolation_pressure
-from rubberfric.applications.patch import Patch
 from rubberfric.base.atomic import replacing
 from rubberfric.base.progress import Progress
 from rubberfric.commands.arguments import write_outputs
 from rubberfric.io.files import read_scene_file
+from rubberfric.scene.patch import Patch
 from rubberfric.theory.model import contact_area
 
 # Of the columns of a table: unit, and heading on the screen.
