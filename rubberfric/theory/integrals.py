@@ -21,7 +21,8 @@ from rubberfric.scene.scene import Scene
 from rubberfric.scene.softening import knots
 from rubberfric.theory.adhesive_contact import adhesive_contact
 from rubberfric.theory.area.area_correction import correction_table
-from rubberfric.theory.area.boundary_elements_law import Law, prepare_law, solve_law
+from rubberfric.theory.area.boundary_elements_law import solve_law
+from rubberfric.theory.area.law_roughness import Law, prepare_law
 from rubberfric.theory.contact import Contact, Roughness
 from rubberfric.theory.contributions import contribution, total
 from rubberfric.theory.heat_balance import Temperatures, Thermal, macroasperity, prepare_thermal

@@ -11,7 +11,7 @@ from support.folders import BOUNDARY_ELEMENTS, DATA
 
 import rubberfric as rf
 from rubberfric.analysis.jacobian import value_and_jacobian
-from rubberfric.theory.area.boundary_elements_law import CONSTANTS
+from rubberfric.theory.area.law_roughness import CONSTANTS
 
 STORED = BOUNDARY_ELEMENTS / "friction_law.json"
 ROAD = rf.SelfAffine(q0=100.0, qr=400.0, q1=1e4, hurst=0.8, h_rms=2e-4)

@@ -24,7 +24,8 @@ from support.scenes.common import CONTACT_MODELS
 import rubberfric as rf
 from rubberfric.analysis.validity import AREAS, GROWTH, RATIOS, WIDER, WIDEST
 from rubberfric.roughness.anisotropy import slope_anisotropy
-from rubberfric.theory.area.boundary_elements_law import CONSTANTS, prepare_law, solve_law
+from rubberfric.theory.area.boundary_elements_law import solve_law
+from rubberfric.theory.area.law_roughness import CONSTANTS, prepare_law
 from rubberfric.theory.structure import rough_surfaces_of
 
 OLDER = BOUNDARY_ELEMENTS / "sliding_boundary_elements.csv"

@@ -5,7 +5,7 @@ import pytest
 from scipy import interpolate, optimize, special
 
 import rubberfric as rf
-from rubberfric.theory.area.boundary_elements_law import CONSTANTS
+from rubberfric.theory.area.law_roughness import CONSTANTS
 
 TERMS = 5
 ROBUST = rf.Quadrature()
