@@ -20,6 +20,8 @@ from rubberfric.materials.shifts import TabulatedVertical, log_vertical
 _ROWS = ("abaqus", "ansys")
 # Largest relative error of b_T between rows over temperature.
 _ROW_ERROR = 1e-4
+# Temperatures in one evaluation of a law. JAX compiles each length once.
+_BLOCK = 256
 # Number of rows above which they are not made finer.
 _MOST_ROWS = 1000
 
@@ -78,7 +80,9 @@ def rows_of(
     need(inside, f"temperature = {ends[0]:g} ... {ends[1]:g} K: must include T_ref = {T_ref:g} K")
 
     def factor(T):
-        return np.exp(np.asarray(vertical.log_factor(T, T_ref), float))
+        padded = np.pad(np.ravel(T), (0, -T.size % _BLOCK), "edge").reshape(-1, _BLOCK)
+        logs = [np.asarray(vertical.log_factor(block, T_ref), float) for block in padded]
+        return np.exp(np.concatenate(logs)[: T.size].reshape(T.shape))
 
     T = np.unique([*ends, T_ref, *nodes[(nodes > ends[0]) & (nodes < ends[1])]])
     while T.size < _MOST_ROWS:

@@ -71,6 +71,7 @@ def test_a_retardation_series_is_found_and_converted(fluidity):
     np.testing.assert_allclose(fit.model(TIMES)[0], compliance, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_error_bars_of_converted_moduli():
     """Their covariance is that of refits of noisy compliances."""
     rng = np.random.default_rng(1)
@@ -80,10 +81,10 @@ def test_error_bars_of_converted_moduli():
         fit_prony(
             CreepData(TIMES, clean * np.exp(0.02 * rng.normal(size=TIMES.size)), relative=0.02), tau=tau
         )
-        for _ in range(400)
+        for _ in range(150)
     ]
     found = np.log([one.values for one in fits])
-    np.testing.assert_allclose(found.std(axis=0), fits[0].stderr / fits[0].values, rtol=0.3)
+    np.testing.assert_allclose(found.std(axis=0), fits[0].stderr / fits[0].values, rtol=0.2)
 
 
 def test_shifts_with_temperature():
@@ -106,7 +107,7 @@ def test_shifts_with_temperature():
 # --- E' and E''
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.01])
+@pytest.mark.parametrize("noise", [0.0, pytest.param(0.01, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", ["relaxation", "creep"])
 def test_moduli_of_a_continuous_spectrum(kind, noise):
     omega, exact, creep = truth()
@@ -146,6 +147,7 @@ def _without_temperature(data):
     )
 
 
+@pytest.mark.slow
 def test_a_master_curve_of_creep_at_several_temperatures():
     """Its shifts are those of the times, and its moduli those of the truth."""
     omega, exact, creep = truth()
@@ -224,7 +226,7 @@ def test_report_and_picture():
         (RelaxationData(TIMES, relaxation(), relative=0.01), "E(t)"),
         (CreepData(TIMES, 1 / relaxation(), relative=0.01), "D(t)"),
     ):
-        fit = fit_prony(data, smooth="auto")
+        fit = fit_prony(data, smooth=1.0)
         assert f"rms of ln(fit / measured): {name} " in fit.report()
         upper, lower = fit.plot()
         assert lower.get_xlabel() == "time $t$ [s]" and f"${name}$" in upper.get_ylabel()

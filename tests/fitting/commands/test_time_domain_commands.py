@@ -26,6 +26,7 @@ def ratio(path, omega, T=None):
     return np.abs(np.asarray(found)) / np.abs(REST + (s / (1 + s)) @ E)
 
 
+@pytest.mark.slow
 def test_isotherms_of_stress_relaxation(run, tmp_path):
     """a_T shifts times. The reference sweep has E* of the truth, and WLF has the true constants."""
     rows = []
