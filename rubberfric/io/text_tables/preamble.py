@@ -4,7 +4,7 @@ import re
 
 from rubberfric.base.atomic import StrPath, is_number
 from rubberfric.io.columns import COLUMNS, LONGEST_TITLE, known_name, known_unit
-from rubberfric.io.text_tables.lines import SEPARATORS, split_fields
+from rubberfric.io.text_tables.lines import SEPARATORS, has_fields, split_fields
 from rubberfric.io.text_tables.workbooks import read_export
 
 # Between a name and its value, as in "Frequency: 10 Hz", "Frequency [Hz] = 10" and "Frequenz;10;Hz".
@@ -26,10 +26,12 @@ def stated_frequency(path: StrPath) -> float | None:
 
 
 def _preamble(text):
-    """Return the lines above the first line with two numbers."""
+    """Return the lines above the first line with two numbers that is no comment."""
     lines = []
     for line in text.splitlines():
-        if any(sum(map(is_number, split_fields(line, separator))) > 1 for separator in SEPARATORS):
+        if has_fields(line) and any(
+            sum(map(is_number, split_fields(line, separator))) > 1 for separator in SEPARATORS
+        ):
             break
         if len(line) <= LONGEST_TITLE and not _SAMPLING.search(line):
             lines.append(line)

@@ -104,6 +104,7 @@ def test_titles_in_shear():
         ("Frequenz;10;Hz", 10.0),
         ('"Frequency","10","Hz"', 10.0),
         ("#FREQ.:\t10 Hz", 10.0),
+        ("#IDENTITY:\t2\t1\n#FREQ.:\t10 Hz", 10.0),
         ("Fréquence = 5 Hz", 5.0),
         ("Temperature ramp at 1.5 Hz, 0.1 %", 1.5),
         ("Temperaturrampe (10,0 Hz)", 10.0),
