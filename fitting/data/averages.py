@@ -53,7 +53,7 @@ def average(
     Parameters
     ----------
     runs : data sets, or one that contains repeated conditions
-        Every point is a run. Errors that the runs have are not used.
+        Every point is a run. Errors of the runs are used only if no condition was measured twice.
     pooled : bool
         If True, one relative scatter is estimated from all conditions, and the result has `relative`. If
         False, each condition has its own `sigma`, and needs at least two runs.
@@ -63,7 +63,6 @@ def average(
     Returns
     -------
     FrictionData with a point for each condition, by rising velocity, and the steps in `history`
-        Errors are unknown (None) if no condition was measured twice.
 
     Raises
     ------
@@ -89,10 +88,12 @@ def average(
     counts = np.array([rows.size for rows in groups])
     means = {name: np.array([values[rows].mean() for rows in groups]) for name, values in points.items()}
     scatter = _scatter(points["friction"], means["friction"], groups, counts, pooled)
-    errors = {} if scatter is None else {scatter.field: scatter.error}
+    kept = {name: means.pop(name) for name in ("sigma", "relative") if name in means}
+    errors = kept if scatter is None else {scatter.field: scatter.error}
     own = [line for line in sets[0].history if all(line in run.history for run in sets)]
     text = f"mean of {_range(counts)} at {counts.size} condition{'s' * (counts.size > 1)}"
-    about = "errors unknown: no condition was measured twice" if scatter is None else scatter.text
+    own_errors = "errors of the runs are kept" if kept else "errors are unknown"
+    about = f"no scatter, {own_errors}" if scatter is None else scatter.text
     names = dict.fromkeys(run.name for run in sets)
     name = next(iter(names)) if len(names) == 1 else ""
     history = (*own, f"{text}; {about}")
@@ -110,7 +111,8 @@ def _points(sets: Sequence[FrictionData]) -> dict[str, np.ndarray]:
     if len(known) > 1:
         raise ValueError("runs: only some of them have a temperature: all or none must have one")
     names = ("velocity", "friction", "pressure", *(("temperature",) if known == {True} else ()))
-    points = {name: np.concatenate([getattr(run, name) for run in sets]) for name in names}
+    errors = [name for name in ("sigma", "relative") if all(getattr(r, name) is not None for r in sets)]
+    points = {name: np.concatenate([getattr(run, name) for run in sets]) for name in (*names, *errors)}
     return points | {"velocity": np.abs(points["velocity"])}
 
 

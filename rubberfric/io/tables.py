@@ -193,11 +193,12 @@ def read_columns(
         raise ValueError(f"{path}: {near or 'must have a known column'}{column_hint(path)}")
     auxiliary = {column for relation in RELATIONS for column in relation.columns}
     auxiliary -= {"E_stor", "E_loss", "strain"}
+    auxiliary |= {"x"}  # of friction records
     moduli = tuple(m for m in ("E_stor", "E_loss") if plan_for([m], quantities).columns)
     if moduli:
         auxiliary |= {"t", *TRANSIENTS}  # of oscillation, and in time-domain columns of master curves
     if "v" in quantities:
-        auxiliary |= {"t", "x"}  # of records
+        auxiliary |= {"t"}
     plain = tuple(name for name in quantities if name not in (*auxiliary, *moduli))
     return read_table(
         path, (*plain, *moduli), (), False, columns=columns, poisson=poisson, bad_rows=bad_rows, block=block

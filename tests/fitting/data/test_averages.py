@@ -97,9 +97,17 @@ def test_sections_of_records_are_averaged(tmp_path):
     data = fitting.read(tmp_path / "steps.csv", average=True)
     np.testing.assert_allclose([data.velocity, data.friction], [[0.01, 0.02], [0.8, 0.8]], rtol=1e-12)
     assert data.relative is None and data.sigma is None
-    assert (
-        data.history[-1] == "mean of 1 run at 2 conditions; errors unknown: no condition was measured twice"
-    )
+    assert data.history[-1] == "mean of 1 run at 2 conditions; no scatter, errors are unknown"
+
+
+def test_errors_of_single_runs_are_kept():
+    """Such as the hysteresis of one cycle at each velocity."""
+    run = {"v [mm/s]": [5, -5, 50, -50], "Fn [N]": [100] * 4, "Ft [N]": [82, -78, 93, -87]}
+    data = fitting.read(run, area=4e-4, fold=True, average=True)
+    np.testing.assert_allclose([data.friction, data.velocity], [[0.8, 0.9], [5e-3, 5e-2]], rtol=1e-14)
+    # Offsets 2 and 3 % of the load: scatter 1 / sqrt(2) %, times 1.8371.
+    np.testing.assert_allclose(data.sigma, 1.8371e-2 / np.sqrt(2), rtol=1e-3)
+    assert data.history[-1] == "mean of 1 run at 2 conditions; no scatter, errors of the runs are kept"
 
 
 @pytest.mark.parametrize(
