@@ -94,18 +94,16 @@ class Moments(NamedTuple):
         parts = zip(self.mirrored, self.end, strict=True)
         return total(cumulative_moment(law, -order, end - t) for law, end in parts)
 
-    def find(self, target: jax.Array, low: jax.Array | float) -> jax.Array:
-        """Return t >= low up to which the moment of order 2 is `target`."""
+    def find(self, target: jax.Array) -> jax.Array:
+        """Return t up to which the moment of order 2 is `target`."""
         # The logarithm of the moment is nearly linear in the logarithm of t.
         log_target = floored_log(target)
 
         def miss(log_t):
             return floored_log(self.up_to(2, jnp.exp(log_t))) - log_target
 
-        last = functools.reduce(jnp.maximum, self.end)
-        low = jnp.maximum(typed(low, target), _NEAREST)
-        ends = (jnp.log(jax.lax.stop_gradient(jnp.broadcast_to(end, target.shape))) for end in (low, last))
-        return jnp.exp(root(miss, *ends)[0])
+        ends = _NEAREST, jax.lax.stop_gradient(functools.reduce(jnp.maximum, self.end))
+        return jnp.exp(root(miss, *(jnp.full_like(target, jnp.log(end)) for end in ends))[0])
 
 
 def moments_of(laws: Sequence[BrokenPowerLaw]) -> Moments:
@@ -133,20 +131,22 @@ def gaps_at_rest(moments: Moments, contact: CorrectedSeparation, stiffness: jax.
     scale = stiffness**2 / 8  # g over m_2
     g_end = scale * whole
     ahead, weight = _outer_nodes(g_end, order)
-    slope2 = whole * jnp.exp(-ahead)
-    t = moments.find(slope2, 0.0)
+    slope2, rest = whole * jnp.exp(-ahead), -whole * jnp.expm1(-ahead)
     x = contact_argument(scale * slope2)
     X = contact.corrected(x)
     P = contact_fraction(X)
     # -dP / d ln g, because dG = S dg.
     lost = 0.5 * TWO_OVER_ROOT_PI * jnp.exp(-X * X) * X * energy_factor(P, contact.gamma) * (X / x) ** 2
-    u1 = 0.25 * stiffness * P * _loss_integral(moments, contact, order, P, X, scale, whole, ahead, t)
-    farthest = _FARTHEST * safe_root(heights)
+    inner = _inner_nodes(contact_argument(scale * rest * P**2), order)
+    # The first column is the outer node itself. One search compiles in half the time of two.
+    ratio = jnp.concatenate([jnp.zeros_like(inner.ratio[:, :1]), inner.ratio], 1)
+    t = moments.find(slope2[:, None] + rest[:, None] * ratio ** (2 * _ROOT))
+    u1 = 0.25 * stiffness * P * _loss_integral(contact, X, inner, moments.beyond(1, t))
     return Gaps(
         area=contact_fraction(contact.corrected(contact_argument(g_end))),
         share=weight * lost,
-        mean=jnp.clip(u1, 0.0, farthest),
-        width=safe_root(moments.beyond(0, t)),
+        mean=jnp.clip(u1, 0.0, _FARTHEST * safe_root(heights)),
+        width=safe_root(moments.beyond(0, t[:, 0])),
     )
 
 
@@ -160,23 +160,32 @@ def _outer_nodes(g_end, order):
     return length * back, length * stretch * weight
 
 
-def _loss_integral(moments, contact, order, P, X, scale, whole, ahead, t):
-    """Return the integral of k over m_1 beyond each outer node."""
-    rest = -whole * jnp.expm1(-ahead)
-    x_end = contact_argument(scale * rest * P**2)
-    c = corrected_loss_factor(X, contact.gamma)
-    node, weight = (typed(table, P) for table in gauss(_INNER * order))
+class _Inner(NamedTuple):
+    """Nodes of the inner integral at each outer node."""
+
+    x_end: jax.Array  # x_1, of q1, (outer,)
+    ratio: jax.Array  # root of x_1 / x, (outer, inner)
+    weight: jax.Array  # in ln x, (outer, inner)
+
+
+def _inner_nodes(x_end, order):
+    node, weight = (typed(table, x_end) for table in gauss(_INNER * order))
     # The integrand is smooth in a root of x_1 / x, down to 0; g' - g falls as the square of x_1 / x.
     least = jnp.minimum(x_end / CLOSEST, 1.0)[:, None] ** (1 / _ROOT)
     ratio = least + (1 - least) * node
-    further = whole * jnp.exp(-ahead)[:, None] + rest[:, None] * ratio ** (2 * _ROOT)
-    m1 = moments.beyond(1, t)
-    passed = m1[:, None] - moments.beyond(1, moments.find(further, t[:, None]))
-    # Beyond the closest x nothing is lost.
-    near = x_end < CLOSEST
+    return _Inner(x_end, ratio, _ROOT * (1 - least) * weight / ratio)
+
+
+def _loss_integral(contact, X, inner, m1):
+    """Return the integral of k over m_1 beyond each outer node.
+
+    `m1` is the moment beyond the outer node, in the first column, and beyond its inner nodes.
+    """
+    # No area is lost beyond the closest x.
+    near = inner.x_end < CLOSEST
     # The first column is q1. One pass compiles in half the time of two.
-    ratio = jnp.concatenate([jnp.ones_like(ratio[:, :1]), ratio], 1)
-    x = jnp.where(near, x_end, 1.0)[:, None] / ratio**_ROOT
-    k, fall = contact.loss_weight(x, c[:, None])
-    inner = jnp.sum(fall[:, 1:] * passed * (1 - least) * weight / ratio[:, 1:], -1) * _ROOT
-    return jnp.where(near, k[:, 0] * m1 + inner, 0.0)
+    ratio = jnp.concatenate([jnp.ones_like(m1[:, :1]), inner.ratio], 1)
+    x = jnp.where(near, inner.x_end, 1.0)[:, None] / ratio**_ROOT
+    k, fall = contact.loss_weight(x, corrected_loss_factor(X, contact.gamma)[:, None])
+    passed = jnp.sum(inner.weight * fall[:, 1:] * (m1[:, :1] - m1[:, 1:]), -1)
+    return jnp.where(near, k[:, 0] * m1[:, 0] + passed, 0.0)

@@ -74,7 +74,7 @@ def leak_conductivity(
     ::
 
         K = rf.applications.leak_conductivity(scene, 1e6)
-        by_modulus = jax.grad(lambda E: rf.applications.leak_conductivity(scene_of(E), 1e6))
+        by_numbers = jax.grad(lambda scene: rf.applications.leak_conductivity(scene, 1e6))(scene)
 
     Parameters
     ----------
@@ -113,7 +113,11 @@ def leak_conductivity(
     scene, (_, pressure, temperature), quadrature = validate(scene, 0.0, pressure, temperature, quadrature)
     stiffness = 1 / (relaxed_compliance(scene, temperature) * pressure)
     critical_area = jnp.asarray(critical_area, stiffness.dtype)
-    return _conductivity(scene, stiffness, critical_area, order=quadrature.order)
+    laws = _power_laws(scene)
+    if not laws:
+        return jnp.zeros_like(stiffness)
+    contact = _corrected_separation(jnp.asarray(scene.gamma))
+    return _conductivity(laws, contact, stiffness, critical_area, order=quadrature.order)
 
 
 def leak_rate(
@@ -168,7 +172,7 @@ def percolation_pressure(
 
     .. math:: \sigma_c = \frac{E_r h'}{\sqrt 2}\,x_c,\qquad \mathrm{erf} X(x_c) = a_c
 
-    with the rms slope h'; 0.20 E_r h' for a_c = 0.415 and gamma = 1/2.
+    with the rms slope h'; 0.226 E_r h' for a_c = 0.415 and gamma = 1/2.
 
     Parameters are as for `leak_conductivity`.
 
@@ -202,17 +206,23 @@ def _percolation(scene, modulus, critical_area):
         return jnp.log(correct_argument(table, jnp.exp(log_x))) - target
 
     ends = (jnp.full_like(target, math.log(end)) for end in _ARGUMENTS)
-    laws = [spectrum.power_law() for spectrum, _ in rough_surfaces(scene)]
+    laws = _power_laws(scene)
     slope2 = sum((cumulative_moment(law, 2, jnp.inf) for law in laws), jnp.zeros_like(target))
     return modulus * safe_root(slope2) * jnp.exp(root(miss, *ends)[0]) / math.sqrt(2)
 
 
+# Compiled apart, so that scenes with other materials and settings do not compile them again.
+_corrected_separation = jax.jit(corrected_separation)
+
+
+@jax.jit
+def _power_laws(scene):
+    return [spectrum.power_law() for spectrum, _ in rough_surfaces(scene)]
+
+
 @functools.partial(jax.jit, static_argnames=("order",))
-def _conductivity(scene, stiffness, critical_area, *, order):
-    laws = [spectrum.power_law() for spectrum, _ in rough_surfaces(scene)]
-    if not laws:
-        return jnp.zeros_like(stiffness)
-    moments, contact = moments_of(laws), corrected_separation(jnp.asarray(scene.gamma))
+def _conductivity(laws, contact, stiffness, critical_area, *, order):
+    moments = moments_of(laws)
 
     def one(stiffness):
         gaps = gaps_at_rest(moments, contact, stiffness, order)

@@ -16,7 +16,7 @@ from rubberfric.io.files import read_scene_file
 from rubberfric.scene.patch import Patch
 from rubberfric.theory.model import contact_area
 
-# Of the columns of a table: unit, and heading on the screen.
+# Unit of each column of a table, and its heading on the screen.
 _UNITS = {
     "slip": ("", "slip"),
     "speed": ("m/s", "V [m/s]"),
@@ -54,7 +54,7 @@ def run_leak(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSErro
     show(f"compiling and computing {pressure.size} points")
     seal = arguments.fluid_pressure, arguments.viscosity, arguments.length, arguments.width
     rate = leak_rate(scene, pressure, *seal, T, critical)
-    # Of the contact in which the leak is computed.
+    # The leak is computed in this contact.
     area = contact_area(scene.replace(area_correction=True), 0.0, pressure, T)
     columns = {
         "pressure": pressure,

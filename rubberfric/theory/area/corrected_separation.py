@@ -9,8 +9,8 @@ so that area and separation belong to the same contact. With w(x) in place of x 
           w = x\int_x^\infty \frac{s'(t)}{t}\,dt,\qquad
           k = w + x s' + c\,x^2\,(x s' - w),\qquad c = \frac{\sqrt\pi}{2}\frac{P^3}{S X^3}e^{X^2}
 
-where s' is the derivative of s = S P by x, x = 1 / (2 P sqrt(g(q') - g(q))) within the integral, and c is
-that of q. The integral over s' is a table over ln x, which depends on gamma alone.
+where s' is the derivative of s = S P by x, x = 1 / (2 P sqrt(g(q') - g(q))) within the integral, and c
+belongs to q. The integral over s' is a table over ln x, which depends on gamma alone.
 """
 
 import math
