@@ -15,7 +15,6 @@ The steps below are done in this order, and each describes its effect in one lin
 4. `section_means` replaces each section by its mean.
 """
 
-import itertools
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -23,10 +22,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fitting.data.averages import student_factor
+from fitting.data.sections import (
+    Table,
+    direction_of,
+    sections_of,
+    velocity_of_strokes,
+    warn_of_varying_velocity,
+)
 from rubberfric.base import shown
 from rubberfric.io import COLUMNS, Frame, as_frame, read_names, read_table
-
-Table = dict[str, np.ndarray]  # quantity in SI -> values of all rows
 
 # Quantities of a record.
 QUANTITIES = ("v", "F_t", "F_n", "mu", "p", "A", "T", "t", "x")
@@ -36,14 +40,10 @@ _UNLOADED = 0.1
 _LARGEST_ZERO = 0.5
 # Part of the median load, from which a row belongs to the run.
 _LOADED = 0.9
-# Relative change of velocity or pressure between successive rows, at which a new section begins.
-_STEP = 0.1
 # Largest relative difference of the speeds of two strokes that are folded.
 _SAME_SPEED = 0.1
 # Part of a section that the rule for settling may remove. Beyond it, the rule has too few rows to judge.
 _MOST_SETTLING = 0.5
-# Part of the range of positions by which a stroke turns back at its end, and within which it may rest there.
-_TURN = 0.05
 _AMOUNT = re.compile(r"\s*([-+.\deE]+)\s*([a-z]+)\s*")
 
 
@@ -98,34 +98,6 @@ def read_record(path: Any, steps: Steps, layout: Mapping[str, Any], history: lis
     return as_frame({f"{name} [{next(iter(COLUMNS[name].units))}]": values for name, values in table.items()})
 
 
-def velocity_of_strokes(t: np.ndarray, x: np.ndarray, history: list[str]) -> np.ndarray:
-    """Return the median of dx/dt in the stroke of each row [m/s], from times [s] and positions [m].
-
-    A stroke ends where the position turns back by more than 5 % of its range, so that noise does not end it.
-    Rows within 5 % of the ends of a stroke, where the sample may rest, do not count.
-    """
-    ends, extreme, direction = [0], 0, 0.0
-    limit = _TURN * np.ptp(x)
-    for i in range(1, x.size):
-        if direction == 0 and abs(x[i] - x[0]) > limit:
-            direction, extreme = np.sign(x[i] - x[0]), i
-        if direction * (x[i] - x[extreme]) >= 0:
-            extreme = i
-        elif direction and direction * (x[extreme] - x[i]) > limit:
-            ends.append(extreme)
-            direction, extreme = -direction, i
-    ends.append(x.size)
-    v = np.empty(x.size)
-    for first, last in itertools.pairwise(ends):
-        stroke = x[first:last]
-        speeds = np.diff(stroke) / np.diff(t[first:last])
-        part = (stroke[1:] - stroke.min()) / max(np.ptp(stroke), np.finfo(float).tiny)
-        moving = speeds[(part > _TURN) & (part < 1 - _TURN)]
-        v[first:last] = np.median(moving) if moving.size else 0.0
-    history.append(f"v = median of dx / dt in each of {len(ends) - 1} strokes")
-    return v
-
-
 def reduced(where: str, table: Table, steps: Steps) -> tuple[Table, tuple[str, ...]]:
     """Return a record after the given steps, and a line about each step.
 
@@ -148,6 +120,8 @@ def reduced(where: str, table: Table, steps: Steps) -> tuple[Table, tuple[str, .
     sections = sections_of(where, table, history)
     if steps.discard is not None:
         sections = without_start(where, table, sections, steps.discard, history)
+    if steps.fold or (steps.average and {"t", "x"} & table.keys()):
+        warn_of_varying_velocity(where, table, sections, history)
     if steps.fold:
         return folded(where, table, sections, history), tuple(history)
     if steps.average and {"t", "x"} & table.keys():
@@ -201,35 +175,6 @@ def without_zero(where: str, table: Table, history: list[str]) -> Table:
     zeros = ", ".join(texts)
     history.append(f"zero ({counts} the run) subtracted: {zeros}; mean load {mean:.4g} N{unknown}")
     return {name: values[rows] for name, values in table.items()}
-
-
-def sections_of(where: str, table: Table, history: list[str]) -> list[np.ndarray]:
-    """Return the rows of each section of a record: one direction, velocity and pressure. Rests are left out.
-
-    The direction is the sign of v, or of the friction if v has one sign. A section ends where v or p changes
-    by more than 10 % from a row to the next.
-    """
-    v, sign = table["v"], _direction(table)
-    moving = v != 0
-    if not moving.all():
-        history.append(f"{np.count_nonzero(~moving)} of {v.size} rows at rest left out")
-    if not moving.any():
-        raise ValueError(f"{where}: v is 0 in all rows; must have rows that slide")
-    new = sign[1:] != sign[:-1]
-    for values in (np.abs(v), table.get("p")):
-        if values is not None:
-            new |= np.abs(np.diff(values)) > _STEP * np.maximum(values[1:], values[:-1])
-    sections = np.split(np.arange(v.size), np.flatnonzero(new) + 1)
-    return [rows for rows in sections if moving[rows[0]]]
-
-
-def _direction(table: Table) -> np.ndarray:
-    """Return the direction of sliding of every row, 1 or -1, and 0 at rest."""
-    v = np.sign(table["v"])
-    if v.min() < 0 < v.max():
-        return v
-    friction = table["F_t"] if "F_t" in table else table["mu"]
-    return np.where(friction < 0, -1.0, 1.0) * np.abs(v)
 
 
 def without_start(
@@ -324,7 +269,7 @@ def _friction(table: Table) -> np.ndarray:
 
 def section_means(table: Table, sections: Sequence[np.ndarray], history: list[str]) -> Table:
     """Return the mean of each section, with forces in the direction of sliding."""
-    sign = _direction(table)
+    sign = direction_of(table)
     oriented = {
         name: values * sign if name in ("F_t", "mu") else np.abs(values) if name == "v" else values
         for name, values in table.items()
@@ -340,7 +285,7 @@ def folded(where: str, table: Table, sections: Sequence[np.ndarray], history: li
     cycles, which is also the scatter of mu if the strokes are independent, times `student_factor`. With one
     cycle, sigma is the offset itself.
     """
-    sign = _direction(table)
+    sign = direction_of(table)
     means = {name: np.array([values[rows].mean() for rows in sections]) for name, values in table.items()}
     direction, speed = np.array([sign[rows[0]] for rows in sections]), np.abs(means["v"])
     backward = [int(i) for i in np.flatnonzero(direction < 0)]

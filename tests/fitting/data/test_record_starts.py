@@ -56,3 +56,17 @@ def test_settling(tmp_path):
     assert "mu does not settle within half of a section of 1000 rows" in refused(
         path, lambda: fitting.read(path, discard="settling")
     )
+
+
+def test_sinusoidal_motion(tmp_path):
+    """mu is constant, so that the mean is right, but the mean velocity is 2/pi of the largest one."""
+    t = np.arange(0.0, 3.0, 0.002) + 0.001
+    v = 30.0 * np.sin(2 * np.pi * t)
+    path = put(tmp_path, {"t [s]": t, "v [mm/s]": v, "mu": 0.7 * np.sign(v) + 0.02, "p [bar]": 2.0 + 0 * t})
+    with pytest.warns(
+        UserWarning, match="velocity varies by up to .* % within a section, whose mean is used"
+    ):
+        data = fitting.read(path, fold=True)
+    np.testing.assert_allclose(data.friction, 0.7, rtol=1e-12)
+    assert 1e3 * data.velocity.max() == pytest.approx(30 * 2 / np.pi, rel=0.1)
+    assert any("velocity varies" in text for text in data.history)
