@@ -179,10 +179,12 @@ def as_arguments(tree: Any, dtype: str | type | np.dtype) -> Any:
     """Convert all leaves of a tree, the arguments of a jitted function, to one dtype.
 
     Leaves that are not JAX arrays become NumPy arrays, because `as_array` would take 30 us for each of them.
-    JAX arrays may be differentiated, so they remain JAX arrays. One jitted function converts all of them,
-    because each separate operation would take a third of a millisecond.
+    So do known numbers that are weakly typed: they were given as Python numbers. Other JAX arrays may be
+    differentiated, so they remain JAX arrays. One jitted function converts all of them, because each separate
+    operation would take a third of a millisecond.
     """
     leaves, structure = jax.tree.flatten(tree)
+    leaves = [np.asarray(x) if is_concrete(x) and getattr(x, "weak_type", False) else x for x in leaves]
     others = {
         i: x for i, x in enumerate(leaves) if isinstance(x, jax.Array) and (x.dtype != dtype or x.weak_type)
     }

@@ -2,7 +2,10 @@
 
 `jax.tree_util.register_dataclass` rebuilds objects through their constructor, whose checks would reject
 gradients (a negative "modulus") and vmap's axis markers. In this module the constructor checks and
-converts values, and JAX rebuilds objects without the constructor.
+converts values, and JAX rebuilds objects without the constructor (`rubberfric.base.objects.pytree`).
+
+`==` is True for objects of one class with equal parts, options, dtypes and numbers. The hash agrees with it,
+so objects can be keys of a dict and static arguments of `jax.jit`.
 """
 
 import dataclasses
@@ -11,7 +14,6 @@ import types
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Self, TypeVar, dataclass_transform
 
-import jax
 import numpy as np
 
 from rubberfric.base.checks import closest, either, is_concrete, shown
@@ -29,6 +31,7 @@ from rubberfric.base.objects.fields import (
 )
 from rubberfric.base.objects.html import short, table, with_unit
 from rubberfric.base.objects.key_paths import parse_key_path, with_elements
+from rubberfric.base.objects.pytree import equal, hash_of, register
 
 _NOT_GIVEN: Any = object()
 
@@ -105,6 +108,12 @@ class PhysicalObject:
         given = {paths: value} if isinstance(paths, str) else dict(paths or {})
         changes = [(parse_key_path(path), new) for path, new in (given | fields).items()]
         return _replaced(self, "", [(path, path.names, new) for path, new in changes])
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (equal(self, other) if type(self) is type(other) else NotImplemented)
+
+    def __hash__(self) -> int:
+        return hash_of(self)
 
     def _repr_html_(self) -> str:
         return object_html(self)
@@ -235,13 +244,14 @@ def physical(cls: type[_T]) -> type[_T]:
     known = _CLASSES.get(cls.__name__)
     if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
         raise TypeError(f"{cls.__name__}: {known.__module__} has a class of that name; choose another name")
-    # eq=False, because comparing arrays gives no single truth value; identity serves for hashing.
+    # eq=False, because comparing arrays gives no single truth value; `PhysicalObject` compares by value.
     cls = dataclasses.dataclass(frozen=True, eq=False)(cls)
     fields = dataclasses.fields(cls)  # pyright: ignore[reportArgumentType] (it is a dataclass now)
     cls._settings = tuple(field.name for field in fields if "setting" in field.metadata)
     meanings = {field.name: meaning_of(cls, field) for field in fields if field.name not in cls._settings}
     cls._meanings = types.MappingProxyType(meanings)
-    _register_pytree(cls)
+    static_names = tuple(name for name, field in meanings.items() if isinstance(field, Static))
+    register(cls, tuple(name for name in meanings if name not in static_names), static_names + cls._settings)
     _CLASSES[cls.__name__] = cls
     return cls
 
@@ -278,27 +288,6 @@ def _check_rising(owner, chain):
         k = int(falls[0])
         high, low = (f"{names[i]} = {shown(values[i])}" for i in (k + 1, k))
         raise ValueError(f"{type(owner).__name__}.{high}: must be >= {low}")
-
-
-def _register_pytree(cls):
-    fields = fields_of(cls)
-    children = tuple(name for name, field in fields.items() if not isinstance(field, Static))
-    aux = *(name for name, field in fields.items() if isinstance(field, Static)), *cls._settings
-
-    def flatten_with_keys(self):
-        keyed = tuple((jax.tree_util.GetAttrKey(n), getattr(self, n)) for n in children)
-        return keyed, tuple(getattr(self, n) for n in aux)
-
-    def flatten(self):
-        return tuple(getattr(self, n) for n in children), tuple(getattr(self, n) for n in aux)
-
-    def unflatten(aux_values, child_values):
-        self = object.__new__(cls)
-        for name, value in zip(aux + children, tuple(aux_values) + tuple(child_values), strict=True):
-            object.__setattr__(self, name, value)
-        return self
-
-    jax.tree_util.register_pytree_with_keys(cls, flatten_with_keys, unflatten, flatten)
 
 
 def _replaced(owner, where, changes):

@@ -50,7 +50,7 @@ def test_key_paths_are_field_names(obj):
         found = obj
         for key in path:
             found = getattr(found, key.name)
-        assert found is leaf
+        assert found is leaf or (isinstance(found, float) and leaf.weak_type and found == leaf)
 
 
 @every(WITH_LEAVES)
