@@ -240,7 +240,9 @@ def effective_conductivity(gaps: Gaps, critical_area: jax.Array, count: int) -> 
     critical_area : a_c, a number
     count : number of nodes over each Gaussian distribution
     """
-    height = jax.lax.stop_gradient(jnp.max(gaps.width))
+    width, mean = jax.lax.stop_gradient((jnp.max(gaps.width), jnp.max(gaps.mean)))
+    # The first contacts have separations of kilometres, so the width is the better unit.
+    height = jnp.where(width > 0, width, mean)
     rough = height > 0
     unit = jnp.where(rough, height, 1.0)
     relative = gaps._replace(mean=gaps.mean / unit, width=gaps.width / unit)

@@ -1,5 +1,6 @@
 """Leak of seals: limits of the effective medium, brute force, identities, derivatives, refusals."""
 
+import functools
 import re
 
 import jax
@@ -23,6 +24,10 @@ SCENE = rf.Scene(rf.Body(RIGID, GLAND), rf.Body(SEAL))
 ELASTIC = rf.Scene(rf.Body(RIGID, GLAND), rf.Body(rf.Elastic(3e6, 0.49)))
 
 
+# Leaks are far below the absolute tolerance of pytest.
+approx = functools.partial(pytest.approx, abs=0.0)
+
+
 CONDUCTIVITY = jax.jit(effective_conductivity, static_argnums=2)
 
 
@@ -36,17 +41,17 @@ def test_limits_of_the_effective_medium():
     """A uniform gap; equal shares of two gaps; a gap with a share in contact."""
     for critical_area in (0.3, 0.415, 0.5):
         # A uniform gap has no width.
-        assert medium(0.0, [0.4, 0.6], [2e-6, 2e-6], critical_area) == pytest.approx(8e-18 / 12, rel=1e-10)
+        assert medium(0.0, [0.4, 0.6], [2e-6, 2e-6], critical_area) == approx(8e-18 / 12, rel=1e-10)
         for area in (0.1, 0.29):
             found = medium(area, [1 - area, 0], [2e-6, 1e-6], critical_area)
-            assert found == pytest.approx(8e-18 / 12 * (1 - area / critical_area), rel=1e-10)
+            assert found == approx(8e-18 / 12 * (1 - area / critical_area), rel=1e-10)
     two = medium(0.0, [0.5, 0.5], [1e-6, 5e-6], 0.5)
-    assert two == pytest.approx(np.sqrt(1e-18 * 125e-18) / 12, rel=1e-10)
+    assert two == approx(np.sqrt(1e-18 * 125e-18) / 12, rel=1e-10)
     assert medium(0.5, [0.5, 0], [2e-6, 1e-6], 0.5) == 0.0
     assert medium(0.6, [0.4, 0], [2e-6, 1e-6], 0.5) == 0.0
     # A narrow distribution: <u^3> of the parallel and 1 / <u^-3> of the series limit agree to 2nd order.
     narrow = medium(0.0, [0.4, 0.6], [2e-6, 2e-6], 0.5, width=2e-9)
-    assert narrow == pytest.approx(8e-18 / 12 * (1 - 1.5e-6), rel=1e-9)
+    assert narrow == approx(8e-18 / 12 * (1 - 1.5e-6), rel=1e-9)
 
 
 CASES = [
@@ -60,7 +65,7 @@ CASES = [
 def test_brute_force(numbers, E, p, gamma, critical_area, error):
     scene = rf.Scene(rf.Body(RIGID, rf.SelfAffine(*numbers)), rf.Body(rf.Elastic(E, 0.0)), gamma=gamma)
     expected = conductivity(*distribution(Roughness(*numbers), E / p, gamma), critical_area)
-    assert float(leak_conductivity(scene, p, None, critical_area)) == pytest.approx(expected, rel=error)
+    assert float(leak_conductivity(scene, p, None, critical_area)) == approx(expected, rel=error)
 
 
 @pytest.mark.slow
@@ -79,7 +84,7 @@ def test_mean_of_the_gaps():
     w = x * np.asarray(contact.gap(jnp.log(jnp.minimum(x, 5.7)))) * (x < 5.7)
     m1 = np.asarray(moments.up_to(1, t))
     expected = 0.25 * stiffness * np.sum(0.5 * (w[1:] + w[:-1]) * np.diff(m1))
-    assert float(jnp.sum(gaps.share * gaps.mean)) == pytest.approx(expected, rel=3e-6)
+    assert float(jnp.sum(gaps.share * gaps.mean)) == approx(expected, rel=3e-6)
     assert float(gaps.area + jnp.sum(gaps.share)) == pytest.approx(1.0, abs=1e-12)
 
 
@@ -89,25 +94,25 @@ def test_percolation():
     scene = ELASTIC.replace(area_correction=True)
     for critical_area in (0.415, 0.6):
         p = percolation_pressure(scene, None, critical_area)
-        assert float(rf.contact_area(scene, 0.0, p)) == pytest.approx(critical_area, rel=1e-9)
+        assert float(rf.contact_area(scene, 0.0, p)) == approx(critical_area, rel=1e-9)
         K = [float(leak_conductivity(scene, p * s, None, critical_area)) for s in (0.99, 0.9999, 1.0001, 2.0)]
         assert K[0] > 100 * K[1] > 0
         assert K[2] == K[3] == 0
     plain = percolation_pressure(ELASTIC)
     slope, E = float(rf.rms_slope(GLAND)), 3e6 / (1 - 0.49**2)
-    assert float(plain) == pytest.approx(0.2264 * E * slope, rel=1e-3)
+    assert float(plain) == approx(0.2264 * E * slope, rel=1e-3)
 
 
 def test_scaling():
     """K is proportional to the cube of all lengths, and depends on pressure / modulus."""
     K = float(leak_conductivity(ELASTIC, 2e4))
     large = ELASTIC.replace("lower.spectrum", rf.SelfAffine(1e2, 4e2, 1e5, 0.8, 2e-5))
-    assert float(leak_conductivity(large, 2e4)) == pytest.approx(1e3 * K, rel=1e-9)
+    assert float(leak_conductivity(large, 2e4)) == approx(1e3 * K, rel=1e-9)
     hard = ELASTIC.replace("upper.material.young", 3e9)
-    assert float(leak_conductivity(hard, 2e7)) == pytest.approx(K, rel=1e-9)
+    assert float(leak_conductivity(hard, 2e7)) == approx(K, rel=1e-9)
     assert float(leak_conductivity(ELASTIC, 1e6)) == 0
     water = leak_rate(ELASTIC, 2e4, -5e5, 1e-3, length=2e-3, width=0.157)
-    assert float(water) == pytest.approx(K * -5e5 / 1e-3 * 0.157 / 2e-3, rel=1e-12)
+    assert float(water) == approx(K * -5e5 / 1e-3 * 0.157 / 2e-3, rel=1e-12)
 
 
 @pytest.mark.slow
@@ -128,8 +133,8 @@ def test_identities():
         return jnp.log(leak_conductivity(scene, 2e4 * jnp.exp(x[2])))
 
     E, h, p = (float(one) for one in jax.grad(log_K)(jnp.zeros(3)))
-    assert p == pytest.approx(-E, rel=1e-8)
-    assert h == pytest.approx(3 + E, rel=1e-8)
+    assert p == approx(-E, rel=1e-8)
+    assert h == approx(3 + E, rel=1e-8)
 
 
 @pytest.mark.slow
@@ -155,7 +160,7 @@ def test_derivatives():
     for i, unit in enumerate(np.eye(start.size)):
         around = [float(log_K(k * step * unit)) for k in (-2, -1, 1, 2)]
         difference = (around[0] - 8 * around[1] + 8 * around[2] - around[3]) / (12 * step)
-        assert float(slopes[i]) == pytest.approx(difference, rel=1e-6), i
+        assert float(slopes[i]) == approx(difference, rel=1e-6), i
 
 
 @pytest.mark.slow
@@ -163,9 +168,7 @@ def test_moduli_that_relax_do_not_matter():
     gradient = jax.grad(lambda scene: leak_conductivity(scene, 2e4))(SCENE)
     np.testing.assert_array_equal(gradient.upper.material.E, 0.0)
     elastic = SCENE.replace("upper", rf.Body(rf.Elastic(3e6, 0.49)))
-    assert float(leak_conductivity(elastic, 2e4)) == pytest.approx(
-        float(leak_conductivity(SCENE, 2e4)), rel=1e-12
-    )
+    assert float(leak_conductivity(elastic, 2e4)) == approx(float(leak_conductivity(SCENE, 2e4)), rel=1e-12)
 
 
 @pytest.mark.slow
@@ -173,10 +176,8 @@ def test_two_solids():
     """Two rough surfaces add their powers, and two solids add their compliances."""
     half = GLAND.replace(h_rms=2e-6 / np.sqrt(2))
     both = rf.Scene(rf.Body(rf.Elastic(6e6, 0.49), half), rf.Body(rf.Elastic(6e6, 0.49), half))
-    assert float(leak_conductivity(both, 2e4)) == pytest.approx(
-        float(leak_conductivity(SCENE, 2e4)), rel=1e-9
-    )
-    assert float(percolation_pressure(both)) == pytest.approx(float(percolation_pressure(SCENE)), rel=1e-12)
+    assert float(leak_conductivity(both, 2e4)) == approx(float(leak_conductivity(SCENE, 2e4)), rel=1e-9)
+    assert float(percolation_pressure(both)) == approx(float(percolation_pressure(SCENE)), rel=1e-12)
     # Roughness beyond q1 of the other surface joins without a gap.
     parts = rf.SelfAffine(1e3, 1e3, 1e4, 0.8, 1.0), rf.SelfAffine(1e4, 1e4, 1e6, 0.8, 1.0)
     whole = rf.SelfAffine(1e3, 1e3, 1e6, 0.8, 2e-6)
@@ -185,9 +186,7 @@ def test_two_solids():
     lower, upper = (part.replace(h_rms=h) for part, h in zip(parts, heights, strict=True))
     joined = rf.Scene(rf.Body(RIGID, lower), rf.Body(SEAL, upper))
     one = rf.Scene(rf.Body(RIGID, whole), rf.Body(SEAL))
-    assert float(leak_conductivity(joined, 2e4)) == pytest.approx(
-        float(leak_conductivity(one, 2e4)), rel=1e-8
-    )
+    assert float(leak_conductivity(joined, 2e4)) == approx(float(leak_conductivity(one, 2e4)), rel=1e-8)
 
 
 @pytest.mark.slow
@@ -208,7 +207,7 @@ def test_extremes():
     single = cast(SCENE, "float32")
     found = leak_conductivity(single, np.float32(2e4), None, np.float32(0.415))
     assert found.dtype == jnp.float32
-    assert float(found) == pytest.approx(float(leak_conductivity(SCENE, 2e4)), rel=1e-3)
+    assert float(found) == approx(float(leak_conductivity(SCENE, 2e4)), rel=1e-3)
 
 
 @pytest.mark.parametrize(
