@@ -200,6 +200,9 @@ def read_columns(
     if "v" in quantities:
         auxiliary |= {"t"}
     plain = tuple(name for name in quantities if name not in (*auxiliary, *moduli))
+    if not plain and not moduli:
+        found = f"columns {listed(names)}: must have a measured quantity, such as E_stor, mu or C"
+        raise ValueError(f"{path}: {found}{column_hint(path)}")
     return read_table(
         path, (*plain, *moduli), (), False, columns=columns, poisson=poisson, bad_rows=bad_rows, block=block
     )

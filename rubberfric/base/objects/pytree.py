@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import Any, TypeVar
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.checks import is_concrete
@@ -60,7 +59,8 @@ def _leaves(self, names):
     if kept is None or kept[0] != x64:
         # Within jit the arrays would be tracers otherwise, which must not be kept.
         with jax.ensure_compile_time_eval():
-            arrays = tuple(jnp.asarray(x) if type(x) is float else x for x in values)
+            # Unlike jnp.asarray, device_put compiles nothing.
+            arrays = tuple(jax.device_put(x) if type(x) is float else x for x in values)
         kept = x64, arrays
         object.__setattr__(self, _KEPT, kept)
     return kept[1]
