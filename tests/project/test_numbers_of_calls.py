@@ -182,7 +182,11 @@ QUICK_TO_TRACE = ("rubber", "shift and shear", "tables")
         pytest.param(
             *(name, dtype),
             marks=[pytest.mark.slow]
-            * (dtype is np.float64 or (dtype is not None and name not in QUICK_TO_TRACE)),
+            * (
+                dtype is np.float64
+                or (dtype is not None and name not in QUICK_TO_TRACE)
+                or name == "long-range adhesion"
+            ),
         )
         for name in STRICT
         for dtype in (None, np.float32, np.float64)

@@ -37,7 +37,8 @@ from support.cases.stored import (
 
 import rubberfric as rf
 
-SLOW = ("one-term", "many-terms", "gamma-0-light")  # separate structures, or a quadrature
+# Cases that compile structures of their own, or a quadrature.
+SLOW = ("one-term", "many-terms", "gamma-0-light", "forty-decades")
 
 ORDINARY = ("one", "two")  # kinds of scenes that the ordinary run compiles
 

@@ -112,6 +112,7 @@ def test_shifts_solve_the_normal_equations(loss, fit, budget):
         )
 
 
+@pytest.mark.slow
 def test_roughness_adds_squares(fit, budget):
     """One number at a time, with an error that a prior states, gives the parts of the sum."""
     assert not budget["roughness"].signed and (budget["roughness"].shift >= 0).all()

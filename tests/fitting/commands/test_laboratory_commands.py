@@ -41,6 +41,7 @@ def test_a_master_curve_as_a_table(run):
     assert fitting.read("curve.csv").omega.size == 195 and Path("curve.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_roughness_from_traces_goes_into_a_scene(run):
     new = run("spectrum", "stylus.csv", "--slope", "1.3", "--out", "road.toml", "--plot", "road.png")
     assert new[0] == 0 and "6 traces of 2048 heights" in new[1] and "rms slope 1.3" in new[1]

@@ -459,6 +459,7 @@ def test_a_minimum_far_above_the_data_is_left_for_a_lower_one():
     assert found.success and found.cost == pytest.approx(known.cost, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_right_minimum_of_a_wrong_scene_stays_one():
     """Data that no parameter explains: places around are looked at, and the claim stays."""
     truth = rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 1e5, 0.8, 1e-4)), rf.Body(PRONY))

@@ -146,6 +146,7 @@ def test_starts_far_off_reach_the_same_minimum():
     assert np.all(np.isfinite(runs.cost)) and reached.mean() >= 0.95
 
 
+@pytest.mark.slow
 def test_a_fit_that_leaves_the_limits_of_its_quadrature_goes_on_with_a_finer_one():
     """Roughness to 10 nm, from a guess that ends at 50 um: as with nodes enough from the beginning."""
     rubber = rf.Prony(2e6, [2e7, 1e8], [1e-6, 1e-3])

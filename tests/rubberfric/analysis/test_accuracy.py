@@ -283,6 +283,7 @@ def test_the_cheapest_is_chosen_for_either_use():
     assert made([fine], agreement=1e-8).known(result.rows[1]).value == pytest.approx(3e-8)
 
 
+@pytest.mark.slow
 def test_csv_holds_every_row(tmp_path):
     path = tmp_path / "t.csv"
     found().write(path)

@@ -86,6 +86,7 @@ def test_rest(name):
         np.testing.assert_allclose(slope[1:], at[3, 1:] / 1e-30, rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "material", [RUBBER, *(pytest.param(m, marks=pytest.mark.slow) for m in (MELT, TABLE))]
 )

@@ -262,6 +262,7 @@ def test_other_solids():
     np.testing.assert_allclose(rf.friction(soft, 0.1, 1e5), series, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_profile():
     """The friction of all wavevectors, the area of cut roughness, the density, and W."""
     scene, velocity, pressure = _scene(), np.array([1e-3, 1.0]), np.array([2e5, 2e4])
