@@ -15,9 +15,10 @@ _SNIPPET = re.compile(r"^```python\n(.*?)^```", re.M | re.S)
 _PAGES = ROOT / "notebooks"
 REFERENCE_PAGES = [_PAGES / "reference.md", *sorted((_PAGES / "reference").glob("*.md"))]
 HOW_TRUE = (_PAGES / "how_true.md").read_text()
+_TROUBLESHOOTING = (_PAGES / "troubleshooting.md").read_text()
 SNIPPETS = [
     snippet
-    for page in (README, REFERENCE_PAGES[0].read_text(), HOW_TRUE)
+    for page in (README, REFERENCE_PAGES[0].read_text(), HOW_TRUE, _TROUBLESHOOTING)
     for snippet in _SNIPPET.findall(page)
 ]
 START_SNIPPETS = _SNIPPET.findall((_PAGES / "start_here.md").read_text())
