@@ -35,7 +35,7 @@ _UNITS = {
 def run_grip(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
     """Run `rubberfric grip`, and return the text to print and the error of a file or None."""
     scene, title = _read(arguments, show)
-    patch = Patch(arguments.length, arguments.width, arguments.stiffness, arguments.patch_pressure)
+    patch = _patch(arguments, scene.patch)
     points = itertools.product(arguments.speed, arguments.load, arguments.slip)
     speed, load, slip = np.array(list(points)).T
     show(f"compiling and computing {slip.size} points")
@@ -70,6 +70,21 @@ def run_leak(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSErro
         "it was not compared with measured seals",
     ]
     return _shown(arguments, show, title, columns, lines)
+
+
+def _patch(arguments: argparse.Namespace, of_scene: Patch | None) -> Patch:
+    """Return the patch of the scene, or a new one, with the numbers that the options state."""
+    options = {name: getattr(arguments, name) for name in ("length", "width", "stiffness")}
+    options["pressure"] = arguments.patch_pressure
+    stated = {name: value for name, value in options.items() if value is not None}
+    if of_scene is not None:
+        return of_scene.replace(**stated)
+    missing = [name for name in ("length", "width", "stiffness") if name not in stated]
+    if missing:
+        raise ValueError(
+            f"{arguments.scene}: has no [patch]; add it, or pass {', '.join(f'--{name}' for name in missing)}"
+        )
+    return Patch(**stated)
 
 
 def _read(arguments, show):

@@ -113,12 +113,13 @@ class _Number(NamedTuple):
 
 
 _TEMPERATURE = _Number("temperature", "temperature [K] (default: the reference temperatures)", required=False)
+_PATCH = "default: [patch] of the scene"
 # Numbers of the applications.
 _NUMBERS = {
     "grip": (
-        _Number("length", "length of the patch [m]"),
-        _Number("width", "width of the patch [m]"),
-        _Number("stiffness", "shear stress of the tread per displacement [Pa/m]"),
+        _Number("length", f"length of the patch [m] ({_PATCH})", required=False),
+        _Number("width", f"width of the patch [m] ({_PATCH})", required=False),
+        _Number("stiffness", f"shear stress of the tread per displacement [Pa/m] ({_PATCH})", required=False),
         _Number("slip", "slip angles [rad] or slip ratios [-]", several=True),
         _Number("speed", "travelling speeds [m/s]", several=True),
         _Number("load", "loads [N]", several=True),
@@ -175,9 +176,9 @@ def _add_application(command: argparse.ArgumentParser, name: str) -> None:
     if name == "grip":
         kind = "slip angle (default) or slip ratio"
         command.add_argument("--kind", choices=("angle", "ratio"), default="angle", help=kind)
-        shape = "pressure along the patch (default: parabolic)"
+        shape = "pressure along the patch (default: [patch] of the scene, or parabolic)"
         choices = ("parabolic", "uniform")
-        command.add_argument("--patch-pressure", choices=choices, default="parabolic", help=shape)
+        command.add_argument("--patch-pressure", choices=choices, help=shape)
     command.add_argument("--out", metavar="FILE.csv", help="write the table")
 
 

@@ -30,8 +30,6 @@ MOST_HOLES = 0.25
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}  # units [m]
 _LENGTH_IN_BRACKETS = re.compile(r".*[\[(]([^\[\]()]+)[\])]\s*")
 _HOLES = frozenset(("", "nan", "n/a", "na", "bad", "no data", "null", "none", "-", "--", "---", "***"))
-_IN_BRACKETS = re.compile(r".*[\[(]([^\[\]()]+)[\])]\s*")
-_HOLES = frozenset(("", "nan", "n/a", "na", "bad", "no data", "null", "none", "-", "--", "---", "***"))
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]")
 # Positions of one row of points may differ by this share of the spacing.
 _SAME = 0.05

@@ -84,6 +84,24 @@ def test_grip(call, scene_file, kind, shape):
     assert "slip stiffness 54000 N per " in printed
 
 
+@pytest.mark.slow
+def test_grip_of_the_patch_of_the_scene(call, scene_file):
+    in_file = "\n[patch]\nlength = 0.12\nwidth = 0.15\nstiffness = 5e7\npressure = {}\n"
+    scene_file.write_text(SCENE + in_file.format('{ kind = "trapezoid", ramp = 0.2 }'))
+    at = ("--slip", 0.02, 0.3, "--speed", 5.0, "--load", 3e3, "--temperature", 300.0)
+    scene = rf.load_scene(scene_file)
+    for options, patch in (
+        ((), scene.patch),
+        (("--length", 0.1, "--patch-pressure", "uniform"), rf.Patch(0.1, 0.15, 5e7, "uniform")),
+    ):
+        status, printed, complaint = call("grip", scene_file, *options, *at)
+        assert (status, complaint) == (0, "")
+        forces = rf.grip(scene, patch, np.array([0.02, 0.3]), 5.0, 3e3, 300.0).force
+        np.testing.assert_allclose(numbers(printed)[:, 3], forces, rtol=1e-4)
+        stiffness = 5e7 * float(patch.length) ** 2 * 0.15 / 2  # k L^2 w / 2
+        assert f"slip stiffness {stiffness:.6g} N per rad" in printed
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -92,6 +110,10 @@ def test_grip(call, scene_file, kind, shape):
         (("leak", "--pressure", 1e4, *SEAL, "--out", "x.h5"), "x.h5"),
         (("leak", *SEAL), "--pressure"),
         (("grip", *PATCH, "--slip", 2.0, "--speed", 1.0, "--load", 1.0), "is it in degrees?"),
+        (
+            ("grip", *PATCH[:2], "--slip", 0.1, "--speed", 1.0, "--load", 1.0),
+            "has no [patch]; add it, or pass --width, --stiffness",
+        ),
     ],
 )
 def test_invalid_input(call, scene_file, arguments, message):
