@@ -90,6 +90,52 @@ def test_derivatives():
         assert float(slopes[i]) == pytest.approx(difference, rel=1e-6, abs=1e-9)
 
 
+def conducted(contact, length):
+    """Conductance for conductivities 1 of half-spaces that touch where `contact` is True, by its potential.
+
+    A flux density i(q) has the potential i(q) / q. The flux that makes it constant over the contact is found
+    by conjugate gradients.
+    """
+    wave = 2 * np.pi * np.fft.fftfreq(len(contact), length / len(contact))
+    q = np.hypot(*np.meshgrid(wave, wave))
+    response = np.divide(1.0, q, out=np.zeros_like(q), where=q > 0)
+
+    def potential(flux):
+        return np.fft.ifft2(np.fft.fft2(flux) * response).real
+
+    def varying(field):
+        return np.where(contact, field - field[contact].mean(), 0.0)
+
+    flux = np.where(contact, 1 / contact.mean(), 0.0)
+    left = way = -varying(potential(flux))
+    while np.ptp(potential(flux)[contact]) > 1e-8 * potential(flux)[contact].mean():
+        push = varying(potential(way))
+        step = np.sum(left**2) / np.sum(way * push)
+        flux, after = flux + step * way, left - step * push
+        way, left = after + np.sum(after**2) / np.sum(left**2) * way, after
+    return 1 / (2 * potential(flux)[contact].mean())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("pressure", "lowest"), [(1e6, 0.85), (3e6, 0.88)])
+def test_conduction_through_boundary_elements(pressure, lowest):
+    """The potential of the contact itself, their stiffness (Barber), and the theory (3 to 12 % below)."""
+    solid = rf.Elastic(1e9, 0.3)
+    scene = rf.Scene(rf.Body(RIGID, rf.SelfAffine(1e4, 1e4, 8e4, 0.8, 1e-6)), rf.Body(solid))
+    ratios = []
+    for seed in range(4):
+        at = [
+            rf.analysis.boundary_element(scene, 0.0, share * pressure, jax.random.key(seed), grid=256)
+            for share in (0.95, 1.0, 1.05)
+        ]
+        found = conducted(at[1].pressure > 0, at[1].length)
+        stiffness = 0.1 * pressure / (at[0].separation - at[2].separation)
+        assert of_stiffness(stiffness, (1 - 0.3**2) / 1e9, 1.0, 1.0) == pytest.approx(found, rel=0.02)
+        ratios.append(float(contact_conductance(scene, pressure, conductivity=(1.0, 1.0))) / found)
+    print("theory over conduction", ratios)
+    assert lowest < np.mean(ratios) < 1.0
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
