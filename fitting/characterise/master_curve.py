@@ -248,7 +248,7 @@ class MasterCurve:
         """
         return report_of(self, command)
 
-    def plot(self, ax: style.Panels | None = None) -> style.Panels:
+    def plot(self, ax: style.Panels | None = None, series: Any = None) -> style.Panels:
         """Draw shifted E' and E'' coloured by temperature, and ln a_T with 95 % error bars and laws.
 
         Needs matplotlib: pip install 'rubberfric[plot]'.
@@ -256,12 +256,13 @@ class MasterCurve:
         Parameters
         ----------
         ax : two matplotlib axes; None: a new figure, `ax[0].figure`
+        series : PronyFit of this curve, drawn as lines, or None
 
         Returns
         -------
         the axes: moduli, shifts
         """
-        return plot_master_curve(self, ax)
+        return plot_master_curve(self, ax, series)
 
 
 def fit_master_curve(

@@ -13,8 +13,11 @@ _LOOKS = ("-", "o"), ("--", "s")
 _POINTS = 300  # of a line
 
 
-def plot_master_curve(curve: Any, ax: style.Panels | None) -> style.Panels:
-    """Draw E' (filled markers) and E'' (open markers) of the shifted sweeps, and below log10 a_T over T."""
+def plot_master_curve(curve: Any, ax: style.Panels | None, series: Any = None) -> style.Panels:
+    """Draw E' (filled markers) and E'' (open markers) of the shifted sweeps, and below a_T over T.
+
+    Lines in the upper panel are E' and E'' of `series`, a PronyFit, at the reference temperature.
+    """
     if ax is None:
         ax = style.new_figure((7.4, 7.0)).subplots(2, 1, height_ratios=[3, 2])
     upper, lower = ax = style.several_axes(ax, ("moduli", "shifts"), (7.4, 7.0))
@@ -35,12 +38,16 @@ def plot_master_curve(curve: Any, ax: style.Panels | None) -> style.Panels:
             continue
         values = np.asarray(law.shift.log_factor(line)) / np.log(10)
         lower.plot(rf.units.to_celsius(line), values, dashes, color="0.3", linewidth=1.2, label=name)
+    if series is not None:
+        omega = np.geomspace(data.omega.min(), data.omega.max(), _POINTS)
+        for values, (dashes, _), name in zip(series.model(omega), _LOOKS, _NAMES, strict=True):
+            upper.plot(omega, values, dashes, color="0.2", linewidth=1.2, label=f"series, {name}")
     upper.set_xscale("log")
     upper.set_yscale("log")
     upper.set_xlabel(f"$a_T\\omega$ at {named[curve.reference]} [rad/s]")
     upper.set_ylabel("modulus $E'$ (filled), $E''$ [Pa]")
     lower.set_xlabel("temperature [°C]")
-    lower.set_ylabel("$\\log_{10} a_T$ [-]")
+    style.decades(lower.yaxis, "shift factor $a_T$ [-]")
     for axes in (upper, lower):
         axes.grid(alpha=0.3)
         style.legend(axes)

@@ -26,6 +26,8 @@ from rubberfric.plot import style
 
 # Largest cosine between the residuals and a change of ln E at a minimum. A larger one counts as stalled.
 _FLAT = 1e-4
+# Largest rms deviation of a good series: friction is as E'' / |E|, and measured moduli scatter by 2 to 5 %.
+_POOR = 0.1
 # Relative rms deviation below which data are exact, so that their cosine is due to rounding.
 _EXACT = 1e-9
 # Measured quantities of each kind of data.
@@ -276,7 +278,7 @@ class PronyFit(WithUncertainty):
         lines = [
             f"Prony series of {self.data.label}: {tau.size} terms, {times}",
             f"    {self.message}",
-            f"    rms of ln(fit / measured): {_listed(self.rms, ' {:.2%}')}",
+            f"    {self._misfit}",
         ]
         if self.smooth is not None:
             lines.append(f"    smooth: slopes change by about {self.smooth:.3g} from term to term")
@@ -296,11 +298,19 @@ class PronyFit(WithUncertainty):
 
     def _repr_html_(self) -> str:
         rows: list[tuple[str, ...] | str] = [*self._rows()]
-        rows.append(f"rms of ln(fit / measured): {_listed(self.rms, ' {:.2%}')}")
+        rows.append(self._misfit)
         if self.dropped.size:
             rows.append(f"absent: tau = {', '.join(f'{t:.3g}' for t in self.dropped)} s")
         caption = f"Prony series of {self.data.label}: {self.message}"
         return html.table(rows, ("tau [s]", "E [Pa]", "error [Pa]"), caption)
+
+    @property
+    def _misfit(self):
+        """Rms of the residuals, and a recommendation if it is large."""
+        text = f"rms of ln(fit / measured): {_listed(self.rms, ' {:.2%}')}"
+        if max(self.rms.values()) > _POOR:
+            text += ": poor; use more terms per decade, and check the data with fitting.kramers_kronig"
+        return text
 
     def _rows(self):
         """Return a tuple of texts (time, modulus, error) for every term, with E_inf first.

@@ -27,6 +27,8 @@ from rubberfric.roughness import ArealSpectrum, MeasuredSpectrum
 _SLOPES = (2.0, 4.0)
 # Distance of H from 0 or 1 below which H is fixed there.
 _AT_END = 1e-6
+# Largest rms of ln(fit / measured) of a self-affine surface. Heights, as sqrt(C), are then 20 % off.
+_POOR = 0.4
 # Variance of ln C due to rounding.
 _EXACT = 1e-20
 
@@ -71,7 +73,7 @@ class SpectrumFit:
         lines = [
             f"Self-affine spectrum of {self.fit.data[0].label}",
             f"    {self.fit.message}",
-            f"    rms of ln(fit / measured): {self.rms:.2%}",
+            f"    {self._misfit}",
             *(f"    {remark}" for remark in self.remarks),
         ]
         lines += [f"    {name:>6} [{unit}] {value:>11}  {more}" for name, unit, value, more in self._rows()]
@@ -79,11 +81,19 @@ class SpectrumFit:
         lines.append(f"    rms slope up to q1: {slope:.3g}")
         return "\n".join(lines)
 
+    @property
+    def _misfit(self):
+        """Rms of the residuals, and a recommendation if it is large."""
+        text = f"rms of ln(fit / measured): {self.rms:.2g}, a factor of {np.exp(self.rms):.2f}"
+        if self.rms > _POOR:
+            text += ": poor; the surface is not self-affine: use a TabulatedSpectrum (--table)"
+        return text
+
     def _repr_html_(self) -> str:
         rows = [
             (name, f"{value} {unit}".removesuffix(" -"), more) for name, unit, value, more in self._rows()
         ]
-        rows += [*self.remarks, f"rms of ln(fit / measured): {self.rms:.2%}"]
+        rows += [*self.remarks, self._misfit]
         caption = f"Self-affine spectrum of {self.fit.data[0].label}: {self.fit.message}"
         return html.table(rows, ("parameter", "value", "error"), caption)
 

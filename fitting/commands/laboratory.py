@@ -97,7 +97,9 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
         scene = _with_body(arguments, rf.Body(rf.Rigid()), **changes)
         return rf.save_scene(path, scene, like=arguments.scene)
 
-    return _ended(arguments, show, texts, write, lambda: (series if curve is None else curve).plot())
+    return _ended(
+        arguments, show, texts, write, lambda: series.plot() if curve is None else curve.plot(series=series)
+    )
 
 
 def read_response(
@@ -162,7 +164,10 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
     q1 = float(spectrum.q[-1] if spectrum.q1 is None else spectrum.q1)
     slope, height = float(rf.rms_slope(spectrum)), float(rf.roughness.rms_height(spectrum))
     texts = [text, found.report()]
-    texts.append(f"The scene has q1 = {q1:.4g} 1/m, rms height {height:.3g} m, rms slope {slope:.3g}.\n")
+    texts.append(
+        f"The scene ends at q1 = {q1:.4g} 1/m, {_reason_of_cutoff(arguments, measured)}"
+        f" Its rms height is {height:.3g} m, its rms slope {slope:.3g}.\n"
+    )
 
     def write(path: str) -> None:
         if as_path(path).suffix.lower() == ".csv":
@@ -172,6 +177,17 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
 
     drawn = {"measured": data, "table" if arguments.table else "fit": spectrum}
     return _ended(arguments, show, texts, write, lambda: plot_spectrum(drawn))
+
+
+def _reason_of_cutoff(arguments, measured):
+    """Return the reason for q1 of the scene, as the end of a sentence."""
+    if arguments.rms_slope is not None:
+        return f"because its rms slope is {arguments.rms_slope:g} there (--slope)."
+    if arguments.q1 is not None:
+        return "as given by --q1."
+    whole = arguments.table or isinstance(measured, SpectrumData)
+    end = "the data end" if whole else "the resolved range ends"
+    return f"where {end}. --slope 1.3 ends it where rubber on roads usually does."
 
 
 def measured_spectrum(

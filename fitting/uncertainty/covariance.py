@@ -106,9 +106,9 @@ def describe_direction(variables: Variables, loadings: np.ndarray, deviation: fl
     if deviation > 1e6:
         reach = "without any effect"
     elif scaled and far < 100:
-        reach = f"within one standard error up to λ = {np.exp(far):.2g}"
+        reach = f"the data agree with λ from 1/{np.exp(far):.2g} to {np.exp(far):.2g} (one standard error)"
     else:
-        reach = "by a factor above 100 within one standard error" if scaled else "within the whole range"
+        reach = "the data agree with any λ" if scaled else "the data agree with any value"
     said = ", ".join(_change(part, part.loading / leading) for part in parts)
     hint = next((text for test, alike, text in HINTS if several and test(leaves) and same >= alike), None)
     if hint is None and len(parts) == 1:

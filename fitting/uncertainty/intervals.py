@@ -315,9 +315,9 @@ class Valley(NamedTuple):
         """Description of both intervals, with the call that computes the profile."""
         (a, b), (low, high) = self.linear, self.interval
         return (
-            f"{self.name} trades with {self.other} (correlation {self.correlation:+.3f}):"
-            f" {100 * LEVEL:.0f} % by its error bar {a:.3g} ... {b:.3g},"
-            f" by profile about {low:.3g} ... {high:.3g}: see profile({self.name!r})"
+            f"{self.name} and {self.other} compensate each other (correlation {self.correlation:+.3f}),"
+            f" so the {100 * LEVEL:.0f} % interval of {self.name} is about {low:.3g} ... {high:.3g},"
+            f" not {a:.3g} ... {b:.3g} as its error bar states: call result.profile({self.name!r})"
         )
 
 

@@ -313,7 +313,7 @@ class MeasuredSpectrum(NamedTuple):
             to_q1 = float(rms_slope(table, found.q1))
             bar = f" +/- {found.error:.0%}" * (found.error > 0)
             lines.append(
-                f"proposed q1 = {found.q1:.4g} 1/m{bar}: rms slope of the surface up to q1 {to_q1:.4g}"
+                f"resolved up to q = {found.q1:.4g} 1/m{bar}, with rms slope {to_q1:.4g} of the surface"
             )
             if to_q1 > _LARGER * self.rms_slope * (1 if self.dimensions == 2 else np.sqrt(2)):
                 lines.append(
@@ -323,7 +323,7 @@ class MeasuredSpectrum(NamedTuple):
             if to_q1 > _USUAL_SLOPE:
                 usual = float(cutoff(table, _USUAL_SLOPE))
                 lines.append(
-                    f"rms slope {_USUAL_SLOPE:g}, as usual for rubber on roads, at q1 = {usual:.4g} 1/m"
+                    f"rms slope {_USUAL_SLOPE:g}, as usual for rubber on roads, up to q = {usual:.4g} 1/m"
                 )
         return "\n    ".join(lines) + "\n"
 

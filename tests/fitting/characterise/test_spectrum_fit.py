@@ -145,7 +145,8 @@ def test_report(noisy):
     headings, height, hurst, *_, rms = cells(noisy)
     assert headings == ["parameter", "value", "error"] and height[1].endswith(" m")
     assert hurst == ["hurst", f"{value:.4g}", f"+/- {error:.2g} ({error / value:.1%})"]
-    assert rms == [f"rms of ln(fit / measured): {noisy.rms:.2%}"]
+    assert rms == [f"rms of ln(fit / measured): {noisy.rms:.2g}, a factor of {np.exp(noisy.rms):.2f}"]
+    assert rms[0] == lines[2].strip()
 
 
 @pytest.mark.slow
@@ -158,6 +159,7 @@ def test_measured_road():
         leaves(found.spectrum)[1:4:2] + leaves(found.spectrum)[4:], [305.4, 0.5746, 6.32e-4], rtol=2e-3
     )
     assert found.rms == pytest.approx(0.76, abs=0.01)
+    assert ": poor; the surface is not self-affine" in found.report()
 
 
 @pytest.mark.parametrize(

@@ -44,7 +44,8 @@ def test_a_master_curve_as_a_table(run):
 @pytest.mark.slow
 def test_roughness_from_traces_goes_into_a_scene(run):
     new = run("spectrum", "stylus.csv", "--slope", "1.3", "--out", "road.toml", "--plot", "road.png")
-    assert new[0] == 0 and "6 traces of 2048 heights" in new[1] and "rms slope 1.3" in new[1]
+    assert new[0] == 0 and "6 traces of 2048 heights" in new[1] and "where" not in new[1]
+    assert "because its rms slope is 1.3 there (--slope)" in new[1] and new[1].count("q1 = ") == 1
     road = rf.load_scene("road.toml")
     assert isinstance(road.upper.material, rf.Elastic) and not road.lower.material.deforms
     assert float(rf.rms_slope(road.lower.spectrum)) == pytest.approx(1.3, rel=1e-9)
@@ -52,7 +53,8 @@ def test_roughness_from_traces_goes_into_a_scene(run):
         run("spectrum", "stylus.csv", "--scene", "road.toml", "--body", "lower", "--out", "two.toml")[0] == 0
     )
     assert float(rf.load_scene("two.toml").lower.spectrum.h_rms) == pytest.approx(1.5e-4, rel=0.1)
-    assert run("spectrum", "stylus.csv", "--table", "--out", "table.toml")[0] == 0
+    status, printed, _ = run("spectrum", "stylus.csv", "--table", "--out", "table.toml")
+    assert status == 0 and "The scene ends at q1 = 3.104e+05 1/m, where the data end." in printed
     assert isinstance(rf.load_scene("table.toml").lower.spectrum, rf.TabulatedSpectrum)
 
 

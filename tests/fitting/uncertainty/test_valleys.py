@@ -41,9 +41,9 @@ def test_intervals_are_those_of_the_profile(bent):
 
 def test_the_verdict_says_so(bent):
     text, *_ = bent.report().split("[[Fit]]")
-    interval = "95 % by its error bar 6.52e+06 ... 9.81e+06, by"
-    assert f"{E} trades with {E_INF} (correlation -0.996): {interval}" in text
-    assert f"profile({E!r})" in text and f"{E_INF} trades" not in text and "left open = nothing" in text
+    assert f"{E} and {E_INF} compensate each other (correlation -0.996), so the 95 % interval of" in text
+    assert "not 6.52e+06 ... 9.81e+06 as its error bar states" in text
+    assert f"result.profile({E!r})" in text and f"{E_INF} and" not in text and "left open = nothing" in text
 
 
 def test_nothing_is_said_where_bars_hold():
@@ -51,5 +51,5 @@ def test_nothing_is_said_where_bars_hold():
     assert len(narrow.valleys) == 2 and all(one.holds for one in narrow.valleys)
     for one in narrow.valleys:
         np.testing.assert_allclose(one.rises, one.expected, rtol=0.05)
-    assert "trades with" not in narrow.report()
+    assert "compensate" not in narrow.report()
     assert fitted(0.02, 0.02).valleys == ()

@@ -145,7 +145,7 @@ def test_report_of_a_road():
     assert found.resolved().q1 > 2e4
     text = found.report()
     assert "rms slope along the profile 2.82" in text
-    reported = re.search(r"rms slope 1.3, as usual for rubber on roads, at q1 = (\S+) 1/m", text)
+    reported = re.search(r"rms slope 1.3, as usual for rubber on roads, up to q = (\S+) 1/m", text)
     # The factor of a power law with H = 0.85 adds some slope below the roll-off.
     q, C = found.knots()
     table = rf.TabulatedSpectrum(q, C / (q * np.sqrt(np.pi) * math.gamma(1.35) / math.gamma(1.85)))
