@@ -324,7 +324,7 @@ def draw(rows, path):
     from matplotlib.ticker import FuncFormatter, LogLocator
 
     known = numbers(rows)
-    figure = Figure(figsize=(13.0, 4.4), layout="constrained")
+    figure = Figure(figsize=(10.5, 4.2), layout="constrained")
     axes = figure.subplots(1, 3)
     dark, light = style.colours(2)
     marks = (("plain_0.5", light, "x", "$S$ outside $G$"), ("inside_0.5", dark, "o", "$S$ in $G$"))
@@ -334,7 +334,7 @@ def draw(rows, path):
         axes[0].semilogx(area, own, marker, color=colour, label=label, **look)
     axes[0].set_xlabel("$A/A_0$ of the theory [-]")
     axes[0].set_ylabel("area: theory over boundary elements [-]")
-    axes[0].legend(fontsize="small")
+    axes[0].legend(loc="lower center", bbox_to_anchor=(0.5, 1.1), ncols=1)
     for ax, relaxation in zip(axes[1:], ("narrow", "broad"), strict=True):
         # Shift the loads sideways so that their marks do not overlap.
         aside = dict(zip(LOADS, (0.86, 1.0, 1.16), strict=True))
@@ -349,8 +349,8 @@ def draw(rows, path):
         ax.set_ylabel("friction: theory ($S$ in $G$)\nover boundary elements [-]")
         ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         ax.yaxis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        ax.yaxis.set_minor_locator(LogLocator(subs=(2, 3, 5, 7)))
-        ax.legend(fontsize="small")
+        ax.yaxis.set_minor_locator(LogLocator(subs=(1.5, 2, 3, 5, 7)))
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.1), ncols=2, columnspacing=1.0)
     for ax in axes:
         ax.axhline(1.0, color="k", linewidth=1)
         ax.grid(alpha=0.3)

@@ -358,7 +358,7 @@ def draw(store, path):
     from matplotlib.figure import Figure
     from matplotlib.ticker import NullFormatter
 
-    figure = Figure(figsize=(13.0, 6.4), layout="constrained")
+    figure = Figure(figsize=(10.0, 5.6), layout="constrained")
     axes = figure.subplots(2, 3)
     looks = zip(style.colours(len(store)), itertools.cycle(("o-", "s--", "^-.", "D:")), strict=False)
     for (device, parts), (colour, look) in zip(store.items(), looks, strict=True):
@@ -387,9 +387,11 @@ def draw(store, path):
         ax.grid(alpha=0.3)
     named = {line.get_label(): line for ax in axes[0] for line in ax.lines}
     if named:
-        figure.legend(named.values(), named, loc="outside upper center", ncols=len(named), fontsize="small")
+        figure.legend(
+            named.values(), named, loc="outside upper center", ncols=min(len(named), 3), fontsize="medium"
+        )
     path.parent.mkdir(exist_ok=True)
-    figure.savefig(path, dpi=120)
+    figure.savefig(path, dpi=150)
 
 
 def main(parts=PARTS):

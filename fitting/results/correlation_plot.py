@@ -13,7 +13,9 @@ _SIGNS = 40
 # Smallest correlation with a sign.
 _LARGE = 0.5
 # Size of a cell in a new figure [inch]. A number of two decimals fits into it.
-_CELL = 0.38
+_CELL = 0.45
+# Size of a cell with a sign.
+_SMALL_CELL = 0.27
 # Margin around the cells in a new figure [inch], for names of parameters and the colour bar.
 _AROUND = 2.6
 
@@ -37,11 +39,11 @@ def plot_correlation(result: Any, ax: style.Axes | None = None) -> style.Axes:
     if not (hasattr(result, "names") and hasattr(result, "correlation")):
         raise ValueError(f"result is a {type(result).__name__}: must be a FitResult, PronyFit or SpectrumFit")
     names, correlation = list(result.names), np.asarray(result.correlation)
-    side = _AROUND + max(_CELL * min(len(names), 2 * _NUMBERS), 1.5)
+    side = _AROUND + max(min((_CELL if len(names) <= _NUMBERS else _SMALL_CELL) * len(names), 11.0), 1.5)
     axes = style.one_axes(ax, (side + 0.8, side))
     mesh = axes.imshow(correlation, cmap=style.diverging(), vmin=-1, vmax=1, interpolation="nearest")
     axes.grid(False)  # which a notebook may have switched on
-    small = "small" if len(names) <= _NUMBERS else "x-small"
+    small = "medium" if len(names) <= _NUMBERS else "small"
     axes.set_xticks(range(len(names)), names, rotation=90, fontsize=small)
     axes.set_yticks(range(len(names)), names, fontsize=small)
     _write(axes, correlation)
@@ -61,7 +63,7 @@ def _write(axes, correlation):
         text = f"{round(value, 2) + 0.0:.2f}".replace("-", "\N{MINUS SIGN}")
         if count > _NUMBERS:
             text = "" if i == j or abs(value) < _LARGE else "\N{MINUS SIGN}" if value < 0 else "+"
-        axes.text(j, i, text, ha="center", va="center", fontsize="x-small")
+        axes.text(j, i, text, ha="center", va="center", fontsize="small")
 
 
 def _hatch(axes, correlation):

@@ -3,7 +3,7 @@
 They need matplotlib: pip install 'rubberfric[plot]'.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -23,10 +23,10 @@ __all__ = ["plot_correlation", "plot_fit", "plot_profile", "save_plot"]
 
 # Labels of the axes of every quantity.
 LABELS = {
-    "friction": (style.LOG_V, style.PANELS["friction"][0]),
-    "area": (style.LOG_V, style.PANELS["area"][0]),
+    "friction": (style.VELOCITY, style.PANELS["friction"][0]),
+    "area": (style.VELOCITY, style.PANELS["area"][0]),
     "modulus": ("angular frequency $\\omega$ [rad/s]", "modulus\n$E'$, $E''$ [Pa]"),
-    "spectrum": ("wavenumber $q$ [1/m]", "power spectrum\n$C$ [m$^4$]"),
+    "spectrum": ("wavevector $q$ [1/m]", "power spectrum\n$C$ [m$^4$]"),
     "force": ("slip, angle [rad] or ratio [-]", "tangential force\n[N]"),
     "moment": ("slip angle [rad]", "aligning moment\n[N m]"),
 }
@@ -36,10 +36,8 @@ _OUTLYING = 8.0
 _CURVES = 10
 # Number of points of a line.
 _POINTS = 120
-# Share of white in the colour of the highest pressure of a temperature.
-_LIGHTER = 0.5
-# Conditions that the shade of a colour shows.
-_SHADED = ("pressure", "load")
+# Conditions that the line style and the marker show.
+_BY_MARKER = ("pressure", "load")
 # Texts of conditions in legends, in order.
 _TEXTS = {
     "pressure": lambda p: f"{p / 1e6:.4g} MPa",
@@ -52,8 +50,9 @@ _TEXTS = {
 def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
     """Draw measured and fitted values, and below each panel the residuals in standard errors.
 
-    Friction and area are drawn against log10 v, with one curve for each temperature and pressure. E' and E''
-    are drawn against omega, and C against q, with logarithmic axes. E'' has open symbols and dashed lines.
+    Friction and area are drawn against the velocity, with one colour for each temperature, and one line style
+    and marker for each pressure. E' and E'' are drawn against omega, and C against q, with logarithmic axes.
+    E'' has open symbols and dashed lines.
     Forces and moments are drawn against the slip without its sign. The 95 % band of each curve is shaded.
     Measured points have the error bars that the fit used. Points at velocities <= 0 and without slip are left
     out. With more than ten different conditions, small crosses show the fitted values instead of lines.
@@ -113,13 +112,13 @@ def _new_axes(present, title=""):
 def _draw(quantity, points, curves, fitted, upper, lower):
     from matplotlib.patches import Patch
 
-    tones, scaled = curve_colours(curves), _scale(quantity)
+    looks, scaled = curve_looks(curves), _scale(quantity)
     handles = []
     for curve, line in zip(curves, fitted, strict=True):
-        colour, where = tones[curve.look], curve.where
-        look = {"color": colour, "marker": style.MARKERS[curve.look % len(style.MARKERS)], "markersize": 3.5}
+        colour, where = looks[curve.look]["color"], curve.where
+        look = {"color": colour, "marker": looks[curve.look]["marker"] or "o", "markersize": 3.5}
         look |= {"markerfacecolor": "white" if curve.part else colour, "linestyle": "none"}
-        x, dashes = scaled(points.x[where]), "--" if curve.part else "-"
+        x, dashes = scaled(points.x[where]), "--" if curve.part else looks[curve.look]["linestyle"]
         errors = points.below[where], points.above[where]
         upper.errorbar(x, points.measured[where], errors, elinewidth=0.7, **look)
         lower.plot(x, points.residual[where], **look)
@@ -127,7 +126,7 @@ def _draw(quantity, points, curves, fitted, upper, lower):
             upper.plot(x, points.fitted[where], "x", color=colour, markersize=3)
         if line is not None:
             at, band = scaled(line[0]), line[1]
-            upper.plot(at, band.value, dashes, color=colour, linewidth=1.2)
+            upper.plot(at, band.value, linestyle=dashes, color=colour, linewidth=1.2)
             upper.fill_between(at, band.low, band.high, color=colour, alpha=0.25, linewidth=0)
             look["linestyle"] = dashes
         handles.append(upper.plot([], [], label=curve.text or "data, fit", **look)[0])
@@ -161,7 +160,10 @@ def _dress(quantity, points, upper, lower):
         lower.set_yticks([-2, 0, 2])
     upper.set_ylabel(LABELS[quantity][1])
     lower.set_ylabel("(data \u2212 fit)\n/ error [-]")
-    lower.set_xlabel(LABELS[quantity][0])
+    if quantity in ("friction", "area"):
+        style.decades(lower.xaxis, LABELS[quantity][0])
+    else:
+        lower.set_xlabel(LABELS[quantity][0])
     for axes in (upper, lower):
         axes.grid(alpha=0.3)
     return [] if near.all() else [_mark_outliers(quantity, points, ~near, upper, lower)]
@@ -217,7 +219,7 @@ class CurveConditions(NamedTuple):
     @property
     def family(self) -> tuple:
         """Everything but the pressure or the load."""
-        return *self[:3], tuple(pair for pair in self.others if pair[0] not in _SHADED)
+        return *self[:3], tuple(pair for pair in self.others if pair[0] not in _BY_MARKER)
 
     @property
     def text(self) -> str:
@@ -299,23 +301,20 @@ def fitted_curves(points: PlottedPoints) -> list[PlottedCurve]:
     return curves
 
 
-def curve_colours(curves: list[PlottedCurve]) -> np.ndarray:
-    """Return the RGBA colour of every `look`, shape (looks, 4).
+def curve_looks(curves: list[PlottedCurve]) -> list[dict[str, Any]]:
+    """Return the colour, line style and marker of every `look`.
 
-    With several temperatures and pressures, each temperature has its own tone, and higher pressures are
-    lighter. The same holds for loads.
+    Each temperature has its own colour, each pressure or load its own line style and marker.
     """
-    conditions = {curve.look: curve.conditions for curve in curves}
-    keys = [None if key is None else key.family for key in conditions.values()]
-    families = list(dict.fromkeys(keys))
-    if None in keys or len(families) in (0, 1, len(keys)):
-        return style.colours(max(len(keys), 1))
-    colours = style.colours(len(families))[[families.index(key) for key in keys]]
-    for look, key in enumerate(keys):
-        members = [k for k, other in enumerate(keys) if other == key]
-        share = members.index(look) / max(len(members) - 1, 1)
-        colours[look, :3] += _LIGHTER * share * (1 - colours[look, :3])
-    return colours
+    keys = list({curve.look: curve.conditions for curve in curves}.values())
+    if None in keys or not keys:  # data sets
+        return style.looks_of_conditions([0] * max(len(keys), 1), list(range(max(len(keys), 1))), 2)
+    families = list(dict.fromkeys(key.family for key in keys))
+    loads = [tuple(pair for pair in key.others if pair[0] in _BY_MARKER) for key in keys]
+    order = sorted(set(loads))
+    return style.looks_of_conditions(
+        [order.index(load) for load in loads], [families.index(key.family) for key in keys], 2
+    )
 
 
 def _fitted_lines(result, quantity, points, curves):

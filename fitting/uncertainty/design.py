@@ -297,7 +297,7 @@ def _drawn(design, ax):
     for group, axes, name in zip(groups, ax, names, strict=True):
         shown = np.isnan(key) if np.isnan(group) else key == group
         axes.set_title(name, fontsize="small", loc="left")
-        axes.set_xlabel(style.LOG_V)
+        style.decades(axes.xaxis, style.VELOCITY)
         height = design.gain if flat else y
         if flat:
             order = np.flatnonzero(shown)[np.argsort(v[shown])]
@@ -314,7 +314,10 @@ def _drawn(design, ax):
     if flat:
         ax[0].set_ylabel(label)
     else:
-        ax[0].set_ylabel("temperature [°C]" if over_temperature else "$\\log_{10}(p\\;/\\;\\mathrm{MPa})$")
+        if over_temperature:
+            ax[0].set_ylabel("temperature [°C]")
+        else:
+            style.decades(ax[0].yaxis, "pressure $p$ [MPa]")
         ax[0].figure.colorbar(drawn, ax=list(ax)).set_label(label)
     return ax
 

@@ -13,13 +13,15 @@ from rubberfric.base.checks import check_choice, check_kind
 from rubberfric.base.units import to_celsius
 from rubberfric.io.results import Conditions, Curves, curves_of
 from rubberfric.plot.style import (
-    LOG_V,
     PANELS,
+    VELOCITY,
     Axes,
     Line2D,
     Panels,
+    decades,
     legend,
     looks,
+    looks_of_conditions,
     one_axes,
     several_axes,
     shown_velocities,
@@ -43,7 +45,7 @@ def plot_result(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> Panels:
-    """Draw all quantities of a result over log10 v: one panel per quantity, one line per condition.
+    """Draw all quantities of a result over the velocity: one panel per quantity, one line per condition.
 
     Transverse friction and flash temperature have panels if the solution has them. Parts of the friction are
     thin dashed and dotted lines in the panel of the friction.
@@ -68,7 +70,7 @@ def plot_result(
     ax = several_axes(ax, names, (6.4, 0.8 + 2.3 * len(names)), found.title)
     for i, (name, axes) in enumerate(zip(names, ax, strict=True)):
         _draw(axes, found, name, named=i == 0)
-    ax[-1].set_xlabel(LOG_V)
+    decades(ax[-1].xaxis, VELOCITY)
     return ax
 
 
@@ -80,7 +82,7 @@ def plot_friction(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> Axes:
-    """Draw the friction coefficient mu over log10 v, with one line per pressure and temperature.
+    """Draw the friction coefficient mu over the velocity, with one line per pressure and temperature.
 
     Thin lines show the parts of mu.
 
@@ -111,7 +113,7 @@ def plot_area(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> Axes:
-    """Draw A/A0 over log10 v. The arguments are the same as for `plot_friction`."""
+    """Draw A/A0 over the velocity. The arguments are the same as for `plot_friction`."""
     return _quantity(curves_of(result, velocity, pressure, temperature, "area"), "area", ax)
 
 
@@ -123,7 +125,7 @@ def plot_separation(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> Axes:
-    """Draw the mean separation in µm over log10 v. The arguments are the same as for `plot_friction`."""
+    """Draw the mean separation in µm over the velocity. The arguments are the same as for `plot_friction`."""
     return _quantity(curves_of(result, velocity, pressure, temperature, "separation"), "separation", ax)
 
 
@@ -133,7 +135,7 @@ def plot_curve(
     quantity: str = "friction",
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw one quantity over log10 v from arrays.
+    """Draw one quantity over the velocity from arrays.
 
     Parameters
     ----------
@@ -158,9 +160,10 @@ def plot_curve(
     curves = [vector(name, curve, velocity.size) for name, curve in curves.items()]
     shown = _some_velocities(velocity)
     axes = one_axes(ax)
-    _lines(axes, velocity, curves, list(values) if several else [None], shown, quantity)
+    styles = looks(len(curves), _points(shown))
+    _lines(axes, velocity, curves, list(values) if several else [None], styles, shown, quantity)
     _from_zero(axes, quantity)
-    axes.set_xlabel(LOG_V)
+    decades(axes.xaxis, VELOCITY)
     if several:
         legend(axes)
     return axes
@@ -183,7 +186,7 @@ def _quantity(result: Curves, name: str, ax: Axes | None) -> Axes:
     _some_velocities(result.conditions.velocity)
     axes = one_axes(ax, title=result.title)
     _draw(axes, result, name)
-    axes.set_xlabel(LOG_V)
+    decades(axes.xaxis, VELOCITY)
     return axes
 
 
@@ -192,7 +195,11 @@ def _draw(axes: Axes, result: Curves, name: str, named: bool = True) -> None:
     labels, velocity = curve_labels(result.conditions), np.asarray(result.conditions.velocity)
     shown = shown_velocities(velocity)
     curves = [np.asarray(getattr(result.solution, name))[i, j] for i, j in labels]
-    lines = _lines(axes, velocity, curves, labels.values(), shown, name)
+    temperatures, pressures = ([key[k] for key in labels] for k in (0, 1))
+    # Line styles show the parts of the friction, if there are parts.
+    dashed = name != "friction" or all(getattr(result.solution, part) is None for part in PARTS)
+    styles = looks_of_conditions(pressures, temperatures, _points(shown), dashed)
+    lines = _lines(axes, velocity, curves, labels.values(), styles, shown, name)
     parts = _parts(axes, result, shown, lines) if name == "friction" else []
     _from_zero(axes, name)
     if named and len(labels) == 1 and not axes.get_title():
@@ -200,11 +207,15 @@ def _draw(axes: Axes, result: Curves, name: str, named: bool = True) -> None:
     legend(axes, (lines if named and len(labels) > 1 else []) + parts)
 
 
-def _lines(axes, velocity, curves, labels, shown, quantity):
+def _points(shown):
+    """Return the number of points of a drawn curve."""
+    return shown.size if shown.size < _FEWEST_FOR_SMOOTH else _DRAWN_POINTS
+
+
+def _lines(axes, velocity, curves, labels, styles, shown, quantity):
     label, scale, offset = PANELS[quantity]
     log_v = np.log10(velocity[shown])
     drawn = [_without_kinks(log_v, scale * curve[shown] + offset) for curve in curves]
-    styles = looks(len(labels), max((x.size for x, _ in drawn), default=0))
     handles = [
         axes.plot(x, y, label=text, **look)[0]
         for (x, y), text, look in zip(drawn, labels, styles, strict=True)
@@ -264,7 +275,7 @@ _PROFILE_PANELS = (
 
 
 def plot_profile(profile: Profile, ax: Panels | None = None, labels: Sequence[str] | None = None) -> Panels:
-    r"""Draw P(q), d mu / d ln q and the rms slope over log10 q, one line per condition.
+    r"""Draw P(q), d mu / d ln q and the rms slope over the wavevector, one line per condition.
 
     In the panel of d mu / d ln q, equal areas are equal parts of the friction. A second scale above the top
     panel gives the wavelength 2 pi / q.
@@ -299,12 +310,12 @@ def plot_profile(profile: Profile, ax: Panels | None = None, labels: Sequence[st
         axes.set_ylabel(label)
         axes.set_ylim(bottom=0)
         axes.grid(alpha=0.3)
-    ax[-1].set_xlabel("$\\log_{10}(q\\;/\\;\\mathrm{m^{-1}})$")
+    decades(ax[-1].xaxis, "wavevector $q$ [1/m]")
     if labels is not None:
         legend(ax[0])
     shift = np.log10(2 * np.pi)
     above = ax[0].secondary_xaxis("top", functions=(lambda x: shift - x, lambda x: shift - x))
-    above.set_xlabel("$\\log_{10}(\\mathrm{wavelength}\\;/\\;\\mathrm{m})$")
+    decades(above.xaxis, "wavelength $2\\pi/q$ [m]")
     return ax
 
 

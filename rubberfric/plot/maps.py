@@ -11,11 +11,12 @@ from rubberfric.base.checks import closest
 from rubberfric.base.units import to_celsius
 from rubberfric.io.results import QUANTITY_FORMATS, Conditions, Result, curves_of
 from rubberfric.plot.style import (
-    LOG_V,
     PANELS,
+    VELOCITY,
     Axes,
     Figure,
     Panels,
+    decades,
     diverging,
     label_contours,
     new_figure,
@@ -92,10 +93,13 @@ def plot_map(
         values = scale * np.asarray(field[place][rows][:, columns]) + offset
         drawn.append((axes, y, values))
         axes.set_title(title, fontsize="small")
-        axes.set_xlabel(LOG_V)
+        decades(axes.xaxis, VELOCITY)
     _draw(drawn, log_v, label.replace("\n", " "), quantity in _LOGARITHMIC)
     over_pressure = _over_pressure(result.conditions, temperature)
-    ax[0].set_ylabel("$\\log_{10}(p\\;/\\;\\mathrm{MPa})$" if over_pressure else "temperature [°C]")
+    if over_pressure:
+        decades(ax[0].yaxis, "pressure $p$ [MPa]")
+    else:
+        ax[0].set_ylabel("temperature [°C]")
     return ax
 
 
@@ -167,7 +171,7 @@ def _as_one(panels: list[tuple], conditions: Conditions, fields: dict[str, Any])
         return panels
     low, high = conditions.pressure.min() / 1e6, conditions.pressure.max() / 1e6
     rows, y, _, place = panels[0]
-    return [(rows, y, f"{low:.4g} … {high:.4g} MPa, all alike", place)]
+    return [(rows, y, f"{low:.4g} … {high:.4g} MPa, no difference", place)]
 
 
 def _axis(scale: Callable[[np.ndarray], np.ndarray], values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -274,6 +278,6 @@ def plot_sensitivity(
     }
     mesh = _heat_map(axes, x, y, table, look, levels, style)
     axes.figure.colorbar(mesh, ax=axes).set_label(label)
-    axes.set_xlabel(LOG_V)
-    axes.set_ylabel("$\\log_{10}(\\tau_i\\;/\\;\\mathrm{s})$")
+    decades(axes.xaxis, VELOCITY)
+    decades(axes.yaxis, "relaxation time $\\tau_i$ [s]")
     return axes

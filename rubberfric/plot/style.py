@@ -1,7 +1,8 @@
 """Common elements of plots: labels with units, colours and markers, axes and legends.
 
-Conditions differ in colour (of increasing lightness, distinct in grey) and marker. Parts of a quantity differ
-in line style.
+Temperatures differ in colour (of increasing lightness, distinct in grey), pressures in line style and marker.
+Parts of a quantity are thin lines. Axes of velocities, wavevectors and times have ticks 10^n at log10 of the
+values.
 """
 
 import sys
@@ -35,11 +36,21 @@ PANELS = {
     "transverse_friction": ("transverse friction\n$\\mu_\\perp$ [-]", 1.0, 0.0),
     "flash_temperature": ("flash temperature\n$T$ [°C]", 1.0, -ZERO_CELSIUS),
 }
-LOG_V = "$\\log_{10}(v\\;/\\;\\mathrm{m\\,s^{-1}})$"
+VELOCITY = "velocity $v$ [m/s]"
 MARKERS = "os^DvPX<>p"
+# Line styles of pressures: solid, long dashes, dots, dashes and dots, short dashes.
+DASHES = ("-", (0, (7, 2)), (0, (1.5, 1.5)), (0, (7, 2, 1.5, 2)), (0, (3, 2)))
+# Decades of an axis below which the ticks are 1, 2 and 5 times a power of ten.
+_FEW_DECADES = 1.5
+# Most decades with a tick each, and most decades with minor ticks.
+_MOST_DECADES = 9
 _MARKERS_OF_A_LINE = 7  # markers along a line with more points
 # Largest distance of contour labels from the middle of an axis, as a share of the axis. Labels stay inside.
 _INSIDE = 0.38
+# The same of contours that lie completely outside.
+_NEAR_FRAME = 0.43
+# Extent of a contour that has no label, as a share of the axes.
+_TINY = 0.12
 # Smallest distance between contour labels, as a share of an axis. Labels do not cover each other.
 _APART = 0.09
 # Last place in viridis. Colours beyond are too light for lines on white.
@@ -86,27 +97,100 @@ def looks(count: int, points: int) -> list[dict[str, Any]]:
     ]
 
 
+def looks_of_conditions(
+    pressures: Sequence[int], temperatures: Sequence[int], points: int, dashed: bool = True
+) -> list[dict[str, Any]]:
+    """Return the plot options of lines at the given indices of pressure and temperature.
+
+    Temperatures have different colours, pressures different markers and, if `dashed`, line styles. If all
+    temperatures are equal, pressures have different colours, too, and vice versa for markers.
+    """
+    several_p, several_T = (len(set(one)) > 1 for one in (pressures, temperatures))
+    tone = temperatures if several_T else pressures
+    sign = pressures if several_p else temperatures
+    tones, step = colours(max(tone) + 1), max(1, -(-points // _MARKERS_OF_A_LINE))
+    return [
+        {
+            "color": tones[tone[k]],
+            "linestyle": DASHES[pressures[k] % len(DASHES)] if dashed and several_p else "-",
+            "marker": MARKERS[sign[k] % len(MARKERS)] if several_p or several_T or points < 2 else None,
+            "markevery": (k * step // len(sign), step),
+            "markersize": 4.5,
+        }
+        for k in range(len(sign))
+    ]
+
+
+def decades(axis: Any, label: str) -> None:
+    """Label an axis of log10(x) with the values of x, such as 10^n, and with the name of x."""
+    from matplotlib.ticker import FuncFormatter, Locator
+
+    class Decades(Locator):
+        """Ticks at powers of ten, on short axes also at 2 and 5 times powers of ten; minor ticks between."""
+
+        minor = False
+
+        def __call__(self):
+            """Return the ticks of the present limits."""
+            return self.tick_values(*sorted(self.axis.get_view_interval()))  # pyright: ignore
+
+        def tick_values(self, vmin: float, vmax: float) -> np.ndarray:
+            """Return the ticks from vmin to vmax."""
+            most = min(_MOST_DECADES, max(self.axis.get_tick_space(), 1))  # pyright: ignore
+            step = max(1, int(np.ceil((vmax - vmin) / most)))
+            if not self.minor and vmax - vmin >= _FEW_DECADES:
+                return np.arange(np.ceil(vmin / step) * step, vmax + 1e-9, step)
+            if step > 1:
+                return np.arange(np.ceil(vmin), vmax)
+            powers = np.arange(np.floor(vmin), np.ceil(vmax) + 1)
+            digits = np.arange(2.0, 10.0) if self.minor else np.array([1.0, 2.0, 5.0])
+            ticks = np.sort((powers[:, None] + np.log10(digits)).ravel())
+            return ticks[(ticks > vmin - 1e-9) & (ticks < vmax + 1e-9)]
+
+    class Between(Decades):
+        minor = True
+
+    axis.set_major_locator(Decades())
+    axis.set_minor_locator(Between())
+    axis.set_major_formatter(FuncFormatter(lambda x, _: _power(x)))
+    axis.set_label_text(label)
+
+
+def _power(log_value: float) -> str:
+    """Return 10^n, or a number of one digit times 10^n, as the label of a tick."""
+    n = int(np.floor(log_value + 1e-9))
+    digit = round(10 ** (log_value - n))
+    if digit != 1 and -3 <= n <= 3:
+        return f"{digit * 10.0**n:g}"
+    return f"$10^{{{n}}}$" if digit == 1 else f"${digit}\\cdot 10^{{{n}}}$"
+
+
 def signed(value: float, digits: int = 6) -> str:
     """Format a number with a minus sign instead of a hyphen."""
     return f"{value:.{digits}g}".replace("-", "\u2212")
 
 
 def label_contours(axes: Axes, lines: Any) -> None:
-    """Label each contour once, away from the frame and from other labels."""
+    """Label each contour line once, away from the frame and from other labels. Tiny loops have no label."""
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     size = np.array([x1 - x0, y1 - y0])
     places: list[np.ndarray] = []
     for path in lines.get_paths():
-        parts = (path.vertices - [x0, y0]) / size
-        parts = parts[(np.abs(parts - 0.5) < _INSIDE).all(1)]
-        if not parts.size:
-            continue
-        # Choose the free place that is closest to the middle.
-        apart = np.min([np.hypot(*(parts - one).T) for one in places], 0) if places else np.ones(len(parts))
-        free = apart > _APART
-        if free.any():
-            middle = np.hypot(*(parts - 0.5).T)
-            places.append(parts[np.argmin(np.where(free, middle, np.inf))])
+        begins = [] if path.codes is None else np.flatnonzero(path.codes == path.MOVETO)[1:]
+        for line in np.split((path.vertices - [x0, y0]) / size, begins):
+            if line.size == 0 or np.ptp(line, 0).max() < _TINY:
+                continue
+            middle = np.abs(line - 0.5).max(1)
+            parts = line[middle < max(_INSIDE, min(middle.min() + 0.01, _NEAR_FRAME))]
+            if not parts.size:
+                continue
+            apart = (
+                np.min([np.hypot(*(parts - one).T) for one in places], 0) if places else np.ones(len(parts))
+            )
+            if apart.max() > _APART:
+                # Choose the free place that is closest to the middle.
+                away = np.where(apart > _APART, np.hypot(*(parts - 0.5).T), np.inf)
+                places.append(parts[np.argmin(away)])
     if places:
         where = [tuple(place * size + [x0, y0]) for place in places]
         axes.clabel(lines, fontsize="x-small", fmt=signed, manual=where)

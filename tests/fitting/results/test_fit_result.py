@@ -14,7 +14,7 @@ import fitting
 import rubberfric as rf
 from fitting.parameters.scenes import unit
 from fitting.results.hdf5 import GROUPS, save
-from fitting.results.plot import CurveConditions, PlottedCurve, curve_colours, plot_fit, save_plot
+from fitting.results.plot import CurveConditions, PlottedCurve, curve_looks, plot_fit, save_plot
 from fitting.results.record import Minimum
 from fitting.results.report import LISTED
 from fitting.solvers.objective import INTERRUPTED, OUT_OF_STEPS
@@ -354,22 +354,21 @@ def test_an_outlier_does_not_squeeze_the_plot(quick):
     assert "outlier, beyond the axes" not in [text.get_text() for text in plain[0].get_legend().get_texts()]
 
 
-def test_colours_of_temperatures_and_pressures():
-    """One tone for each temperature, and lighter colours for higher pressures."""
-
+def test_colours_of_temperatures_and_markers_of_pressures():
     def at(p, T):
         return CurveConditions("", "", "velocity", (("pressure", p), ("temperature", T)))
 
     keys = [at(p, T) for T in (263.15, 293.15) for p in (1e5, 5e5, 2e6)]
     curves = [PlottedCurve("", key, 0, look, np.arange(1)) for look, key in enumerate(keys)]
-    colours = curve_colours(curves)[:, :3]
-    assert (np.diff(colours.sum(1).reshape(2, 3)) > 0.3).all()
-    paint = (1 - colours) / (1 - colours).sum(1, keepdims=True)  # a mixture with white keeps these shares
-    np.testing.assert_allclose(paint[:3], paint[:1].repeat(3, 0))
-    assert np.abs(paint[0] - paint[3]).max() > 0.05
+    looks = curve_looks(curves)
+    assert [look["marker"] for look in looks] == 2 * ["o", "s", "^"]
+    assert [look["linestyle"] for look in looks] == 2 * list(style.DASHES[:3])
+    tones = [tuple(look["color"]) for look in looks]
+    assert len(set(tones[:3])) == len(set(tones[3:])) == 1 and tones[0] != tones[3]
     one = [PlottedCurve("", at(p, 293.15), 0, k, np.arange(1)) for k, p in enumerate((1e5, 2e6))]
-    np.testing.assert_array_equal(curve_colours(one), style.colours(2))
-    np.testing.assert_array_equal(curve_colours([one[0]._replace(conditions=None)]), style.colours(1))
+    np.testing.assert_array_equal([look["color"] for look in curve_looks(one)], style.colours(2))
+    (alone,) = curve_looks([one[0]._replace(conditions=None)])
+    np.testing.assert_array_equal(alone["color"], style.colours(1)[0])
 
 
 def test_a_design_states_the_relative_errors_of_the_fit():

@@ -274,7 +274,7 @@ def test_one_temperature_is_drawn_over_pressure():
     for result, index in ((many, 1), (one, None)):
         (panel,) = plot_map(result, "area", temperature=index)
         assert panel.get_title() == "20 °C"
-        assert panel.get_ylabel() == "$\\log_{10}(p\\;/\\;\\mathrm{MPa})$"
+        assert panel.get_ylabel() == "pressure $p$ [MPa]"
         np.testing.assert_array_equal(
             panel.collections[0].get_array().reshape(2, 3), result.solution.area[-1]
         )
@@ -288,7 +288,7 @@ def test_picture_of_many_pressures_points_and_a_constant():
     assert axes[0].get_title() == "0.01 MPa" and axes[-1].get_title() == "10 MPa"
     assert axes[0].collections[0].get_array().size == 2 * 800
     (one,) = plot_map(result, "shear_friction")
-    assert one.get_title() == "0.01 … 10 MPa, all alike"
+    assert one.get_title() == "0.01 … 10 MPa, no difference"
     assert one.figure.axes[-1].get_ylabel() == "shear friction [-]"
     assert len(one.collections) == 1  # no contour of a constant
     given = axes[0].figure.__class__().subplots(1, 4)
