@@ -5,6 +5,7 @@
 
 import argparse
 import math
+import time
 from collections.abc import Iterator
 
 import jax
@@ -277,7 +278,7 @@ def summary(result: Result) -> Iterator[str]:
 def run_accuracy(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
     """Run `rubberfric accuracy`, and return the text to print and the error of a file or None."""
     from rubberfric.analysis.reference import check_error
-    from rubberfric.analysis.sweep import accuracy
+    from rubberfric.analysis.sweep import Row, accuracy
     from rubberfric.plot.choice import save_accuracy_plot
 
     check_error(arguments.error)
@@ -285,13 +286,18 @@ def run_accuracy(arguments: argparse.Namespace, show: Progress) -> tuple[str, OS
     scene, conditions, title = read_computable(arguments.scene, most=MOST_POINTS)
     velocity = thinned(conditions)
     at = conditions._replace(velocity=velocity).grid()
-    found = accuracy(
-        scene,
-        *at,
-        error=arguments.error,
-        progress=show,
-        report=lambda row, k, of: show.line(f"{k} of {of}: {row.summary()}"),
+    show.line(
+        "A reference and about 20 settings are compiled and timed: this takes 2 to 4 minutes on two cores,"
+        " and up to 10 with heating or softening. Ctrl-C ends it."
     )
+    begin = time.monotonic()
+
+    def report(row: Row, k: int, of: int) -> None:
+        # Rows take about the same time, most of it for compilation.
+        left = (time.monotonic() - begin) / k * (of - k)
+        show.line(f"{k} of {of}: {row.summary()}; about {left:.0f} s left")
+
+    found = accuracy(scene, *at, error=arguments.error, progress=show, report=report)
     failure = write_outputs(
         show,
         ("writing", arguments.out, found.write),

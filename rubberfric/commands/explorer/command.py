@@ -65,14 +65,25 @@ def run_explorer(arguments: argparse.Namespace, show: Progress) -> tuple[str, No
     with server, warnings.catch_warnings():
         # Sliders may reach values far from any solid.
         warnings.simplefilter("ignore", UnitWarning)
-        show(f"compiling {', '.join(explorer.quantities)} at {explorer.count} points")
-        explorer.compile()
         show.end()
-        print(f"{server.url}\nCtrl-C ends it; d ln {explorer.sensitive} is being compiled", flush=True)
-        threading.Thread(target=explorer.compile_sensitivities, daemon=True).start()
+        print(f"{server.url}\nCtrl-C ends it; curves and sensitivities are being compiled", flush=True)
+        failures: list[Exception] = []
+
+        def compile_all():
+            try:
+                explorer.compile()
+            except Exception as error:  # raised again when the server has ended
+                failures.append(error)
+                server.shutdown()
+            else:
+                explorer.compile_sensitivities()
+
+        threading.Thread(target=compile_all, daemon=True).start()
         if not arguments.no_browser:
             webbrowser.open(server.entrance)
         server.serve_forever()
+    if failures:
+        raise failures[0]
     return "", None
 
 
@@ -92,17 +103,22 @@ def routes(explorer: Explorer) -> dict[str, Callable[[Any], Answer]]:
     def with_values(work: Callable[[dict[str, float]], Answer]) -> Callable[[Any], Answer]:
         return lambda content: work(slider_values(explorer.sliders, content))
 
+    def curves(values, draft=False):
+        if not explorer.ready.is_set():
+            return _json({"pending": True})
+        return _json(explorer.curves(values, draft) | {"drafts": explorer.has_drafts})
+
     def sensitivities(values):
         if not explorer.compiled.is_set():
-            return _json({"pending": True})
+            return _json({"pending": True, "sensitivities": explorer.differences(values)})
         if explorer.failure:
             raise ValueError(f"sensitivities cannot be computed: {explorer.failure}")
         return _json({"sensitivities": explorer.sensitivities(values)})
 
     return {
         "start": lambda _: _json(_start(explorer)),
-        "curves": with_values(lambda values: _json(explorer.curves(values))),
-        "drafts": with_values(lambda values: _json(explorer.curves(values, draft=True))),
+        "curves": with_values(curves),
+        "drafts": with_values(lambda values: curves(values, draft=True)),
         "sensitivities": with_values(sensitivities),
         "scene": with_values(lambda values: scene_download(explorer, values)),
         "fit": with_values(lambda values: fit_download(explorer, values)),
@@ -124,7 +140,6 @@ def _start(explorer: Explorer) -> dict[str, Any]:
         "beside": explorer.at[::BESIDE],
         "every": EVERY,
         "sensitive": explorer.sensitive,
-        "drafts": explorer.has_drafts,
         "omega": explorer.omega,
         "points": points,
         "command": COMMAND,

@@ -42,6 +42,10 @@ _FREQUENCIES = 121
 ADHESIVE_POINTS = 13
 # Time of the curves above which drafts are drawn while a slider moves [s].
 PATIENCE = 0.04
+# Relative step of differences, whose error of rounding and of the third derivative is about 1e-6.
+_STEP = 1e-4
+# Time for differences in one answer [s], in which a page would wait.
+_TURN = 0.3
 # Quadrature of drafts, which takes a tenth of the time. Areas of the adhesive scenes in data have errors up
 # to 1 %, and the page shows the error of the last draft.
 DRAFT = Quadrature(order=8, panels=6, graded=4, ratio=6.0, angular_order=8)
@@ -114,6 +118,9 @@ class Explorer:
         self.has_drafts = False  # set when the curves are compiled, before the first request
         # Set by the thread that compiles sensitivities: end, and reason of a failure.
         self.compiled = threading.Event()
+        self.ready = threading.Event()  # set when the curves are compiled
+        # Position of the sliders, and differences there by name of the slider.
+        self._differences: tuple[dict[str, float], dict[str, np.ndarray]] = {}, {}
         self.failure = ""
 
     @property
@@ -166,6 +173,33 @@ class Explorer:
             relative = slopes * np.asarray(x) / value[:, None]
         return {one.name: relative[:, i] for i, one in enumerate(self.sliders)}
 
+    def differences(self, values: CurveValues) -> dict[str, np.ndarray]:
+        """Return sensitivities by differences of the curves, for use until `sensitivities` are compiled.
+
+        Each call adds sliders for at most `_TURN` seconds. Sliders at an end of their range use a one-sided
+        difference.
+        """
+        if dict(values) != self._differences[0]:
+            self._differences = dict(values), {}
+        found, begin, count = self._differences[1], time.perf_counter(), 0
+        for one in self.sliders:
+            if one.name in found:
+                continue
+            if count and time.perf_counter() - begin > _TURN:
+                break
+            count += 1
+            x = values[one.name]
+            step = _STEP * (abs(x) or one.high - one.low)
+            ends = [min(max(x + sign * step, one.low), one.high) for sign in (-1, 1)]
+            low, high = (self._at_slopes({**values, one.name: end}) for end in ends)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                found[one.name] = x * (high - low) / (ends[1] - ends[0]) * 2 / (high + low)
+        return dict(found)
+
+    def _at_slopes(self, values):
+        """Return the `sensitive` quantity at the points of the sensitivities."""
+        return np.asarray(self.curves(values)["curves"][self.sensitive], float)[::EVERY]
+
     def compile(self) -> None:
         """Compile the curves, and drafts if the curves take longer than `PATIENCE`."""
         start = {one.name: one.start for one in self.sliders}
@@ -175,6 +209,7 @@ class Explorer:
         if time.perf_counter() - begin > PATIENCE:
             self.curves(start, draft=True)
             self.has_drafts = True
+        self.ready.set()
 
     def compile_sensitivities(self) -> None:
         """Compile the sensitivities in a thread, and store the text of an error in `failure`."""

@@ -121,6 +121,7 @@ async function ask() {
     try {
       const values = away(), answer = await post(draft ? "drafts" : "curves", values);
       const found = await answer.json();
+      state.start.drafts = found.drafts;
       compare(values, found, draft);
       state.shown = found;
       state.first = state.first || found;
@@ -158,11 +159,13 @@ async function askSlopes() {
   try {
     const found = await (await post("sensitivities", away())).json();
     if (found.pending) {
-      state.idle = setTimeout(askSlopes, 1000);
-      return;
+      // Differences come slider by slider, and derivatives replace them.
+      const all = Object.keys(found.sensitivities).length === state.start.sliders.length;
+      state.idle = setTimeout(askSlopes, all ? 1000 : 50);
     }
     state.slopes = found.sensitivities;
     drawSlopes();
+    document.documentElement.dataset.exact = found.pending ? "no" : "yes";
   } catch (error) {
     complain(error.message);
   }
@@ -174,8 +177,8 @@ function tell(spent, server, draft) {
   const left = (state.shown.curves.converged || []).filter((x) => !x).length;
   if (left) text = `no solution at ${left} of ${state.start.at.length} points; ${text}`;
   if (state.start.drafts) {
-    const off = state.off === null ? "" : `, last one ${(100 * state.off).toPrecision(2)} % off`;
-    text = `${draft ? `draft of few nodes${off}` : "at rest: all nodes"}; ${text}`;
+    const off = state.off === null ? "" : `, the last one was off by ${(100 * state.off).toPrecision(2)} %`;
+    text = `${draft ? `preview${off}` : "full accuracy"}; ${text}`;
   }
   const misfit = state.shown.misfit;
   if (misfit !== undefined && misfit !== null) {
@@ -228,7 +231,7 @@ function makePanels() {
     });
   const of = state.start.sensitive === "friction" ? [italic("μ")] : [upright("("), italic("A"), upright("/"), italic("A"), below("0"), upright(")")];
   panels.slopes = new Plot(host, { name: "sensitivities", x: { label: [upright("sensitivity d ln "), ...of, upright(" / d ln "), italic("θ")] } });
-  panels.slopes.say("sensitivities: being compiled");
+  panels.slopes.say("sensitivities: being computed");
 }
 
 function condition(curve) {
@@ -258,10 +261,15 @@ function drawCurves() {
     const series = before(at, pick(first), y);
     if (name === "friction" && points)
       points.curves.forEach((curve, i) => {
-        const colour = COLOURS[Math.floor(i * COLOURS.length / points.curves.length)], marker = MARKERS[i % MARKERS.length];
-        series.push({ x: beside, y: now.beside[i], colour, thick: 1, dash: DASHES[i % DASHES.length], role: "beside" });
+        // As in other pictures, temperatures differ in colour, pressures in line style and marker.
+        const rank = (name) => [...new Set(points.curves.map((one) => one[name]))].sort((a, b) => a - b);
+        const p = rank("pressure"), T = rank("temperature"), tones = T.length > 1 ? T : p;
+        const tone = tones.indexOf(T.length > 1 ? curve.temperature : curve.pressure), sign = p.indexOf(curve.pressure);
+        const colour = COLOURS[Math.floor(tone * COLOURS.length / tones.length)];
+        const marker = MARKERS[(p.length > 1 ? sign : tone) % MARKERS.length], dash = DASHES[sign % DASHES.length];
+        series.push({ x: beside, y: now.beside[i], colour, thick: 1, dash, role: "beside" });
         const of = (list) => curve.points.map((k) => list[k]);
-        series.push({ name: [upright(condition(curve))], x: of(points.velocity), y: of(points.friction), errors: points.error && of(points.error), colour, marker, both: true, thick: 1, dash: DASHES[i % DASHES.length], role: "measured" });
+        series.push({ name: [upright(condition(curve))], x: of(points.velocity), y: of(points.friction), errors: points.error && of(points.error), colour, marker, both: true, thick: 1, dash, role: "measured" });
       });
     series.push({ name: series.length ? [upright("now")] : null, x: at, y, role: "now" });
     if (name === "friction" && now.curves.shear_friction) {
@@ -301,8 +309,8 @@ function drawSlopes() {
   if (!state.slopes) return;
   const found = [];
   for (const slider of state.start.sliders) {
-    const value = state.slopes[slider.name][state.mark];
-    if (value === null || !(Math.abs(value) >= 0.005)) continue;
+    const value = (state.slopes[slider.name] || [])[state.mark];
+    if (value === undefined || value === null || !(Math.abs(value) >= 0.005)) continue;
     const [group, label] = groupOf(slider), owner = group.split(/[.,]/)[0], base = group.includes("base") ? " base" : "";
     const front = owner === "conditions" || owner === "scene" ? "" : `${owner}${base} · `;
     const decade = label.startsWith("τ") ? [upright(`E, ${label}`)] : parts(label);
@@ -354,6 +362,17 @@ function savePictures() {
 
 // ---- beginning
 
+// The first curves, which are compiled while the page is shown.
+async function compiledCurves() {
+  const begin = performance.now();
+  for (;;) {
+    const found = await (await post("curves")).json();
+    if (!found.pending) return found;
+    $("status").textContent = `compiling the curves, ${((performance.now() - begin) / 1000).toFixed(0)} s …`;
+    await new Promise((done) => setTimeout(done, 250));
+  }
+}
+
 async function begin() {
   state.start = await (await post("start")).json();
   const { title, sliders, at, every } = state.start;
@@ -368,7 +387,7 @@ async function begin() {
   }
   state.busy = true; // the first answer makes the panels
   for (const slider of sliders) set(slider.name, slider.start);
-  state.first = state.shown = await (await post("curves")).json();
+  state.first = state.shown = await compiledCurves();
   makePanels();
   state.busy = false;
   ask();

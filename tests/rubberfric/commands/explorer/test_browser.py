@@ -106,9 +106,11 @@ def test_what_goes_not_together_is_said_and_taken_back(opened, wait):
 
 
 def test_sensitivities_come_when_they_are_compiled(server, opened, wait):
-    assert "being compiled" in opened.execute_script("return document.querySelector('#panels').textContent")
+    # Differences are shown until the derivatives are compiled.
+    wait("return Number(document.documentElement.dataset.slopes) >= 5")
+    assert opened.execute_script("return document.documentElement.dataset.exact") == "no"
     server.explorer.compile_sensitivities()
-    assert wait("return Number(document.documentElement.dataset.slopes)") >= 5
+    wait("return document.documentElement.dataset.exact === 'yes'")
     bars = "return document.querySelector('svg[data-panel=sensitivities]').textContent"
     before = opened.execute_script(bars)
     assert "sensitivity d ln μ / d ln θ" in before
@@ -133,15 +135,16 @@ def test_drafts_while_a_slider_moves_and_curves_when_it_rests(server, opened, wa
         return found | {"curves": off} if draft else found
 
     monkeypatch.setattr(server.explorer, "curves", noted)
+    monkeypatch.setattr(server.explorer, "has_drafts", True)
     opened.execute_script("state.start.drafts = true")
     opened.execute_script(MOVE, "gamma", 600)
     status = "return document.getElementById('status').textContent"
     wait("return document.documentElement.dataset.draft === 'yes'")
     assert asked == [True] and opened.execute_script(status).startswith("off the measured points")
-    assert "draft of few nodes; " in opened.execute_script(status)
+    assert "preview; " in opened.execute_script(status)
     draft = opened.execute_script(LINE, "friction")
     wait("return document.documentElement.dataset.draft === 'no'")
-    assert asked == [True, False] and "at rest: all nodes; " in opened.execute_script(status)
+    assert asked == [True, False] and "full accuracy; " in opened.execute_script(status)
     assert opened.execute_script(LINE, "friction") != draft
     assert abs(opened.execute_script("return state.off") - 0.01) < 1e-6
     assert complaints(opened) == ([], "")

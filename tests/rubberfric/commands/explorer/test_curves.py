@@ -153,6 +153,13 @@ def test_curves_over_pressure_where_there_is_no_velocity(monkeypatch):
     assert explorer.has_drafts and 0 < np.max(np.abs(draft / expected - 1)) < 1e-3
     # The stiffness enters as E h_rms / sigma alone.
     found = explorer.sensitivities(values)
+    monkeypatch.setattr("rubberfric.commands.explorer.curves._TURN", 0.0)
+    assert len(explorer.differences(values)) == 1  # one slider for each request at least
+    for _ in explorer.sliders:
+        near = explorer.differences(values)
+    assert list(near) == [one.name for one in explorer.sliders]
+    for name, exact in found.items():
+        np.testing.assert_allclose(near[name], exact, rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(found["upper.material.young"], found["lower.spectrum.h_rms"], rtol=1e-9)
 
 
