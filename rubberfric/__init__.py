@@ -7,6 +7,7 @@ TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
     from rubberfric import analysis as analysis
     from rubberfric import applications as applications
+    from rubberfric import fitting as fitting
     from rubberfric import io as io
     from rubberfric import materials as materials
     from rubberfric import plot as plot

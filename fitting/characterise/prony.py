@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 import rubberfric as rf
 from fitting.characterise.prony_fit import PronyFit
@@ -32,7 +31,7 @@ from fitting.characterise.prony_series import (
 from fitting.characterise.responses import converted, flow_time, frequencies, guess, matrix
 from fitting.data.kinds import TRANSIENTS, CreepData, ModulusData
 from fitting.parameters.constraints import is_number
-from rubberfric.base import shown
+from rubberfric.base import ArrayLike, shown
 from rubberfric.materials import Shift
 
 # Default number of relaxation times per decade.

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 import rubberfric as rf
 from fitting.characterise.pictures import plot_series
@@ -21,7 +20,7 @@ from fitting.results.result import FitResult
 from fitting.solvers.objective import CONVERGED, MESSAGES, PERFECT, STALLED
 from fitting.uncertainty.covariance import Uncertainty, WithUncertainty
 from fitting.uncertainty.posterior import joint_prior
-from rubberfric.base import POSITIVE, as_leaf, check_values, html
+from rubberfric.base import POSITIVE, ArrayLike, as_leaf, check_values, html
 from rubberfric.plot import style
 
 # Largest cosine between the residuals and a change of ln E at a minimum. A larger one counts as stalled.

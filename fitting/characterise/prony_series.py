@@ -8,10 +8,9 @@ matrix, and nothing is compiled. Bounded least squares finds exact zeros.
 """
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.optimize import least_squares, nnls
 
 import rubberfric as rf
@@ -20,11 +19,12 @@ from fitting.parameters.constraints import is_number
 from fitting.parameters.variables import Group, Variables, element_names
 from fitting.solvers.problem import ASSUMED
 from fitting.uncertainty.covariance import Uncertainty, from_jacobian
-from rubberfric.base import POSITIVE, as_leaf, check_values, shown
+from rubberfric.base import POSITIVE, ArrayLike, as_leaf, check_values, shown
 from rubberfric.materials import Shift
 
 # Kinds of data that a Prony series describes.
 Response = ModulusData | RelaxationData | CreepData
+_Response = TypeVar("_Response", bound=Response)
 
 # Decades between neighbouring frequencies. A term in the middle of a wider gap would not be determined: its
 # loss is less than a fifth of its peak at all frequencies.
@@ -44,7 +44,7 @@ _ROUNDS = 2
 _STRENGTHS = np.geomspace(0.03, 30.0, 19)
 
 
-def reduced(data: Response, shift: Shift | None) -> Response:
+def reduced(data: _Response, shift: Shift | None) -> _Response:
     """Return the data shifted to the reference temperature of `shift`.
 
     The shifted modulus is E(a_T omega) = E(omega, T) / b_T or E(t / a_T) = E(t, T) / b_T, and the shifted

@@ -8,10 +8,9 @@ at one frequency. E'_lin and E''_lin are the moduli at small strains.
 import warnings
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 import rubberfric as rf
-from rubberfric.base import shown
+from rubberfric.base import ArrayLike, shape_of, shown
 
 # Temperatures that lie closer together belong to one sweep [K].
 _SAME = 1.0
@@ -68,8 +67,8 @@ def softening_from_sweep(
     """
     columns = {"strain": strain, "storage": storage, "loss": loss}
     if temperature is not None:
-        columns["temperature"] = np.broadcast_to(np.asarray(temperature, float), np.shape(strain))
-    columns = {name: _checked(name, values, np.shape(strain)) for name, values in columns.items()}
+        columns["temperature"] = np.broadcast_to(np.asarray(temperature, float), shape_of(strain))
+    columns = {name: _checked(name, values, shape_of(strain)) for name, values in columns.items()}
     if linear is not None and not (np.ndim(linear) == 0 and linear > 0):
         raise ValueError(f"linear = {shown(linear)}: must be a strain > 0, or None")
     if temperature is None:

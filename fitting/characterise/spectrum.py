@@ -11,7 +11,6 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 import rubberfric as rf
 from fitting.characterise.from_heights import resolved_ends, spectrum_data
@@ -20,7 +19,7 @@ from fitting.fit import fit
 from fitting.parameters.constraints import Bounded, Constraint, Positive, is_number
 from fitting.results.report import error_text
 from fitting.results.result import FitResult
-from rubberfric.base import html, shown, unit_of
+from rubberfric.base import ArrayLike, html, shown, unit_of
 from rubberfric.roughness import ArealSpectrum, MeasuredSpectrum
 
 # Slopes for H = 0 and H = 1.

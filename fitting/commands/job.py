@@ -190,7 +190,7 @@ def _data(path, key, content):
     return data
 
 
-def _mean_of_files(path, key, files, given):
+def _mean_of_files(path, key, files, given) -> Measured:
     """Return the mean of the runs in several files, which are read with the options `given`."""
     if given.get("average") is not True:
         raise ValueError(f"{path}: {key}.file = {shown(files)}: must be one file, or average = true")

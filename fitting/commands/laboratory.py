@@ -16,7 +16,7 @@ import argparse
 import dataclasses
 import os
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -113,9 +113,8 @@ def read_response(
         over_time = [cls.quantity for cls in TRANSIENTS if names & {_column(cls), *cls.others}]
         if not names & {_column(ModulusData), *ModulusData.others} and over_time:
             kind = over_time[0]
-    data = read(path, temperature=temperature, kind=kind, **options)
-    assert isinstance(data, ModulusData | RelaxationData | CreepData)
-    return data
+    known = cast(Literal["modulus", "relaxation", "creep"], kind)
+    return read(path, temperature=temperature, kind=known, **options)
 
 
 def _names(arguments, path):
@@ -205,7 +204,6 @@ def measured_spectrum(
             kind="spectrum",
             **reading_options(arguments, "columns", "check_units", "bad_rows"),
         )
-        assert isinstance(data, SpectrumData)
         return data, f"{data.q.size} wavevectors"
     outliers, options = given.pop("outliers", None), {"per_decade": _BINS, **given}
     if arguments.map:

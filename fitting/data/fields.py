@@ -5,9 +5,8 @@ from collections.abc import Callable
 from typing import Any, NamedTuple, TypeVar, dataclass_transform
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from rubberfric.base import FINITE, shown
+from rubberfric.base import FINITE, ArrayLike, shown
 
 ValueRule = tuple[str, Callable[[np.ndarray], np.ndarray]]
 _T = TypeVar("_T")

@@ -28,21 +28,22 @@ with units for each field that is not None.
 
 import dataclasses
 import difflib
-from typing import Any
+from typing import Any, Literal, TypedDict, Unpack, overload
 
 import h5py
 import numpy as np
-from numpy.typing import ArrayLike
 
 from fitting.data.averages import average as mean_of_runs
-from fitting.data.kinds import KINDS, TRANSIENTS, FrictionData, SpectrumData
+from fitting.data.kinds import KINDS, TRANSIENTS, AreaData, FrictionData, ModulusData, SpectrumData
 from fitting.data.measured import DATA_FORMAT, Measured
 from fitting.data.records import Steps, read_record
 from fitting.data.slip import MomentData, SlipData, with_sign_of_slip
+from fitting.data.transients import CreepData, RelaxationData
 from rubberfric.base import (
     FINITE,
     POSITIVE,
     TABLE_SUFFIXES,
+    ArrayLike,
     StrPath,
     as_leaf,
     as_path,
@@ -71,6 +72,48 @@ from rubberfric.roughness import (
 )
 
 
+class _Options(TypedDict, total=False):
+    """Arguments of `read` apart from `kind`, for type checkers."""
+
+    pressure: ArrayLike | None
+    temperature: ArrayLike | None
+    body: str | None
+    relative: ArrayLike | None
+    normalisation: str | None
+    hurst: float | None
+    poisson: float | None
+    columns: list[str] | None
+    check_units: bool
+    bad_rows: str
+    area: float | None
+    frequency: float | None
+    block: int | None
+    zero: bool
+    discard: str | None
+    fold: bool
+    average: bool
+
+
+@overload
+def read(path: StrPath | Any, *, kind: Literal["friction"], **options: Unpack[_Options]) -> FrictionData: ...
+@overload
+def read(path: StrPath | Any, *, kind: Literal["area"], **options: Unpack[_Options]) -> AreaData: ...
+@overload
+def read(path: StrPath | Any, *, kind: Literal["modulus"], **options: Unpack[_Options]) -> ModulusData: ...
+@overload
+def read(
+    path: StrPath | Any, *, kind: Literal["relaxation"], **options: Unpack[_Options]
+) -> RelaxationData: ...
+@overload
+def read(path: StrPath | Any, *, kind: Literal["creep"], **options: Unpack[_Options]) -> CreepData: ...
+@overload
+def read(path: StrPath | Any, *, kind: Literal["spectrum"], **options: Unpack[_Options]) -> SpectrumData: ...
+@overload
+def read(path: StrPath | Any, *, kind: Literal["force"], **options: Unpack[_Options]) -> SlipData: ...
+@overload
+def read(path: StrPath | Any, *, kind: Literal["moment"], **options: Unpack[_Options]) -> MomentData: ...
+@overload
+def read(path: StrPath | Any, *, kind: None = None, **options: Unpack[_Options]) -> Any: ...
 def read(
     path: StrPath | Any,
     *,
@@ -117,10 +160,11 @@ def read(
     columns : list of "name [unit]", or None
         Columns of a table without names, "-" for a column that is not read.
     kind : "friction", "area", "modulus", "relaxation", "creep", "spectrum", "force" or "moment"
-        Needed for a table that contains several kinds, and for stress and strain over time, which give
-        "relaxation" or "creep". A table of oscillation and of time is a "modulus" by default. Of a wheel
-        tester, a table with a slip, speed, load and force is read as "force" if no pressure or area is known,
-        and as "friction" otherwise.
+        Type checkers know the class of the result if `kind` is given; otherwise it is Any to them. An .h5
+        file must contain this kind. Needed for a table that contains several kinds, and for stress and strain
+        over time, which give "relaxation" or "creep". A table of oscillation and of time is a "modulus" by
+        default. Of a wheel tester, a table with a slip, speed, load and force is read as "force" if no
+        pressure or area is known, and as "friction" otherwise.
     check_units : bool
         If True, raise ValueError for values of a table that look like values in another unit.
     bad_rows : "error", or "drop" to leave out rows with an empty, missing or invalid value
@@ -172,9 +216,9 @@ def read(
     layout = _present(columns=columns, poisson=poisson, area=area, block=block)
     if is_file and path.suffix.lower() == ".h5":
         _refuse(path, steps.given(), "it is for tables")
-        _refuse(path, layout | _present(frequency=frequency, kind=kind), "it is for tables")
+        _refuse(path, layout | _present(frequency=frequency), "it is for tables")
         _refuse(path, scaling, "it is for CSV spectra")
-        return _read_hdf5(path, given)
+        return _read_hdf5(path, given, kind)
     if is_file:
         _check_suffix(path)
     if pressure is not None:
@@ -225,12 +269,17 @@ def _check_suffix(path):
         raise ValueError(f"{path}: suffix {path.suffix!r}: must be {', '.join(TABLE_SUFFIXES)} or .h5{sheet}")
 
 
-def _read_hdf5(path, given):
+def _read_hdf5(path, given, kind):
+    """Return the data of an HDF5 file, which must be of the class that `kind` names unless it is None."""
+    wanted = None if kind is None else _named_kind(path, kind)
     with hdf5.reading(path, DATA_FORMAT) as file:
         hdf5.check_names(file, ("data",), ("format", "format_version", "rubberfric_version"))
         if "data" not in file:
             raise ValueError("/data: is missing; must be a group")
-        return read_group(file["data"], **given)
+        data = read_group(file["data"], **given)
+    if wanted is not None and type(data) is not wanted:
+        raise ValueError(f"{path}: kind = {kind!r}: the file contains {data.quantity} data; leave kind out")
+    return data
 
 
 def _check_conditions(path, cls, known, layout):
@@ -348,9 +397,7 @@ def _kind(path, columns, poisson, kind, block, presses):
     `presses` is True if the caller gives the pressure or the area.
     """
     if kind is not None:
-        if not isinstance(kind, str) or kind not in KINDS:
-            raise ValueError(f"{path}: kind = {shown(kind)}: {closest(kind, tuple(KINDS))}")
-        return KINDS[kind]
+        return _named_kind(path, kind)
     names = read_names(path, columns, "E" if poisson is None else "G", block)
     telling = {
         column: cls
@@ -379,6 +426,12 @@ def _kind(path, columns, poisson, kind, block, presses):
         f"{path}: columns {listed(names)}: {hint}must be the columns of one kind of data: {kinds}{several}"
         f"{'' if found or columns else column_hint(path)}"
     )
+
+
+def _named_kind(path, kind):
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise ValueError(f"{path}: kind = {shown(kind)}: {closest(kind, tuple(KINDS))}")
+    return KINDS[kind]
 
 
 def _spellings(cls):

@@ -8,7 +8,6 @@ from typing import Any, ClassVar, Self
 
 import h5py
 import numpy as np
-from numpy.typing import ArrayLike
 
 from fitting.data.fields import (
     Field,
@@ -21,6 +20,7 @@ from fitting.data.fields import (
 )
 from rubberfric.base import (
     POSITIVE,
+    ArrayLike,
     Labelled,
     LabelledArrays,
     StrPath,

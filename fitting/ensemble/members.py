@@ -20,7 +20,6 @@ from typing import Self
 
 import jax
 import numpy as np
-from numpy.typing import ArrayLike
 
 import rubberfric as rf
 from fitting.data.kinds import DataSets, data_by_scene
@@ -35,7 +34,7 @@ from fitting.solvers.runs import Runs
 from fitting.solvers.search import random_starts
 from fitting.uncertainty.intervals import SolvedProblem
 from fitting.uncertainty.likelihood_profile import LikelihoodProfile
-from rubberfric.base import StrPath, check_writable, replacing
+from rubberfric.base import ArrayLike, StrPath, check_writable, replacing
 from rubberfric.io import hdf5
 
 _FORMAT = "rubberfric ensemble"

@@ -1,16 +1,17 @@
 """Joint normal prior of several correlated numbers of a scene, for example the result of another fit."""
 
 import dataclasses
+import math
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike
 
 from fitting.parameters.scenes import find, path_over
 from fitting.parameters.selection import STATIC, PriorContext, Selection
 from fitting.parameters.variables import Array
+from rubberfric.base import ArrayLike, shape_of
 
 # Constant numbers are refused if their distance from the prior is less probable than this.
 _CHANCE = 1e-3
@@ -46,7 +47,7 @@ class Correlated:
     places: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        size = np.size(self.mean)
+        size = math.prod(shape_of(self.mean))
         names = ("mean", "covariance", "low", "high", *["places"] * (self.places is not None))
         for name in names:
             value, shape = getattr(self, name), (size, size) if name == "covariance" else (size,)

@@ -6,7 +6,6 @@ from typing import Self
 
 import jax
 import numpy as np
-from jax.typing import ArrayLike
 
 from fitting.parameters.constraints import cutoff_path, last_wavevector
 from fitting.parameters.priors import Prior
@@ -23,7 +22,7 @@ from fitting.uncertainty.intervals import LEVEL
 from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 from fitting.uncertainty.posterior import DrawProgress, log_density, prior_of
 from rubberfric.analysis import friction_table as table_of_scene
-from rubberfric.base import StrPath, html, object_html
+from rubberfric.base import ArrayLike, StrPath, html, object_html
 from rubberfric.io import FrictionTable
 from rubberfric.plot import style
 

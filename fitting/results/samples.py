@@ -9,7 +9,6 @@ import h5py
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from fitting.results import hdf5 as fit_files
 from fitting.results.record import FitRecord
@@ -17,7 +16,7 @@ from fitting.results.report import aligned_table
 from fitting.solvers.options import check_options
 from fitting.uncertainty.intervals import Band
 from fitting.uncertainty.posterior import DrawProgress, diagnosed, run_chains
-from rubberfric.base import StrPath, html, optional_library, quick_jit
+from rubberfric.base import ArrayLike, StrPath, html, optional_library, quick_jit
 from rubberfric.io import hdf5
 
 # R-hat below which draws are reliable [Vehtari, Gelman, Simpson, Carpenter & Buerkner, Bayesian Anal. 16

@@ -23,7 +23,6 @@ from typing import ClassVar, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from fitting.solvers.objective import (
     NEGLIGIBLE,
@@ -33,6 +32,7 @@ from fitting.solvers.objective import (
     status_after,
     unless_done,
 )
+from rubberfric.base import NumberLike
 
 TRIALS = (0.1, 0.55, 3.0)  # times the damping of the last step
 STIFFER = 30.0  # factor of the damping after a step that did not lower the cost
@@ -195,7 +195,7 @@ def accept(
     iterate: Iterate,
     *,
     tolerance: float = 1e-9,
-    rounding: ArrayLike = 0.0,
+    rounding: NumberLike = 0.0,
     longest: float = LONGEST_STEP,
 ) -> Iterate:
     """Return the iterate after the best move of a trial that is done."""

@@ -9,7 +9,6 @@ from typing import Any
 
 import jax
 import numpy as np
-from jax.typing import ArrayLike
 
 import rubberfric as rf
 from fitting.parameters.constraints import Constraint
@@ -17,7 +16,7 @@ from fitting.parameters.priors import Prior
 from fitting.parameters.variables import slopes, to_values
 from fitting.uncertainty.information import Conditions, exchange, gain, information, known_of, variance
 from fitting.uncertainty.intervals import SolvedProblem
-from rubberfric.base import POSITIVE, StrPath, as_leaf, check_count, check_values, shown
+from rubberfric.base import POSITIVE, ArrayLike, StrPath, as_leaf, check_count, check_values, shown
 from rubberfric.io import write_table
 from rubberfric.plot import style
 
@@ -182,7 +181,9 @@ def design(
     """
     known = known_of(source, free, prior, quadrature)
     at = _points(candidates)
-    error = np.broadcast_to(_error(source, quantity) if relative is None else relative, at[0].shape)
+    error = np.broadcast_to(
+        np.asarray(_error(source, quantity) if relative is None else relative), at[0].shape
+    )
     check_values("relative", error, POSITIVE)
     price = _cost(cost, at)
     if isinstance(n, bool) or not isinstance(n, int | float) or not n >= price.min():

@@ -19,7 +19,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
-from jax.typing import ArrayLike
 
 import rubberfric as rf
 from fitting.parameters.scenes import chosen_scene
@@ -40,7 +39,7 @@ from fitting.solvers.runs import Callback, Runs, run_fits
 from fitting.uncertainty.covariance import OPEN, Uncertainty, WithUncertainty
 from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 from fitting.uncertainty.profile import Anchor, profile_from
-from rubberfric.base import broadcast_shape, quick_jit
+from rubberfric.base import ArrayLike, broadcast_shape, quick_jit
 
 # Confidence level of intervals in reports, figures and checks.
 LEVEL = 0.95

@@ -13,12 +13,11 @@ from collections.abc import Iterable
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import ArrayLike
 
 import rubberfric as rf
 from fitting.parameters.scenes import find, leaf_names
 from rubberfric.analysis import value_and_jacobian
-from rubberfric.base import as_leaf, shown
+from rubberfric.base import ArrayLike, as_leaf, shape_of, shown
 from rubberfric.scene import cast, result_dtype
 
 
@@ -68,11 +67,11 @@ def sensitivity(
     if quantity not in known:
         raise ValueError(f"quantity = {quantity!r}: must be one of {', '.join(known)}")
     velocity, pressure = (
-        as_leaf(name, value, np.ndim(value))
+        as_leaf(name, value, len(shape_of(value)))
         for name, value in (("velocity", velocity), ("pressure", pressure))
     )
     if temperature is not None:
-        temperature = as_leaf("temperature", temperature, np.ndim(temperature))
+        temperature = as_leaf("temperature", temperature, len(shape_of(temperature)))
     conditions = velocity, pressure, temperature
     # `solve` checks its arguments; nothing is computed here.
     jax.eval_shape(lambda: rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity,)))

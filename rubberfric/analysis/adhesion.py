@@ -20,10 +20,9 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import over_points
-from rubberfric.base.checks import POSITIVE, as_leaf, check_values
+from rubberfric.base.checks import POSITIVE, ArrayLike, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature, gauss, typed
 from rubberfric.scene.scene import Scene, rough_surfaces
 from rubberfric.theory.adhesive_contact import relative_attraction, work_of_separation

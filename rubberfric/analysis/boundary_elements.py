@@ -29,10 +29,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.analysis.random_roughness import random_surface
-from rubberfric.base.checks import FINITE, POSITIVE, check_kind, check_values, shown
+from rubberfric.base.checks import FINITE, POSITIVE, ArrayLike, check_kind, check_values, shown
 from rubberfric.base.fixed_points import anderson
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.material import (

@@ -13,12 +13,10 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.analysis.profiles import checked_wavevectors, contact_at_borders
 from rubberfric.base.blocks import broadcast_shape, over_points
-from rubberfric.base.checks import FINITE, as_leaf, check_values
+from rubberfric.base.checks import FINITE, ArrayLike, as_leaf, check_values, shape_of
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.interface import shear_friction
 from rubberfric.scene.scene import Scene, check_without, rough_surfaces
@@ -75,7 +73,7 @@ def stress_distribution(
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
     check_without(scene, ("adhesion",), "the distribution of stresses")
     q = checked_wavevectors(q, 0, conditions, scene)
-    stress = as_leaf("stress", stress, np.ndim(stress))
+    stress = as_leaf("stress", stress, len(shape_of(stress)))
     check_values("stress", stress, FINITE)
     stress = jnp.asarray(stress, conditions[1].dtype)
     broadcast_shape(stress=stress, velocity=velocity, pressure=pressure, temperature=temperature)

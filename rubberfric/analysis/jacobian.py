@@ -22,8 +22,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jax.flatten_util import ravel_pytree
-from jax.typing import ArrayLike
 
+from rubberfric.base.checks import ArrayLike
 from rubberfric.base.compilation import exact_products
 from rubberfric.base.fixed_points import linear_fixed_point
 from rubberfric.base.quadrature import Quadrature

@@ -14,11 +14,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 import h5py
 import jax
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.analysis import batches, collapse
 from rubberfric.base.atomic import StrPath, check_writable
-from rubberfric.base.checks import as_leaf, closest
+from rubberfric.base.checks import ArrayLike, as_leaf, closest
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.files import filling_result, mapped_quantities, write_interpolation
 from rubberfric.io.results import Conditions, Interpolation, Result, check_conditions, result_shape

@@ -11,11 +11,10 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.analysis.law_profile import last_wavevector, over_wavevectors
 from rubberfric.base.blocks import check_count, over_points
-from rubberfric.base.checks import POSITIVE, as_leaf, check_values
+from rubberfric.base.checks import POSITIVE, ArrayLike, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import cumulative_moment, safe_root
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio, log_shape

@@ -20,9 +20,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.stages import Compiled
-from jax.typing import ArrayLike
 
 from rubberfric.analysis.jacobian import uses_forward_mode
+from rubberfric.base.checks import ArrayLike
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import moment
 from rubberfric.roughness.radial_mesh import build_mesh

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple, TypeVar
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.analysis import reference
 from rubberfric.analysis.reference import SETTINGS, TRUSTED, Errors, check_error, node_count
 from rubberfric.base.atomic import StrPath, check_writable, replacing
+from rubberfric.base.checks import ArrayLike
 from rubberfric.base.objects.html import table
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene, rough_surfaces

@@ -16,10 +16,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import over_points
-from rubberfric.base.checks import POSITIVE, as_leaf, check_values, is_concrete
+from rubberfric.base.checks import POSITIVE, ArrayLike, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.roughness.spectra import SelfAffine

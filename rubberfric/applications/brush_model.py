@@ -28,10 +28,9 @@ from typing import Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 from numpy.polynomial.chebyshev import chebpts1
 
-from rubberfric.base.checks import POSITIVE, UnitWarning, as_array, check_kind, check_values, shown
+from rubberfric.base.checks import POSITIVE, ArrayLike, UnitWarning, as_array, check_kind, check_values, shown
 from rubberfric.base.quadrature import Quadrature, chebyshev_sum, chebyshev_transform, gauss, typed
 from rubberfric.base.roots import root
 from rubberfric.roughness.moments import safe_root

@@ -15,10 +15,9 @@ from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
-from jax.typing import ArrayLike
 
 from rubberfric.analysis.interface import contact_stiffness
-from rubberfric.base.checks import POSITIVE, as_numbers
+from rubberfric.base.checks import POSITIVE, ArrayLike, as_numbers
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.material import E_r
 from rubberfric.scene.scene import Scene, check_without
@@ -74,7 +73,12 @@ def of_stiffness(
     stiffness: ArrayLike, compliance: ArrayLike, first: ArrayLike, second: ArrayLike
 ) -> jax.Array:
     """Return 2 K / (E_r (1/lambda_1 + 1/lambda_2)), where `compliance` is 1 / E_r."""
-    return 2 * jnp.asarray(stiffness) * compliance / (1 / jnp.asarray(first) + 1 / jnp.asarray(second))
+    return (
+        2
+        * jnp.asarray(stiffness)
+        * jnp.asarray(compliance)
+        / (1 / jnp.asarray(first) + 1 / jnp.asarray(second))
+    )
 
 
 def check_half_spaces(scene: Scene, what: str) -> None:

@@ -20,12 +20,11 @@ import math
 import jax
 import jax.numpy as jnp
 from jax.scipy.special import erfinv
-from jax.typing import ArrayLike
 
 from rubberfric.applications.conductance import check_half_spaces, relaxed_compliance
 from rubberfric.applications.gaps import Gaps, gaps_at_rest, moments_of
 from rubberfric.base.blocks import over_points
-from rubberfric.base.checks import FINITE, POSITIVE, as_numbers, between
+from rubberfric.base.checks import FINITE, POSITIVE, ArrayLike, as_numbers, between
 from rubberfric.base.quadrature import Quadrature, gauss, typed
 from rubberfric.base.roots import root
 from rubberfric.roughness.moments import cumulative_moment, safe_root
@@ -156,13 +155,13 @@ def leak_rate(
     The pressure on the contact is constant over the length. For another profile p(x), the resistances of
     short parts with their own conductivities add up. The fluid does not push the solids apart.
     """
-    fluid_pressure = as_numbers("fluid_pressure", fluid_pressure, FINITE)
-    viscosity, length, width = (
+    drop = as_numbers("fluid_pressure", fluid_pressure, FINITE)
+    eta, along, across = (
         as_numbers(name, value, POSITIVE)
         for name, value in (("viscosity", viscosity), ("length", length), ("width", width))
     )
     K = leak_conductivity(scene, pressure, temperature, critical_area, quadrature=quadrature)
-    return K * fluid_pressure / viscosity * (width / length)
+    return K * drop / eta * (across / along)
 
 
 def percolation_pressure(

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from rubberfric.base.checks import FINITE as FINITE
     from rubberfric.base.checks import NONNEGATIVE as NONNEGATIVE
     from rubberfric.base.checks import POSITIVE as POSITIVE
+    from rubberfric.base.checks import ArrayLike as ArrayLike
+    from rubberfric.base.checks import NumberLike as NumberLike
     from rubberfric.base.checks import as_array as as_array
     from rubberfric.base.checks import as_leaf as as_leaf
     from rubberfric.base.checks import between as between
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from rubberfric.base.checks import closest as closest
     from rubberfric.base.checks import either as either
     from rubberfric.base.checks import listed as listed
+    from rubberfric.base.checks import shape_of as shape_of
     from rubberfric.base.checks import shown as shown
     from rubberfric.base.checks import warn_caller as warn_caller
     from rubberfric.base.compilation import quick_jit as quick_jit

@@ -5,15 +5,40 @@ import functools
 import math
 import sys
 import warnings
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from numbers import Real
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jax.typing import ArrayLike
+
+if TYPE_CHECKING:
+
+    class HasArray(Protocol):
+        """An array of NumPy or JAX, a column of pandas, and other objects that NumPy converts to an array."""
+
+        def __array__(self) -> np.ndarray: ...
+
+    NumberLike: TypeAlias = jax.Array | np.ndarray | np.number | float
+    _Row: TypeAlias = Sequence[NumberLike]
+    # Without recursion, because a text is a sequence of texts.
+    ArrayLike: TypeAlias = NumberLike | HasArray | _Row | Sequence[_Row] | Sequence[Sequence[_Row]]
+else:
+
+    class NumberLike:
+        """Annotation of a number, or of an array with which JAX computes.
+
+        Type checkers see a union of types. At run time it is a class, so `help` shows its name.
+        """
+
+    class ArrayLike:
+        """Annotation of real numbers of any shape: a number, an array, nested sequences, a column of pandas.
+
+        Type checkers see a union of types. At run time it is a class, so `help` shows its name.
+        """
+
 
 # A rule for numbers: text of the error message, test of a NumPy array.
 Rule: TypeAlias = tuple[str, Callable[[np.ndarray], Any]]
@@ -70,6 +95,12 @@ def listed(texts: Collection[str], most: int = 20) -> str:
 def between(low: float, high: float) -> Rule:
     """Return the rule that a value must satisfy low <= value <= high."""
     return (f"must be between {low} and {high}", lambda x: (x >= low) & (x <= high))
+
+
+def shape_of(value: ArrayLike) -> tuple[int, ...]:
+    """Return the shape of numbers. Raise ValueError if rows have different lengths."""
+    # NumPy's own annotation refuses sequences that contain JAX arrays.
+    return np.shape(value)  # pyright: ignore[reportArgumentType, reportCallIssue]
 
 
 def is_concrete(value: object) -> bool:

@@ -9,8 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import numpy.typing as npt
-from jax.typing import ArrayLike
 from numpy.polynomial import chebyshev, legendre
+
+from rubberfric.base.checks import ArrayLike
 
 # Nodes between neighbouring Gauss nodes. Exact to rounding for power laws of exponent 6 over panels of one
 # e-fold. The error is 1e-7 for the widest panels, ten decades of plateau in 12 panels.

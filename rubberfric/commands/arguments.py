@@ -40,6 +40,8 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print the message on one line without the usage, and exit."""
+        if message.startswith("argument COMMAND: invalid choice"):
+            message += f"; {self.epilog}"
         self.exit(2, f"{self.prog}: {' '.join(message.split())}\n")
 
 
@@ -139,7 +141,11 @@ _NUMBERS = {
 
 def parser() -> Parser:
     """Return the argument parser of `rubberfric`."""
-    whole = Parser(prog="rubberfric", description="Rubber friction and contact of rough viscoelastic solids.")
+    whole = Parser(
+        prog="rubberfric",
+        description="Rubber friction and contact of rough viscoelastic solids.",
+        epilog="fits and measured data have their own command: rubberfric-fit --help",
+    )
     whole.add_argument("--version", action="version", version=f"rubberfric {VERSION}")
     commands = whole.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (text, description, scene, outputs) in _COMMANDS.items():

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.base.atomic import StrPath, as_path, read_text, write_text
-from rubberfric.base.checks import POSITIVE, check_choice, check_values, shown
+from rubberfric.base.checks import POSITIVE, ArrayLike, check_choice, check_values, shown
 from rubberfric.io.cards.text import (
     STRESS,
     TEMPERATURE,

@@ -22,11 +22,10 @@ from typing import Any
 import h5py
 import jax
 import numpy as np
-from jax.typing import ArrayLike
 
 import rubberfric.scene.scene  # noqa: F401 (defines all classes that a file can contain)
 from rubberfric.base.atomic import StrPath, check_readable
-from rubberfric.base.checks import closest, shown
+from rubberfric.base.checks import ArrayLike, closest, shown
 from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import PhysicalObject, fields_of, kinds
 from rubberfric.base.release import VERSION

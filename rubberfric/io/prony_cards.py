@@ -5,10 +5,9 @@ import os
 import re
 
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.base.atomic import read_text, write_text
-from rubberfric.base.checks import POSITIVE, as_leaf, check_choice, check_values, shown
+from rubberfric.base.checks import POSITIVE, NumberLike, as_leaf, check_choice, check_values, shown
 from rubberfric.base.units import shear_from_young, young_from_shear
 from rubberfric.io.cards import abaqus, ansys, branch_tables, lsdyna, openradioss
 from rubberfric.io.cards.contents import CardFormat, CardMaterial, CardOptions, Cards, CardSeries, glassy_bulk
@@ -141,7 +140,7 @@ def write_prony(
     density: float | None = None,
     shift: bool = True,
     name: str = "RUBBER",
-    temperature: ArrayLike | None = None,
+    temperature: NumberLike | None = None,
     hyperelastic: bool = False,
 ) -> str:
     """Write a Prony series as material cards.

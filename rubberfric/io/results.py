@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
-from jax.typing import ArrayLike
 
-from rubberfric.base.checks import NONNEGATIVE, check_increasing, check_values, is_concrete, shown
+from rubberfric.base.checks import NONNEGATIVE, ArrayLike, check_increasing, check_values, is_concrete, shown
 from rubberfric.base.objects.html import count, folded, short, table, with_unit
 from rubberfric.base.objects.labelled import LabelledArrays
 from rubberfric.base.objects.physical import object_html

@@ -17,10 +17,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.base.atomic import StrPath, write_text
-from rubberfric.base.checks import check_choice, closest, listed, shown
+from rubberfric.base.checks import ArrayLike, check_choice, closest, listed, shown
 from rubberfric.io.columns import COLUMNS, SET_VALUES, TRANSIENTS, quantities_of
 from rubberfric.io.exports import TextTable, find_table, headless, pick, suggested_columns
 from rubberfric.io.height_maps import read_traces

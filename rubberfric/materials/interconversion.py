@@ -12,9 +12,8 @@ zero follows 0 if the solid flows. [Gross, Mathematical Structure of the Theorie
 """
 
 import numpy as np
-from jax.typing import ArrayLike
 
-from rubberfric.base.checks import NONNEGATIVE, POSITIVE, as_leaf, check_lengths, check_values
+from rubberfric.base.checks import NONNEGATIVE, POSITIVE, ArrayLike, as_leaf, check_lengths, check_values
 from rubberfric.materials.prony import Prony
 from rubberfric.materials.shifts import Shift
 

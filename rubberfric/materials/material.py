@@ -10,10 +10,17 @@ from typing import ClassVar, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import broadcast_shape
-from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE, as_numbers, between, is_concrete
+from rubberfric.base.checks import (
+    PLAUSIBLE_STRESS,
+    POSITIVE,
+    ArrayLike,
+    NumberLike,
+    as_numbers,
+    between,
+    is_concrete,
+)
 from rubberfric.base.compilation import exact_products
 from rubberfric.base.objects.fields import Number, leaf
 from rubberfric.base.objects.physical import Kind, check_kind, kinds, physical
@@ -98,7 +105,7 @@ class Material(Kind):
         times = np.asarray(times) if is_concrete(times) else times
         return 1 / times.max(), 1 / times.min()
 
-    def reduced_series(self, scale: ArrayLike) -> Series | None:
+    def reduced_series(self, scale: NumberLike) -> Series | None:
         """Return E_r divided by `scale` [Pa] as a Prony series, or None if E_r is not a Prony series.
 
         The series of an elastic solid has no terms.
@@ -179,7 +186,7 @@ class Elastic(Material):
     young: Number = leaf(POSITIVE, unit="Pa", plausible=PLAUSIBLE_STRESS)
     poisson: Number = leaf(POISSON, unit="-")
 
-    def reduced_series(self, scale: ArrayLike) -> Series:
+    def reduced_series(self, scale: NumberLike) -> Series:
         """Return E_r divided by `scale` [Pa] as a Prony series without terms."""
         nothing = jnp.zeros(0, jnp.result_type(self.young))
         return Series(self.young * (plane_strain_factor(self) / scale), nothing, nothing)
@@ -192,7 +199,7 @@ def poisson_of(material: Material) -> jax.Array:
     return material.poisson
 
 
-def series_of(material: Material, scale: ArrayLike) -> Series:
+def series_of(material: Material, scale: NumberLike) -> Series:
     """Return `material.reduced_series(scale)`, or raise ValueError if E_r is not a Prony series."""
     series = material.reduced_series(scale)
     if series is None:
@@ -207,7 +214,7 @@ def plane_strain_factor(material: Material) -> jax.Array:
 
 
 def E_r(
-    material: Material, omega: jax.Array | None, T: ArrayLike | None = None, shift: Shift | None = None
+    material: Material, omega: jax.Array | None, T: NumberLike | None = None, shift: Shift | None = None
 ) -> jax.Array:
     """Return E / (1 - nu^2) [Pa], complex, with the shifts a_T and b_T.
 
@@ -283,7 +290,9 @@ def _modulus(material, omega, temperature):
     return apply_vertical_shift(E, material.shift, temperature)
 
 
-def apply_vertical_shift(modulus: jax.Array, shift: Shift | None, temperature: ArrayLike | None) -> jax.Array:
+def apply_vertical_shift(
+    modulus: jax.Array, shift: Shift | None, temperature: NumberLike | None
+) -> jax.Array:
     """Return b_T times a modulus, or the modulus without a vertical shift or temperature."""
     log_factor = log_vertical(shift, temperature)
     return modulus if log_factor is None else times(jnp.exp(log_factor), modulus)

@@ -6,12 +6,12 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.base.checks import (
     NONNEGATIVE,
     PLAUSIBLE_STRESS,
     POSITIVE,
+    NumberLike,
     check_lengths,
     check_values,
     is_concrete,
@@ -66,7 +66,7 @@ class Prony(Material):
         """Return a list with a warning if E_inf and E seem to have different units."""
         return _doubts_of_terms("E", self.E_inf, self.E)
 
-    def reduced_series(self, scale: ArrayLike) -> Series:
+    def reduced_series(self, scale: NumberLike) -> Series:
         """Return E_r divided by `scale` [Pa] as a Prony series."""
         unit = plane_strain_factor(self) / scale
         return Series(self.E_inf * unit, self.E * unit, self.tau)

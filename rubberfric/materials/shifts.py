@@ -12,7 +12,6 @@ from typing import ClassVar, Self
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 from numpy.typing import DTypeLike
 
 from rubberfric.base.blocks import recurring_length
@@ -20,6 +19,7 @@ from rubberfric.base.checks import (
     NONNEGATIVE,
     PLAUSIBLE_TEMPERATURE,
     POSITIVE,
+    NumberLike,
     check_table,
     check_values,
     is_concrete,
@@ -35,11 +35,11 @@ BOLTZMANN_EV = 8.617333262e-5  # Boltzmann constant [eV/K], CODATA 2018 (exact t
 class VerticalShift(Kind):
     """Law for ln b_T(T), where b_T multiplies the moduli: base class of Entropic and TabulatedVertical."""
 
-    def check_temperature(self, temperature: ArrayLike) -> None:
+    def check_temperature(self, temperature: NumberLike) -> None:
         """Raise ValueError if a concrete temperature [K] is outside the range of the law."""
         check_values("temperature", temperature, POSITIVE)
 
-    def log_factor(self, temperature: ArrayLike, T_ref: ArrayLike) -> jax.Array:
+    def log_factor(self, temperature: NumberLike, T_ref: NumberLike) -> jax.Array:
         """Return ln b_T at `temperature` [K] of any shape.
 
         ln b_T is 0 at `T_ref` [K] and has a finite derivative.
@@ -67,13 +67,13 @@ class Shift(Kind):
         """
         return self.T_ref  # pyright: ignore[reportAttributeAccessIssue] (every law has one)
 
-    def check_temperature(self, temperature: ArrayLike) -> None:
+    def check_temperature(self, temperature: NumberLike) -> None:
         """Raise ValueError if a concrete temperature [K] is outside the range of the law."""
         check_values("temperature", temperature, POSITIVE)
         if self.vertical is not None:
             self.vertical.check_temperature(temperature)
 
-    def log_factor(self, temperature: ArrayLike) -> jax.Array:
+    def log_factor(self, temperature: NumberLike) -> jax.Array:
         """Return ln a_T at `temperature` [K] of any shape.
 
         The absolute value of ln a_T is at most `largest_log_factor`, and the derivative of ln a_T is finite.
@@ -81,7 +81,7 @@ class Shift(Kind):
         raise NotImplementedError(f"{type(self).__name__}.log_factor")
 
 
-def log_vertical(shift: Shift | None, temperature: ArrayLike | None) -> jax.Array | None:
+def log_vertical(shift: Shift | None, temperature: NumberLike | None) -> jax.Array | None:
     """Return ln b_T at `temperature` [K] of any shape, or None if an argument or the vertical law is None."""
     if shift is None or shift.vertical is None or temperature is None:
         return None
@@ -112,7 +112,7 @@ class WLF(Shift):
     C2: Number = leaf(POSITIVE, unit="K")
     T_ref: Number = leaf(POSITIVE, unit="K", plausible=PLAUSIBLE_TEMPERATURE)
 
-    def check_temperature(self, temperature: ArrayLike) -> None:
+    def check_temperature(self, temperature: NumberLike) -> None:
         """Raise ValueError for concrete temperatures [K] at or below the pole T_ref - C2."""
         if is_concrete(temperature) and is_concrete(self.T_ref) and is_concrete(self.C2):
             pole = float(self.T_ref) - float(self.C2)
@@ -120,7 +120,7 @@ class WLF(Shift):
             check_values("temperature", temperature, rule)
         super().check_temperature(temperature)
 
-    def log_factor(self, temperature: ArrayLike) -> jax.Array:
+    def log_factor(self, temperature: NumberLike) -> jax.Array:
         """Return ln a_T at temperature [K]."""
         above = temperature - self.T_ref
         distance = self.C2 + above
@@ -143,7 +143,7 @@ class Arrhenius(Shift):
     energy: Number = leaf(POSITIVE, unit="eV")
     T_ref: Number = leaf(POSITIVE, unit="K", plausible=PLAUSIBLE_TEMPERATURE)
 
-    def log_factor(self, temperature: ArrayLike) -> jax.Array:
+    def log_factor(self, temperature: NumberLike) -> jax.Array:
         """Return ln a_T at temperature [K]."""
         # Below 1 K the factor would overflow; it is constant there, with a finite derivative at 0.
         temperature = jnp.maximum(temperature, 1.0)
@@ -170,7 +170,7 @@ class Entropic(VerticalShift):
 
     expansion: Number = leaf(NONNEGATIVE, unit="1/K", default=0.0)
 
-    def log_factor(self, temperature: ArrayLike, T_ref: ArrayLike) -> jax.Array:
+    def log_factor(self, temperature: NumberLike, T_ref: NumberLike) -> jax.Array:
         """Return ln b_T at temperature [K]."""
         temperature = jnp.maximum(temperature, 1.0)  # ln 0 has no derivative
         return saturated(jnp.log(temperature / T_ref) - self.expansion * (temperature - T_ref))
@@ -194,7 +194,7 @@ class _Table(Kind):
 
     T: Vector
 
-    def check_temperature(self, temperature: ArrayLike) -> None:
+    def check_temperature(self, temperature: NumberLike) -> None:
         """Raise ValueError for concrete temperatures outside the table."""
         self._check_inside("temperature", temperature)
         super().check_temperature(temperature)  # pyright: ignore[reportAttributeAccessIssue] (of the law)
@@ -255,7 +255,7 @@ class TabulatedShift(_Table, Shift):
         super()._check()
         self._check_inside("TabulatedShift.T_ref", self.T_ref)
 
-    def log_factor(self, temperature: ArrayLike) -> jax.Array:
+    def log_factor(self, temperature: NumberLike) -> jax.Array:
         """Return ln a_T at temperature [K]."""
         return _log_interpolated(temperature, self.T, self.aT, self.T_ref)
 
@@ -282,7 +282,7 @@ class TabulatedVertical(_Table, VerticalShift):
     T: Vector = leaf(POSITIVE, unit="K", column="T")
     bT: Vector = leaf(POSITIVE, unit="-", column="bT", over="T")
 
-    def log_factor(self, temperature: ArrayLike, T_ref: ArrayLike) -> jax.Array:
+    def log_factor(self, temperature: NumberLike, T_ref: NumberLike) -> jax.Array:
         """Return ln b_T at temperature [K]."""
         return _log_interpolated(temperature, self.T, self.bT, T_ref)
 

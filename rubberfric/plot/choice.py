@@ -6,11 +6,11 @@ from typing import Any
 
 import jax
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.analysis.profiles import Profile
 from rubberfric.analysis.sweep import Accuracy
 from rubberfric.base.atomic import StrPath, replacing
+from rubberfric.base.checks import ArrayLike
 from rubberfric.io.results import Conditions, Curves, FrictionTable, Result, curves_of
 from rubberfric.materials.material import Material
 from rubberfric.plot.curves import plot_accuracy, plot_profile, plot_result

@@ -5,11 +5,10 @@ from typing import Any
 
 import numpy as np
 import scipy
-from jax.typing import ArrayLike
 
 from rubberfric.analysis.profiles import Profile
 from rubberfric.analysis.sweep import Accuracy, Row
-from rubberfric.base.checks import check_choice, check_kind
+from rubberfric.base.checks import ArrayLike, check_choice, check_kind
 from rubberfric.base.units import to_celsius
 from rubberfric.io.results import Conditions, Curves, curves_of
 from rubberfric.plot.style import (

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
+from rubberfric.base.checks import ArrayLike
 from rubberfric.base.units import to_celsius
 from rubberfric.materials.material import Material, complex_modulus
 from rubberfric.materials.shifts import log_vertical

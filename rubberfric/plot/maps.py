@@ -5,9 +5,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from jax.typing import ArrayLike
 
-from rubberfric.base.checks import closest
+from rubberfric.base.checks import ArrayLike, closest
 from rubberfric.base.units import to_celsius
 from rubberfric.io.results import QUANTITY_FORMATS, Conditions, Result, curves_of
 from rubberfric.plot.style import (

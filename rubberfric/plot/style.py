@@ -10,9 +10,8 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jax.typing import ArrayLike
 
-from rubberfric.base.checks import POSITIVE, check_values
+from rubberfric.base.checks import POSITIVE, ArrayLike, check_values
 from rubberfric.base.units import ZERO_CELSIUS
 
 if TYPE_CHECKING:

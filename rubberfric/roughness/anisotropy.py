@@ -12,9 +12,8 @@ from typing import ClassVar, Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
-from rubberfric.base.checks import FINITE, PLAUSIBLE_WAVEVECTOR, POSITIVE, check_increasing
+from rubberfric.base.checks import FINITE, PLAUSIBLE_WAVEVECTOR, POSITIVE, ArrayLike, check_increasing
 from rubberfric.base.objects.fields import Matrix, Number, OptionalNumber, Vector, child, leaf, static
 from rubberfric.base.objects.physical import check_kind, physical
 from rubberfric.roughness.spectra import BrokenPowerLaw, SelfAffine, Spectrum, log_ratio

@@ -18,9 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike
 
-from rubberfric.base.checks import FINITE, NONNEGATIVE, POSITIVE, as_leaf, check_values
+from rubberfric.base.checks import FINITE, NONNEGATIVE, POSITIVE, ArrayLike, as_leaf, check_values
 
 # Median of the absolute value of a normal variable, over its standard deviation.
 _MEDIAN = 0.6745
@@ -239,8 +238,10 @@ def tip_cutoff(heights: ArrayLike, spacings: tuple[float, ...], radius: float) -
     q = _tip_cutoff(heights, spacings, radius)
     if q is None:
         return None
-    axis = int(np.argmax(np.shape(heights)))
-    parts = [_tip_cutoff(part, spacings, radius) for part in np.array_split(heights, _PARTS, axis)]
+    axis = int(np.argmax(np.shape(np.asarray(heights))))
+    parts = [
+        _tip_cutoff(part, spacings, radius) for part in np.array_split(np.asarray(heights), _PARTS, axis)
+    ]
     highest = np.pi / min(spacings)
     return q, float(np.std(np.log([highest if part is None else part for part in parts])))
 

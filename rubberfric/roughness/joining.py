@@ -10,9 +10,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
-from rubberfric.base.checks import check_choice, is_concrete, shown
+from rubberfric.base.checks import ArrayLike, check_choice, is_concrete, shown
 from rubberfric.roughness.moments import moment
 from rubberfric.roughness.spectra import Spectrum, log_power_spectrum, log_ratio, mean_growth, power_law_of
 from rubberfric.roughness.tabulated import TabulatedSpectrum

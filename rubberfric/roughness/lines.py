@@ -26,10 +26,10 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.base.checks import (
     POSITIVE,
+    ArrayLike,
     as_leaf,
     check_increasing,
     check_lengths,

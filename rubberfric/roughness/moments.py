@@ -13,9 +13,8 @@ from typing import Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
-from rubberfric.base.checks import POSITIVE, as_leaf, as_numbers, is_concrete, shown
+from rubberfric.base.checks import POSITIVE, ArrayLike, NumberLike, as_leaf, as_numbers, is_concrete, shown
 from rubberfric.base.compilation import exact_products
 from rubberfric.base.objects.physical import check_kind
 from rubberfric.base.roots import root
@@ -25,7 +24,7 @@ from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, log_ratio, me
 LARGEST_WAVEVECTOR = 2 * math.pi / 1e-10
 
 
-def cumulative_moment(law: BrokenPowerLaw, order: float, distance: ArrayLike) -> jax.Array:
+def cumulative_moment(law: BrokenPowerLaw, order: float, distance: NumberLike) -> jax.Array:
     r"""Return the moment up to a wavevector, exact on every piece.
 
     .. math:: m_n(q) = 2\pi\int_{q_0}^{q} q'^{\,1+n}\, C\, dq',\qquad distance = \ln(q / q_0)
@@ -141,7 +140,9 @@ def unscaled(law: BrokenPowerLaw) -> BrokenPowerLaw:
     return law._replace(height2=jnp.ones_like(law.height2))
 
 
-def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C", "h_rms"] = "C") -> jax.Array:
+def cutoff(
+    spectrum: Spectrum, rms_slope: NumberLike = 1.3, *, keep: Literal["C", "h_rms"] = "C"
+) -> jax.Array:
     r"""Return the wavevector up to which a spectrum has a given rms slope.
 
     This wavevector is the usual q1 for rubber on roads.
@@ -268,7 +269,7 @@ def _inverse_growth(exponent, integral):
     return jnp.where(near, series, far)
 
 
-def with_cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3) -> Spectrum:
+def with_cutoff(spectrum: Spectrum, rms_slope: NumberLike = 1.3) -> Spectrum:
     """Return the spectrum cut at the wavevector up to which the rms slope has the given value.
 
     C(q) below this wavevector is unchanged.

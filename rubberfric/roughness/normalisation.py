@@ -33,16 +33,17 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.base.checks import (
     FINITE,
     POSITIVE,
+    ArrayLike,
     as_array,
     as_leaf,
     between,
     check_values,
     is_concrete,
+    shape_of,
     shown,
     warn_caller,
 )
@@ -154,7 +155,7 @@ def spectrum_from(
     """
     if np.ma.is_masked(values) or np.ma.is_masked(q):
         raise ValueError("q or values has masked entries; leave them out, q[~values.mask]")
-    if normalisation in LINES and hurst is None and jnp.ndim(q) == 1 and jnp.ndim(values) == 1:
+    if normalisation in LINES and hurst is None and len(shape_of(q)) == len(shape_of(values)) == 1:
         return areal_spectrum(q, as_array(values) / NORMALISATIONS[normalisation].factor, relative).C
     factor = _factor(normalisation, q, hurst)
     if normalisation in LINES and is_concrete(q) and is_concrete(values) and is_concrete(hurst):
@@ -195,7 +196,7 @@ def spectrum_as(normalisation: str, q: ArrayLike, C: ArrayLike, hurst: ArrayLike
     ------
     ValueError : as in `spectrum_from`. Along a line without H, q must be a table that increases.
     """
-    if normalisation in LINES and hurst is None and jnp.ndim(q) == 1 and jnp.ndim(C) == 1:
+    if normalisation in LINES and hurst is None and len(shape_of(q)) == len(shape_of(C)) == 1:
         return NORMALISATIONS[normalisation].factor * projected_table(q, C)
     return jnp.asarray(C) * _factor(normalisation, q, hurst)
 

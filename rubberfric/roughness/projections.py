@@ -12,9 +12,16 @@ import math
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
-from rubberfric.base.checks import POSITIVE, as_leaf, check_increasing, check_lengths, check_values
+from rubberfric.base.checks import (
+    POSITIVE,
+    ArrayLike,
+    NumberLike,
+    as_leaf,
+    check_increasing,
+    check_lengths,
+    check_values,
+)
 from rubberfric.base.objects.physical import check_kind
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.roughness.spectra import Spectrum, log_ratio, mean_growth
@@ -87,7 +94,7 @@ def positive_array(name: str, value: ArrayLike) -> jax.Array:
 
 
 def projection(
-    log_C: jax.Array, knots: jax.Array, q: jax.Array, q1: jax.Array | None
+    log_C: jax.Array, knots: jax.Array, q: jax.Array, q1: NumberLike | None
 ) -> tuple[jax.Array, jax.Array]:
     """Return ln C_1D at q, and its derivatives with respect to ln C at the knots.
 

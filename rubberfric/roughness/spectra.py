@@ -15,13 +15,14 @@ from typing import ClassVar, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.base.checks import (
     NONNEGATIVE,
     PLAUSIBLE_HEIGHT,
     PLAUSIBLE_WAVEVECTOR,
     POSITIVE,
+    ArrayLike,
+    NumberLike,
     as_numbers,
     between,
     either,
@@ -134,7 +135,7 @@ class SelfAffine(Spectrum):
 
     @classmethod
     def from_C0(
-        cls, q0: ArrayLike, qr: ArrayLike, q1: ArrayLike, hurst: ArrayLike, C0: ArrayLike
+        cls, q0: NumberLike, qr: NumberLike, q1: NumberLike, hurst: NumberLike, C0: NumberLike
     ) -> "SelfAffine":
         """Create a spectrum from its plateau C0 [m^4] instead of h_rms [m]."""
         unit = cls(q0, qr, q1, hurst, 1.0)

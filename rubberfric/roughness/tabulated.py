@@ -5,10 +5,9 @@ from typing import ClassVar, Self
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import recurring_length
-from rubberfric.base.checks import PLAUSIBLE_WAVEVECTOR, POSITIVE, check_table, is_concrete, shown
+from rubberfric.base.checks import PLAUSIBLE_WAVEVECTOR, POSITIVE, NumberLike, check_table, is_concrete, shown
 from rubberfric.base.objects.fields import Matrix, OptionalNumber, Vector, leaf
 from rubberfric.base.objects.physical import physical
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, doubts_of_roughness, log_ratio
@@ -105,7 +104,7 @@ class TabulatedSpectrum(Table):
         return doubts_of_roughness(at, np.interp(at, log_q, log_C))
 
 
-def cut_law(law: BrokenPowerLaw, q0: ArrayLike | None, q1: ArrayLike | None) -> BrokenPowerLaw:
+def cut_law(law: BrokenPowerLaw, q0: NumberLike | None, q1: NumberLike | None) -> BrokenPowerLaw:
     """Return a law cut to q0 ... q1 [1/m], with an unchanged number of pieces.
 
     If q0 or q1 is None, the law keeps its first or last wavevector. The pieces between q0 and q1 come first,
@@ -132,7 +131,7 @@ def cut_law(law: BrokenPowerLaw, q0: ArrayLike | None, q1: ArrayLike | None) -> 
     return BrokenPowerLaw(q, jnp.append(whole, end), exponent, law.height2)
 
 
-def check_ends(owner: str, q: jax.Array, q0: ArrayLike | None, q1: ArrayLike | None) -> None:
+def check_ends(owner: str, q: jax.Array, q0: NumberLike | None, q1: NumberLike | None) -> None:
     """Raise ValueError if a concrete q0 or q1 is outside the table, or if q0 >= q1."""
     if not is_concrete(q):
         return

@@ -22,9 +22,17 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike
 
-from rubberfric.base.checks import FINITE, NONNEGATIVE, POSITIVE, as_leaf, check_choice, check_values, shown
+from rubberfric.base.checks import (
+    FINITE,
+    NONNEGATIVE,
+    POSITIVE,
+    ArrayLike,
+    as_leaf,
+    check_choice,
+    check_values,
+    shown,
+)
 from rubberfric.roughness.heights import detrended, fill_cavities, tip_cutoff, top_heights, trends
 from rubberfric.roughness.measured import InstrumentLimits, MeasuredSpectrum
 from rubberfric.roughness.periodograms import Sampling

@@ -22,7 +22,14 @@ from rubberfric.base.checks import (
     warn_caller,
 )
 from rubberfric.base.objects.fields import Number, child, leaf, setting, static
-from rubberfric.base.objects.physical import PhysicalObject, fields_of, leaves_of, parts_of, physical
+from rubberfric.base.objects.physical import (
+    PhysicalObject,
+    fields_of,
+    is_known,
+    leaves_of,
+    parts_of,
+    physical,
+)
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.material import Material, poisson_of
 from rubberfric.materials.shifts import Shift
@@ -170,7 +177,7 @@ class Scene(PhysicalObject):
             raise ValueError(
                 "Scene: lower.material and upper.material are both Rigid; one of the solids must deform"
             )
-        if all(map(is_concrete, jax.tree.leaves(self))):
+        if is_known(self):
             _warn(doubts_of_scene(self))
         parts = optional_parts(self)
         _check_apart("adhesion", ("heating",), parts)
@@ -269,8 +276,8 @@ def _check_apart(part, others, parts):
 def same(one: Scene, other: Scene) -> bool:
     """Return True if two scenes have the same parts, options and numbers.
 
-    `quadrature` may differ. The operator == compares identity instead, because a comparison of arrays has no
-    single truth value. Raise ValueError if an argument is not a Scene.
+    `quadrature` and the dtypes of equal numbers may differ. The operator == returns False for them. Raise
+    ValueError if an argument is not a Scene.
     """
     check_kind("one", one, Scene)
     check_kind("other", other, Scene)

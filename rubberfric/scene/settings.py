@@ -26,11 +26,11 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.base.checks import (
     NONNEGATIVE,
     POSITIVE,
+    ArrayLike,
     as_leaf,
     as_numbers,
     check_kind,

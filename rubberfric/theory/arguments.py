@@ -11,18 +11,19 @@ from collections.abc import Iterable, Sequence
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import broadcast_shape
 from rubberfric.base.checks import (
     FINITE,
     POSITIVE,
+    ArrayLike,
     Rule,
     as_arguments,
     as_numbers,
     check_kind,
     check_values,
     is_concrete,
+    shape_of,
     warn_caller,
 )
 from rubberfric.base.quadrature import Quadrature
@@ -142,7 +143,7 @@ def span_of_speeds(scene: Scene, velocity: ArrayLike, temperature: ArrayLike | N
     """
     if MeansMethod.BY_NODE not in means_methods(scene) or not is_concrete(velocity):
         return None
-    if temperature is not None and np.size(temperature) > 1:
+    if temperature is not None and math.prod(shape_of(temperature)) > 1:
         return None
     speeds = np.abs(np.asarray(velocity, float))
     if speeds.size == 0 or not speeds.all():

@@ -17,9 +17,9 @@ import functools
 from collections.abc import Mapping, Sequence
 
 import jax
-from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import over_points
+from rubberfric.base.checks import ArrayLike
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.arguments import check_heated, span_of_speeds, validate, warn_of_last_iterates

@@ -17,9 +17,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import erf
-from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import broadcast_shape
+from rubberfric.base.checks import ArrayLike
 from rubberfric.base.quadrature import gauss, legendre_transform
 from rubberfric.materials.slab import Slab
 from rubberfric.roughness.spectra import power_spectrum

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from jax.typing import ArrayLike
 
+from rubberfric.base.checks import ArrayLike
 from rubberfric.base.objects.labelled import Labelled, LabelledArrays
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum
 from rubberfric.scene.scene import (
@@ -39,14 +39,15 @@ Values = jax.Array | np.ndarray
 class Solution(NamedTuple):
     """Results of `solve`. Quantities that were not requested are None."""
 
-    area: Values | None = None  # A/A0 [-]
-    friction: Values | None = None  # mu, the sum of its two parts below [-]
-    separation: Values | None = None  # u_bar [m]
-    viscoelastic_friction: Values | None = None  # [-]
-    shear_friction: Values | None = None  # mu_con; 0 in a scene without contact shear [-]
-    transverse_friction: Values | None = None  # across the sliding; 0 if isotropic [-]
-    flash_temperature: Values | None = None  # of the contact, mean of the deformable solids [K]
-    converged: Values | None = None  # bool; True if heated or adhesive contact converged
+    # Any, because a type checker does not know which quantities were requested.
+    area: Values | Any = None  # A/A0 [-]
+    friction: Values | Any = None  # mu, the sum of its two parts below [-]
+    separation: Values | Any = None  # u_bar [m]
+    viscoelastic_friction: Values | Any = None  # [-]
+    shear_friction: Values | Any = None  # mu_con; 0 in a scene without contact shear [-]
+    transverse_friction: Values | Any = None  # across the sliding; 0 if isotropic [-]
+    flash_temperature: Values | Any = None  # of the contact, mean of the deformable solids [K]
+    converged: Values | Any = None  # bool; True if heated or adhesive contact converged
 
     def to_dataframe(
         self,

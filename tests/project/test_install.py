@@ -1,5 +1,7 @@
-"""Installed files: both packages and nothing else; in a checkout, the checkout."""
+"""Installed files: both packages, and the data of README's commands; in a checkout, the checkout."""
 
+import os
+import re
 import shutil
 import subprocess
 import sys
@@ -8,7 +10,7 @@ import tomllib
 import zipfile
 
 import pytest
-from support.folders import ROOT
+from support.folders import DATA, ROOT
 
 import rubberfric as rf
 
@@ -49,17 +51,38 @@ def needed():
 
 
 def test_built_packages(source):
-    names = set(zipfile.ZipFile(built(source, "wheel")).namelist())
-    assert needed() <= names
-    assert all(".dist-info/" in name for name in names - needed()), names - needed()
+    version = f"rubberfric-{rf.__version__}"
+    files = (path for path in DATA.rglob("*") if path.suffix in (".toml", ".csv", ".txt"))
+    data = {str(path.relative_to(ROOT)) for path in files}
+    assert {"data/tread_on_asphalt_fit.toml", "data/laboratory/strain_sweep.txt"} <= data
+    shared = f"{version}.data/data/share/rubberfric/"
+    wheel = zipfile.ZipFile(built(source, "wheel"))
+    names = set(wheel.namelist())
+    assert needed() | {shared + name for name in data} <= names
+    assert all(name.startswith((f"{version}.dist-info/", shared)) for name in names - needed())
+    metadata = wheel.read(f"{version}.dist-info/METADATA").decode()
+    assert all(f"\nClassifier: Programming Language :: Python :: 3.{n}\n" in metadata for n in (11, 12, 13))
     with tarfile.open(built(source, "sdist")) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
-    assert needed() | {"pyproject.toml", "README.md", "LICENSE"} <= names
+    assert needed() | data | {"pyproject.toml", "README.md", "LICENSE", "tests/conftest.py"} <= names
     # Type checkers follow a path, an import hook they do not.
     wheel = zipfile.ZipFile(built(source, "editable"))
     names = [name for name in wheel.namelist() if ".dist-info/" not in name]
     assert len(names) == 1 and names[0].endswith(".pth"), names
     assert wheel.read(names[0]).decode().strip() == str(source)
+
+
+def test_hosted_checks_run_what_runs_by_hand():
+    text = (ROOT / ".github/workflows/ci.yml").read_text()
+    assert re.findall(r"\brun: *(\S.*)$", text, re.M) == [".ci/run"]
+    assert os.access(ROOT / ".ci/run", os.X_OK)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    versions = [re.search(r":: (3\.\d+)$", line) for line in project["classifiers"]]
+    assert re.findall(r"3\.\d+", text) == [found[1] for found in versions if found]
+    site = (ROOT / ".readthedocs.yaml").read_text()
+    (extra,) = re.findall(r"extra_requirements: \[(\w+)\]", site)
+    (path,) = re.findall(r"configuration: (\S+)", site)
+    assert extra in project["optional-dependencies"] and (ROOT / path).exists()
 
 
 def test_citation_is_of_this_version():

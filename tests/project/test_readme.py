@@ -47,7 +47,10 @@ PAGES = (
     *("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "data/README.md", "notebooks/README.md"),
     *(
         f"notebooks/{name}.md"
-        for name in ("accuracy_and_cost", "commands", "how_true", "options", "start_here", "troubleshooting")
+        for name in (
+            *("accuracy_and_cost", "commands", "how_true", "jax_libraries", "options", "start_here"),
+            "troubleshooting",
+        )
     ),
 )
 NAMED = re.compile(r"(?:rubberfric|fitting|tests|notebooks|data)/[\w./]+\.(?:py|md|toml|csv|json|ipynb)")

@@ -37,7 +37,7 @@ from support.cases.stored import (
 
 import rubberfric as rf
 
-# Cases that compile structures of their own, or a quadrature.
+# Cases that compile other structures, or another quadrature.
 SLOW = ("one-term", "many-terms", "gamma-0-light", "forty-decades")
 
 ORDINARY = ("one", "two")  # kinds of scenes that the ordinary run compiles

@@ -14,13 +14,15 @@ The annotation gives the number of dimensions, the values of an option, or the c
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, ClassVar, Literal, TypeAlias, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, get_args, get_origin, get_type_hints
 
 import jax
 import numpy as np
-from jax.typing import ArrayLike
 
-from rubberfric.base.checks import FINITE, Rule, as_leaf, check_values, shown
+from rubberfric.base.checks import FINITE, NumberLike, Rule, as_leaf, check_values, shown
+
+if TYPE_CHECKING:
+    from rubberfric.base.checks import HasArray
 
 
 class Number:
@@ -33,7 +35,7 @@ class Number:
     ndim: ClassVar[int] = 0
 
     def __get__(self, instance: object, owner: type) -> jax.Array: ...
-    def __set__(self, instance: object, value: ArrayLike) -> None: ...
+    def __set__(self, instance: object, value: NumberLike) -> None: ...
 
 
 class OptionalNumber:
@@ -42,7 +44,7 @@ class OptionalNumber:
     ndim: ClassVar[int] = 0
 
     def __get__(self, instance: object, owner: type) -> jax.Array | None: ...
-    def __set__(self, instance: object, value: ArrayLike | None) -> None: ...
+    def __set__(self, instance: object, value: NumberLike | None) -> None: ...
 
 
 class Vector:
@@ -54,7 +56,7 @@ class Vector:
     ndim: ClassVar[int] = 1
 
     def __get__(self, instance: object, owner: type) -> jax.Array: ...
-    def __set__(self, instance: object, value: ArrayLike | Sequence[ArrayLike]) -> None: ...
+    def __set__(self, instance: object, value: "HasArray | Sequence[NumberLike]") -> None: ...
 
 
 class Matrix:
@@ -66,7 +68,7 @@ class Matrix:
     ndim: ClassVar[int] = 2
 
     def __get__(self, instance: object, owner: type) -> jax.Array: ...
-    def __set__(self, instance: object, value: ArrayLike | Sequence[Sequence[ArrayLike]]) -> None: ...
+    def __set__(self, instance: object, value: "HasArray | Sequence[Sequence[NumberLike]]") -> None: ...
 
 
 @dataclasses.dataclass(frozen=True)

@@ -9,9 +9,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from jax.typing import ArrayLike
 
-from rubberfric.base.checks import is_concrete
+from rubberfric.base.checks import ArrayLike, is_concrete
 
 # Name of an axis along which several conditions change.
 _POINT = "point"

@@ -206,6 +206,11 @@ def parts_of(part: PhysicalObject, path: str = "") -> Iterator[tuple[str, Physic
             yield from parts_of(value, f"{path}.{name}" if path else name)
 
 
+def is_known(part: PhysicalObject) -> bool:
+    """Return True if no number of an object is traced."""
+    return all(is_concrete(getattr(one, name)) for _, one in parts_of(part) for name in leaves_of(type(one)))
+
+
 def rising_of(part: PhysicalObject) -> list[list[tuple[str, tuple[int, ...] | None]]]:
     """Return the chains of `rising`, each as a list of (field name, element indices).
 

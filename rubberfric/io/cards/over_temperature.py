@@ -9,9 +9,8 @@ Prony weights, so that rows of b_T E represent a vertical shift.
 import math
 
 import numpy as np
-from jax.typing import ArrayLike
 
-from rubberfric.base.checks import as_leaf, shown
+from rubberfric.base.checks import NumberLike, as_leaf, shown
 from rubberfric.io.cards.text import need
 from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.materials.shifts import TabulatedVertical, log_vertical
@@ -26,7 +25,7 @@ _BLOCK = 256
 _MOST_ROWS = 1000
 
 
-def at_temperature(material: object, temperature: ArrayLike) -> object:
+def at_temperature(material: object, temperature: NumberLike) -> object:
     """Return the material at a temperature [K], without a shift. `_series` refuses other materials."""
     law = getattr(material, "shift", None)
     if not isinstance(material, Prony | PronyShear) or law is None:
@@ -42,7 +41,7 @@ def at_temperature(material: object, temperature: ArrayLike) -> object:
 
 
 def rows_of(
-    material: object, program: str, temperature: ArrayLike | None, bulk: float | None, zero: float
+    material: object, program: str, temperature: NumberLike | None, bulk: float | None, zero: float
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Return temperatures in the unit of the file and b_T for the rows of cards, or None without b_T.
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
+from rubberfric.base.checks import NumberLike
 from rubberfric.base.quadrature import typed
 
 # Step of the trapezoidal rule in t, cos(phi) = 1 / cosh(t), with the error exp(-pi^2 / step) = 6e-13.
@@ -59,7 +59,7 @@ def circle_matrices(
     log_q: jax.Array,
     panels: int | None,
     detail: float | None,
-    log_range: ArrayLike = 0.0,
+    log_range: NumberLike = 0.0,
     densities: Callable[[jax.Array], Directions] | None = None,
 ) -> CircleMatrices:
     """Return a grid of q cos(phi), and weights of integrals over the circle from values on this grid.

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jax.typing import ArrayLike
 
+from rubberfric.base.checks import NumberLike
 from rubberfric.materials.in_series import in_series, times
 from rubberfric.materials.material import E_r, Material, poisson_of
 from rubberfric.materials.slab import Layer
@@ -76,7 +76,7 @@ def F_j(
     q: jax.Array,
     omega: jax.Array | None,
     T: SurfaceTemperatures = AT_REFERENCE,
-    unit: ArrayLike = 1.0,
+    unit: NumberLike = 1.0,
 ) -> jax.Array:
     """Return F_j = 2 K_j / q, divided by `unit`.
 
@@ -99,7 +99,7 @@ def facing(
     q: jax.Array,
     strained: jax.Array | None,
     T: jax.Array | None = None,
-    unit: ArrayLike = 1.0,
+    unit: NumberLike = 1.0,
 ) -> jax.Array:
     """Return F_j from E_r Sbar of the strained solid (None: rigid) in series with the rough solid at rest."""
     if strained is not None and not surface.rough.material.deforms:
@@ -114,7 +114,7 @@ def E_r_S_bar(
     omega: jax.Array | None,
     T: jax.Array | None,
     softened: Softened | None = None,
-    unit: ArrayLike = 1.0,
+    unit: NumberLike = 1.0,
 ) -> jax.Array:
     """Return E_r Sbar = 2 / (q M) of a body, divided by `unit` [Pa]; complex unless omega is None.
 

@@ -109,3 +109,15 @@ def test_conditions_may_be_one_number():
     np.testing.assert_array_equal(
         [data.velocity, data.pressure, data.sigma], [[2.0] * 2, [1e5] * 2, [0.1] * 2]
     )
+
+
+def test_kind_of_an_hdf5_file(tmp_path):
+    path = tmp_path / "data.h5"
+    FrictionData([1.0, 2.0], [0.5, 0.6], pressure=1e5).write(path)
+    np.testing.assert_array_equal(fitting.read(path, kind="friction").friction, [0.5, 0.6])
+    for kind, words in (
+        ("area", "kind = 'area': the file contains friction data; leave kind out"),
+        ("frictoin", "kind = 'frictoin': did you mean 'friction'"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            fitting.read(path, kind=kind)

@@ -40,6 +40,32 @@ def test_a_function_is_not_hidden_by_the_module_of_its_name():
     subprocess.run([sys.executable, "-c", program], check=True, cwd=ROOT)
 
 
+SECOND_NAME = """
+import sys
+import rubberfric as rf
+from rubberfric import fitting as again
+assert "fitting" not in sys.modules and "jax" not in sys.modules
+from rubberfric.fitting import FrictionData
+import fitting, rubberfric.fitting
+assert rf.fitting is again is rubberfric.fitting and FrictionData is fitting.FrictionData
+assert all(getattr(again, name) is getattr(fitting, name) for name in fitting.__all__)
+assert dir(again) == dir(fitting) == again.__all__ and not hasattr(again, "__path__")
+"""
+
+
+def test_second_name_of_fitting():
+    subprocess.run([sys.executable, "-c", SECOND_NAME], check=True, cwd=ROOT)
+
+
+def test_a_folder_of_the_user_that_hides_fitting(tmp_path):
+    (tmp_path / "fitting").mkdir()
+    (tmp_path / "fitting" / "__init__.py").write_text("")
+    program = f"import sys; sys.path[:0] = [{str(tmp_path)!r}, {str(ROOT)!r}]\nimport rubberfric as rf\n"
+    program += "rf.fitting.fit"
+    done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True)
+    assert "ImportError" in done.stderr and "hides the package fitting of rubberfric: rename" in done.stderr
+
+
 @pytest.mark.parametrize("name", ["nothing", "_nothing", "__wrapped__"])
 def test_what_is_not_there(name):
     with pytest.raises(AttributeError, match=f"module 'fitting' has no attribute '{name}'"):

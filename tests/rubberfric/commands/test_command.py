@@ -210,6 +210,7 @@ def test_a_scene_without_conditions_has_default_ones(call, scene_file, tmp_path)
     [
         ((), "COMMAND"),
         (("walk",), "invalid choice: 'walk'"),
+        (("fit", "job.toml"), "'doctor'); fits and measured data have their own command: rubberfric-fit"),
         (("run",), "SCENE"),
         (("run", "scene.csv"), "scene.csv: suffix '.csv': must be .toml or .h5"),
         (("run", "scene.toml", "--out", "r.csv"), "r.csv: suffix '.csv': must be .h5"),
