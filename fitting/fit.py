@@ -137,6 +137,16 @@ def fit(
     If this can move the minimum (several data sets, priors or a robust loss), a second fit uses the first
     estimate as weights. The report states the estimate. The `verdict` of the result states if the scene
     explains the data.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> v = np.logspace(-5, 0, 12)
+    >>> data = fitting.FrictionData(v, rf.friction(scene, v, 0.15e6), pressure=0.15e6, relative=0.03)
+    >>> guess = scene.replace("lower.spectrum.hurst", 0.7)
+    >>> found = fitting.fit(guess, data, {"lower.spectrum.hurst": fitting.Bounded(0.3, 1.0)})
+    >>> round(float(found.scene.lower.spectrum.hurst), 4)
+    0.8
     """
     began = time.perf_counter()
     check_options(method=method, starts=starts, key=key, prior=prior, callback=callback)

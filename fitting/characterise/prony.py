@@ -100,6 +100,15 @@ def fit_prony(
     retardation times are left out until D_0 > 0, because the data hardly distinguish the two. With `smooth`,
     Levenberg-Marquardt steps in ln E begin at E_i = (2/pi) E''(1/tau_i) d ln tau, the value from the loss at
     the peak of each term, or at the slope of the response over time.
+
+    Examples
+    --------
+    >>> omega = np.logspace(-1, 3, 20)
+    >>> rubber = rf.Prony(1e6, [1e7], [1e-2], 0.5)
+    >>> E = np.asarray(rf.complex_modulus(rubber, omega))
+    >>> found = fitting.fit_prony(fitting.ModulusData(omega, E.real, E.imag), tau=[1e-2])
+    >>> np.asarray(found.material.E).round(-3)
+    array([10000000.])
     """
     rf.Prony(1.0, [1.0], [1.0], poisson, shift)  # checks poisson and shift
     if smooth != "auto" if isinstance(smooth, str) else smooth is not None and not _strength(smooth):

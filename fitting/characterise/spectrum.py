@@ -175,9 +175,11 @@ def fit_spectrum(
 
     Examples
     --------
-    >>> surface = rf.io.read_heights("map.csv", spacing=1e-6, unit="um")
-    >>> measured = rf.roughness.spectrum_of_topography(surface.heights, surface.dx, surface.dy)
-    >>> road = rf.with_cutoff(fitting.fit_spectrum(measured).spectrum, 1.3)
+    >>> x, traces = rf.io.read_traces("data/laboratory/stylus.csv")
+    >>> measured = rf.roughness.spectrum_of_profile(x, traces, per_decade=10)
+    >>> found = fitting.fit_spectrum(measured).spectrum
+    >>> round(float(found.hurst), 2), round(1e6 * float(found.h_rms))  # the height in µm
+    (0.87, 156)
     """
     if isinstance(data, rf.TabulatedSpectrum):
         own = [None if end is None else float(end) for end in (data.q0, data.q1)]

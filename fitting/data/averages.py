@@ -73,7 +73,7 @@ def average(
     --------
     >>> runs = [fitting.FrictionData([0.1], [mu], pressure=2e5) for mu in (0.80, 0.82, 0.87)]
     >>> data = fitting.average(runs, pooled=False)
-    >>> round(data.friction[0], 4), round(data.sigma[0], 4)
+    >>> round(float(data.friction[0]), 4), round(float(data.sigma[0]), 4)
     (0.83, 0.0275)
     """
     sets = [runs] if isinstance(runs, FrictionData) else runs

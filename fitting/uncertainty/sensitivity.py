@@ -62,6 +62,13 @@ def sensitivity(
     supports jit, vmap and grad. Points are evaluated in blocks, so only the result grows with points times
     parameters. The derivatives by all parameters together take as long as a few evaluations; with a
     TabulatedModulus each derivative takes one evaluation.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> slopes = fitting.sensitivity(scene, np.logspace(-6, 1, 8), 0.15e6, "upper.material.E")
+    >>> slopes.shape  # relaxation times, velocities
+    (17, 8)
     """
     known = [name for name in rf.Solution._fields if name != "converged"]  # a flag
     if quantity not in known:

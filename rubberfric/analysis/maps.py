@@ -103,6 +103,13 @@ def friction_map(
     ------
     ValueError : as `solve`; results beyond 256 MiB without a path; no space for the file.
     FloatingPointError : a quantity is not finite at a point.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> table = rf.friction_map(scene, np.logspace(-6, 1, 50), [0.1e6, 0.2e6])
+    >>> table.solution.friction.shape  # temperatures, pressures, velocities
+    (1, 2, 50)
     """
     quantities = _check(scene, quantities, ROBUST if quadrature is None else quadrature, block)
     conditions, dtype = _conditions(scene, velocity, pressure, temperature)

@@ -114,6 +114,13 @@ def profile(
     beyond q1 contribute to the friction. P(q) is the area by the law for the roughness up to q. The law is
     extrapolated there if this roughness has a narrow band. G and S are None, because they do not occur in the
     law.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> found = rf.analysis.profile(scene, 0.01, 0.15e6)
+    >>> bool(found.area[0] > found.area[-1])  # the contact area decreases with q
+    True
     """
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
     if scene.contact_model == "paper":

@@ -121,7 +121,14 @@ class TheoryError(NamedTuple):
 
 
 def contact_model_name(scene: Scene) -> str:
-    """Return the contact model of a scene as text: the theory, with or without S in G, or the fitted law."""
+    """Return the contact model of a scene as text: the theory, with or without S in G, or the fitted law.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> rf.analysis.contact_model_name(scene)
+    'theory as in the paper'
+    """
     if scene.contact_model == "boundary_elements":
         return "law fitted to boundary elements"
     return "theory with S in G" if scene.area_correction else "theory as in the paper"

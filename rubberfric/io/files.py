@@ -91,6 +91,12 @@ def load_scene(path: StrPath) -> Scene:
     Raises
     ------
     ValueError : the file is invalid. The message names the file, the fault and the rule.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> float(scene.lower.spectrum.hurst)
+    0.8
     """
     return read_scene_file(path).scene
 

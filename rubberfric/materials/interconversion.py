@@ -97,8 +97,8 @@ def prony_from_compliance(
     A standard linear solid, whose relaxation time is shorter than its retardation time of 1 s:
 
     >>> rubber = rf.materials.prony_from_compliance(1e-7, [1e-7], [1.0])
-    >>> float(rubber.E_inf), float(rubber.E[0]), float(rubber.tau[0])
-    (5000000.0, 5000000.0, 0.5)
+    >>> round(float(rubber.E_inf)), round(float(rubber.E[0])), round(float(rubber.tau[0]), 9)
+    (5000000, 5000000, 0.5)
     """
     given = {"D_0": (D_0, 0), "D": (D, 1), "tau": (tau, 1), "fluidity": (fluidity, 0)}
     leaves = {name: as_leaf(name, value, ndim) for name, (value, ndim) in given.items()}

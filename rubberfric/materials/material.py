@@ -265,6 +265,12 @@ def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike
     ------
     ValueError : if the material is Rigid or not a material, if frequencies or temperatures are not numbers,
         if a concrete temperature is <= 0, or if the shapes do not broadcast.
+
+    Examples
+    --------
+    >>> rubber = rf.Prony(E_inf=1e6, E=[1e7], tau=[1e-3], poisson=0.5)
+    >>> f"{complex(rf.complex_modulus(rubber, 1e3)):.3g}"
+    '6e+06+5e+06j'
     """
     rigid = [cls for cls in kinds(Material).values() if not cls.deforms]
     if isinstance(material, tuple(rigid)):

@@ -99,6 +99,12 @@ def rms_height(spectrum: Spectrum, q: ArrayLike | None = None) -> jax.Array:
     Raises
     ------
     ValueError : if a concrete q is <= 0.
+
+    Examples
+    --------
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
+    >>> round(float(rf.roughness.rms_height(road)), 9)
+    0.0005
     """
     return _root_moment(spectrum, 0, q)
 
@@ -109,6 +115,12 @@ def rms_slope(spectrum: Spectrum, q: ArrayLike | None = None) -> jax.Array:
     .. math:: \mathrm{slope}(q) = \sqrt{2\pi\int_{q_0}^{q} q'^3\, C\, dq'}
 
     The parameters and errors are the same as for `rms_height`.
+
+    Examples
+    --------
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
+    >>> round(float(rf.rms_slope(road)), 3)
+    1.738
     """
     return _root_moment(spectrum, 2, q)
 
@@ -289,6 +301,12 @@ def with_cutoff(spectrum: Spectrum, rms_slope: NumberLike = 1.3) -> Spectrum:
     ------
     ValueError : as in `cutoff`, if the spectrum is of another kind, or if a concrete q1 exceeds
         2 pi / 0.1 nm. Waves shorter than the distance of atoms are no roughness.
+
+    Examples
+    --------
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
+    >>> round(float(rf.rms_slope(rf.with_cutoff(road, 1.3))), 6)
+    1.3
     """
     check_kind("spectrum", spectrum, Spectrum)
     rms_slope = as_leaf("rms_slope", rms_slope, 0)

@@ -217,8 +217,8 @@ def heights_by_normalisation(q: ArrayLike, values: ArrayLike) -> dict[str, float
     --------
     >>> q = np.geomspace(1e3, 1e6, 50)
     >>> heights = rf.roughness.heights_by_normalisation(q, 1e-3 * q**-2.6)
-    >>> min(heights, key=lambda name: abs(np.log(heights[name] / 2.3e-6)))  # Sq is 2.3 um
-    'W1'
+    >>> min(heights, key=lambda name: abs(np.log(heights[name] / 1.4e-4)))  # Sq is 0.14 mm
+    'C_1D'
     """
     q, values = jnp.asarray(q), jnp.asarray(values)
     heights = {}

@@ -198,6 +198,12 @@ def power_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
     """Return C [m^4] at wavevectors q [1/m] of any shape. C is zero outside the spectrum's range.
 
     A ValueError is raised if q is not numeric.
+
+    Examples
+    --------
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
+    >>> round(float(rf.power_spectrum(road, 2e3) / rf.power_spectrum(road, 1e3)), 4)  # 2^(-2 (1 + H))
+    0.0825
     """
     check_kind("spectrum", spectrum, Spectrum)
     return _power_spectrum(spectrum, as_numbers("q", q))

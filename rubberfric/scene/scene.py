@@ -278,6 +278,12 @@ def same(one: Scene, other: Scene) -> bool:
 
     `quadrature` and the dtypes of equal numbers may differ. The operator == returns False for them. Raise
     ValueError if an argument is not a Scene.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> rf.same(scene, scene.replace("gamma", 0.4))
+    False
     """
     check_kind("one", one, Scene)
     check_kind("other", other, Scene)

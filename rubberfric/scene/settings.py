@@ -115,6 +115,12 @@ def default_quadrature(
     Raises
     ------
     ValueError : if `scene` is not a Scene, or if a concrete pressure is <= 0.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> rf.analysis.default_quadrature(scene, 0.15e6).order
+    13
     """
     check_kind("scene", scene, Scene)
     pressure = as_numbers("pressure", pressure, POSITIVE)

@@ -69,6 +69,12 @@ def contact_area(
     Notes
     -----
     Only G at the largest wavevector is computed, without graded panels and cumulative integrals.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> rf.contact_area(scene, 0.01, np.array([0.1e6, 0.2e6])).round(4)
+    Array([0.0109, 0.0219], dtype=float64)
     """
     return _alone("area", scene, velocity, pressure, temperature, quadrature)
 
@@ -110,6 +116,12 @@ def friction(
     0.5 in slow sliding, 1.7 in fast sliding, and 0.85 to 1.25 at heavy load. The values of the paper's theory
     are a quarter smaller (notebooks/boundary_elements.md). `rubberfric.analysis.theory_error` estimates the
     error for a scene.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> rf.friction(scene, np.array([1e-4, 1e-2, 1.0]), 0.15e6).round(4)
+    Array([0.0623, 0.0831, 0.1297], dtype=float64)
     """
     return _alone("friction", scene, velocity, pressure, temperature, quadrature)
 
@@ -147,6 +159,12 @@ def separation(
     -----
     `scene.area_correction` does not change the separation. Ratios of separations differ from boundary
     elements by 1 % with the plain G, and by 9 to 18 % with S in G.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> round(1e6 * float(rf.separation(scene, 0.01, 0.15e6)))  # in µm
+    812
     """
     return _alone("separation", scene, velocity, pressure, temperature, quadrature)
 
@@ -195,6 +213,13 @@ def solve(
     -----
     RuntimeWarning : temperatures of a heated scene that did not converge, with their points. Not within
         jit or another transformation, and not if "converged" is requested.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> found = rf.solve(scene, np.logspace(-3, 0, 4), 0.15e6)
+    >>> found.friction.round(3)
+    Array([0.071, 0.083, 0.101, 0.13 ], dtype=float64)
     """
     quantities = (quantities,) if isinstance(quantities, str) else tuple(quantities)
     for name in quantities:

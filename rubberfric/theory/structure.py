@@ -116,6 +116,12 @@ def quantities_of(scene: Scene) -> tuple[str, ...]:
     """Return the names of all quantities that a scene has.
 
     The names are the three basic quantities and the quantities of optional parts of the scene.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> rf.quantities_of(scene)
+    ('area', 'friction', 'separation')
     """
     names: list[str] = list(QUANTITIES)
     if scene.shear is not None:

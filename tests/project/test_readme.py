@@ -3,6 +3,7 @@
 import pydoc
 import re
 import shutil
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -41,6 +42,29 @@ def test_start_here(capsys):
         exec(compile(snippet, "start_here.md", "exec"), names)
     assert "explains the data" in names["result"].report()
     assert capsys.readouterr().out
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("in_a_copy")
+def test_gallery_draws_its_pictures():
+    text, names = (ROOT / "notebooks" / "gallery.md").read_text(), {}
+    for snippet in re.findall(r"^```python\n(.*?)^```", text, re.M | re.S):
+        exec(compile(snippet, "gallery.md", "exec"), names)
+    drawn = {path.name for path in Path().glob("*.png")}
+    shown = re.findall(r"\(figures/gallery/([\w.]+)\)", text)
+    assert drawn == set(shown) and len(shown) == 9
+    for name in shown:
+        assert (ROOT / "notebooks" / "figures" / "gallery" / name).stat().st_size > 10_000
+
+
+def test_citations_agree():
+    """Each author, title, version and address of CITATION.cff is in the BibTeX entries."""
+    entries = (ROOT / "notebooks" / "cite.md").read_text()
+    text = (ROOT / "CITATION.cff").read_text()
+    values = re.findall(r"^ *(?:- )?(?:title|version|year|url|name|license|family-names): (.+)$", text, re.M)
+    assert len(values) == 9 and f"version = {{{rubberfric.__version__}}}" in entries
+    for value in values:
+        assert value in entries, value
 
 
 PAGES = (
