@@ -306,10 +306,10 @@ def curve_looks(curves: list[PlottedCurve]) -> list[dict[str, Any]]:
 
     Each temperature has its own colour, each pressure or load its own line style and marker.
     """
-    looks = {curve.look: curve.conditions for curve in curves}
-    keys = [key for key in looks.values() if key is not None]
-    if len(keys) < len(looks) or not keys:  # data sets
-        count = max(len(looks), 1)
+    of_looks = {curve.look: curve.conditions for curve in curves}
+    keys = [key for key in of_looks.values() if key is not None]
+    count = max(len(of_looks), 1)
+    if len(keys) < count:  # data sets
         return style.looks_of_conditions([0] * count, list(range(count)), 2)
     families = list(dict.fromkeys(key.family for key in keys))
     loads = [tuple(pair for pair in key.others if pair[0] in _BY_MARKER) for key in keys]

@@ -46,7 +46,7 @@ _MOST_DECADES = 9
 _MARKERS_OF_A_LINE = 7  # markers along a line with more points
 # Largest distance of contour labels from the middle of an axis, as a share of the axis. Labels stay inside.
 _INSIDE = 0.38
-# The same of contours that lie completely outside.
+# Largest distance for contours that are farther from the middle.
 _NEAR_FRAME = 0.43
 # Extent of a contour that has no label, as a share of the axes.
 _TINY = 0.12

@@ -192,13 +192,12 @@ function tell(spent, server, draft) {
 // ---- drawing
 
 const upright = (text) => [text, ""], italic = (text) => [text, "i"], below = (text) => [text, "sub"], above = (text) => [text, "sup"];
-const PER = [["s", ""], ["−1", "sup"]];
 
 function makePanels() {
   const host = $("panels"), { axis, at } = state.start, shown = state.first.curves;
   const x = axis === "velocity"
-    ? { label: [upright("velocity "), italic("v"), upright(" / m "), ...PER], logarithmic: true }
-    : { label: [upright("pressure "), italic("p"), upright(" / Pa")], logarithmic: true };
+    ? { label: [upright("velocity "), italic("v"), upright(" [m/s]")], logarithmic: true }
+    : { label: [upright("pressure "), italic("p"), upright(" [Pa]")], logarithmic: true };
   const wide = (values) => {
     const known = values.filter((value) => value > 0);
     return known.length === values.length && Math.max(...known) > 8 * Math.min(...known);
@@ -216,18 +215,18 @@ function makePanels() {
   };
   if (state.start.sensitive === "friction") add("friction", [upright("friction coefficient "), italic("μ")], [0]);
   add("area", [upright("contact area "), italic("A"), upright("/"), italic("A"), below("0")], shown.area);
-  if (shown.flash_temperature) add("flash_temperature", [upright("flash temperature / °C")], [0], { zero: false });
+  if (shown.flash_temperature) add("flash_temperature", [upright("flash temperature [°C]")], [0], { zero: false });
   else if (shown.transverse_friction) add("transverse_friction", [upright("transverse friction "), italic("μ"), below("⊥")], [0]);
-  else if (shown.separation) add("separation", [upright("mean separation "), italic("ū"), upright(" / µm")], shown.separation);
+  else if (shown.separation) add("separation", [upright("mean separation "), italic("ū"), upright(" [µm]")], shown.separation);
   if (Object.keys(state.start.omega).length)
     panels.moduli = new Plot(host, {
-      name: "moduli", x: { label: [upright("angular frequency "), italic("ω"), upright(" / rad "), ...PER], logarithmic: true },
-      y: { label: [italic("E′"), upright(", "), italic("E″"), upright(" / Pa (at reference "), italic("T"), upright(")")], logarithmic: true, decades: 9 },
+      name: "moduli", x: { label: [upright("angular frequency "), italic("ω"), upright(" [rad/s]")], logarithmic: true },
+      y: { label: [italic("E′"), upright(", "), italic("E″"), upright(" at reference "), italic("T"), upright(" [Pa]")], logarithmic: true, decades: 9 },
     });
   if (Object.keys(state.first.spectra).length)
     panels.spectra = new Plot(host, {
-      name: "spectra", x: { label: [upright("wavevector "), italic("q"), upright(" / m"), above("−1")], logarithmic: true },
-      y: { label: [upright("power spectrum "), italic("C"), upright(" / m"), above("4")], logarithmic: true, decades: 30 },
+      name: "spectra", x: { label: [upright("wavevector "), italic("q"), upright(" [1/m]")], logarithmic: true },
+      y: { label: [upright("power spectrum "), italic("C"), upright(" [m"), above("4"), upright("]")], logarithmic: true, decades: 30 },
     });
   const of = state.start.sensitive === "friction" ? [italic("μ")] : [upright("("), italic("A"), upright("/"), italic("A"), below("0"), upright(")")];
   panels.slopes = new Plot(host, { name: "sensitivities", x: { label: [upright("sensitivity d ln "), ...of, upright(" / d ln "), italic("θ")] } });

@@ -18,10 +18,10 @@ function element(name, attributes, parent, text) {
 
 // A name in parts [text, "i" italic | "" upright | "sub" | "sup"], such as h_rms or q0; {…} is upright.
 function parts(label) {
-  const greek = { tau: "τ", gamma: "γ", mu: "μ", omega: "ω" };
+  const symbols = { tau: "τ", gamma: "γ", mu: "μ", omega: "ω", hurst: "H", poisson: "ν", young: "E" };
   const match = /^([A-Za-z]+?)(?:_(\w+)|([0-9r]))?$/.exec(label);
   if (!match) return [[label, ""]];
-  const base = greek[match[1]] || match[1];
+  const base = symbols[match[1]] || match[1];
   const below = match[2] === "inf" ? "∞" : match[2] || match[3];
   if (base.length > 1) return [[label.replaceAll("_", " "), ""]];
   return below ? [[base, "i"], [below, "sub"]] : [[base, "i"]];

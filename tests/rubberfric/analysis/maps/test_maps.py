@@ -261,7 +261,7 @@ def test_panels_are_pressures_over_velocity_and_temperature():
     np.testing.assert_allclose(mesh.get_coordinates()[0, :, 0], [-2, 0])
     np.testing.assert_allclose(mesh.get_coordinates()[:, 0, 1], [0, 10, 20])
     assert axes[0].get_ylabel() == "temperature [°C]"
-    assert "log" in axes[0].get_xlabel()
+    assert axes[0].get_xlabel() == "velocity $v$ [m/s]"
     figure = axes[0].figure
     assert figure.get_suptitle() == "Title"
     assert figure.axes[-1].get_ylabel() == "friction coefficient $\\mu$ [-]"
