@@ -3,12 +3,10 @@
 import numpy as np
 
 from fitting.data.kinds import SpectrumData
-from rubberfric.roughness import ArealSpectrum, MeasuredSpectrum
+from rubberfric.roughness import ArealSpectrum, MeasuredSpectrum, bins_before_cliff
 
 # Wavevectors below which a fit of three parameters says little.
 _LEAST_FITTED = 4
-# No surface and no filter has a spectrum that falls as steeply, C ~ q^-20.
-_CLIFF = 20
 # Standard error of ln C from which on C is not used, because it is unknown by a factor of e.
 _UNKNOWN = 1.0
 
@@ -53,10 +51,7 @@ def resolved_ends(measured: MeasuredSpectrum | ArealSpectrum) -> tuple[float | N
     if isinstance(measured, ArealSpectrum):
         return float(measured.q[0]), None
     # A spectrum that ends within the last bins, as of a synthetic surface, has no resolved slope there.
-    falls = -np.diff(np.log(np.maximum(measured.C, np.finfo(float).tiny))) / np.diff(np.log(measured.q))
-    last = len(falls)
-    while last > _LEAST_FITTED and falls[last - 1] > _CLIFF:
-        last -= 1
+    last = bins_before_cliff(measured.q, measured.C) - 1
     q1 = min(measured.resolved().q1, float(measured.q[last]))
     enough = np.sum(measured.q <= q1) > _LEAST_FITTED + (measured.dimensions == 1)
     return float(measured.q[0]) if measured.dimensions == 1 else None, q1 if enough else None

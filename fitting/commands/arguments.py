@@ -92,7 +92,7 @@ def _add_response(parser: Parser) -> None:
     add = parser.add_argument
     kinds = ("modulus", "relaxation", "creep")
     add("--kind", choices=kinds, help="kind of data (default: from the columns)")
-    text = "Poisson's ratio, needed for shear moduli (default: 0.5)"
+    text = "Poisson's ratio: a storage modulus is then of shear (default: E', and 0.5 in the scene)"
     add("--poisson", type=float, metavar="NU", help=text)
     for name in ("columns", "bad_rows", "check_units", "block"):
         _add_reading(parser, name)
@@ -134,7 +134,7 @@ READING: dict[str, dict[str, Any]] = {
     "zero": _SWITCH | {"help": "subtract the readings without load before and after a run from the forces"},
     "discard": {"metavar": "START", "help": 'start of each section to leave out: "10 mm", "2 s" or settling'},
     "fold": _SWITCH | {"help": "combine both directions of reciprocating runs"},
-    "average": _SWITCH | {"help": "average runs at equal conditions, with their scatter as error"},
+    "average": _SWITCH | {"help": "average runs at equal conditions, also of several files, with error"},
 }
 
 

@@ -28,6 +28,7 @@ from fitting.characterise.softening import softening_from_sweep
 from fitting.characterise.spectrum import fit_spectrum
 from fitting.commands.arguments import HEIGHTS, reading_options
 from fitting.commands.work import Output, finish
+from fitting.data.averages import average
 from fitting.data.files import read
 from fitting.data.kinds import (
     TRANSIENTS,
@@ -240,7 +241,11 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
         scene, place = scene.replace(shear=_SHEAR), _new_scene(out)
         check_writable(place, (".toml",))
     reading = reading_options(arguments)
-    data = as_data_sets([read(path, **reading) for path in arguments.data])
+    data: Any = [read(path, **reading) for path in arguments.data]
+    sets = [[path] for path in arguments.data]
+    if arguments.average and len(data) > 1:
+        data, sets = [average(data)], [arguments.data]
+    data = as_data_sets(data)
     rough = [side for side in ("lower", "upper") if getattr(scene, side).spectrum is not None]
     if not rough and any(one.quantity in CURVE_QUANTITIES for one in data):
         raise ValueError(
@@ -254,8 +259,9 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
     # Errors in the job show before anything is written.
     make_problem(scene, data, dict.fromkeys(free, Positive()))
     lines = [f"scene = {toml.string(_from(out, place))}"]
-    for path in arguments.data:
-        lines += ["", "[[data]]", f"file = {toml.string(_from(out, path))}"]
+    for paths in sets:
+        files = ", ".join(toml.string(_from(out, path)) for path in paths)
+        lines += ["", "[[data]]", f"file = [{files}]" if len(paths) > 1 else f"file = {files}"]
         lines += [f"{name} = {toml.literal(value)}" for name, value in reading.items()]
     lines += ["", "[free]", *(f'{toml.string(path)} = "positive"' for path in free)]
     text = "\n".join(lines) + "\n"

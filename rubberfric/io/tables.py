@@ -36,6 +36,8 @@ _WAVENUMBERS = {"ISO_8608": "cycles"} | dict.fromkeys(
     ("W1", "Wr", "C_1D_one_sided", "q_C_iso_over_pi"), "rad"
 )
 BAD_ROWS = ("error", "drop")
+# Parts of titles that only instruments for shear write.
+_OF_SHEAR = ("torque", "drehmoment", "viscosity", "viskosität", "viscosité", "shear", "scher", "cisaillement")
 
 
 def read_table(
@@ -103,6 +105,7 @@ def read_table(
         check_units(place, found)
         plan = plan_for(wanted, quantities_of(found.names))
     else:
+        _refuse_shear(path, text, export, block, poisson, generic, columns)
         export = export._replace(names=with_wheel_names(export.names, export.titles))
         names = [SET_VALUES.get(name or "", name) for name in export.names]
         plan = plan_for(wanted, quantities_of(names), area is not None)
@@ -134,6 +137,24 @@ def read_table(
         if quantity not in table:
             raise ValueError(missing_column(found.where, quantity) + ("" if columns else column_hint(path)))
     return _ordered(path, found, table, needed[0], export is not None) if increasing else table
+
+
+def _refuse_shear(path, text, export, block, *stated):
+    """Raise ValueError if a "storage modulus" would be read as E' and a column is of shear.
+
+    `stated` are arguments of the caller that state the meaning, all None if none does.
+    """
+    of_shear = [title for title in export.titles if any(word in title.lower() for word in _OF_SHEAR)]
+    if not of_shear or any(x is not None for x in stated) or not {"E_stor", "E_loss"} & set(export.names):
+        return
+    as_shear = _export(path, text, None, "G", block)
+    names = export.names if as_shear is None else as_shear.names
+    ambiguous = [t for t, *pair in zip(export.titles, export.names, names, strict=True) if len(set(pair)) > 1]
+    if ambiguous:
+        raise ValueError(
+            f"{export.where}: {ambiguous[0]!r} may be G', because {of_shear[0]!r} is of shear: pass"
+            " poisson=0.5 for E = 2 (1 + poisson) G; or name E_stor and E_loss in columns, for E' and E''"
+        )
 
 
 def _refuse(path, arguments, why):

@@ -14,7 +14,7 @@ import scipy
 from rubberfric.base.objects.labelled import Labelled, LabelledArrays
 from rubberfric.roughness.lines import ArealSpectrum, areal_spectrum
 from rubberfric.roughness.moments import cutoff, rms_slope
-from rubberfric.roughness.periodograms import Sampling, expected_bins
+from rubberfric.roughness.periodograms import Sampling, bins_before_cliff, expected_bins
 from rubberfric.roughness.projections import line_spectrum
 from rubberfric.roughness.tabulated import TabulatedSpectrum
 
@@ -213,7 +213,7 @@ class MeasuredSpectrum(NamedTuple):
         -------
         ArealSpectrum at the wavevectors of the bins, and at the outer border of the last bin
             The surface is assumed to have no waves below q[0]. C continues beyond the last bin with the
-            slope of the last piece.
+            slope of the last piece, and ends there if the next bin is smaller by more than q^-20 (a filter).
 
         Raises
         ------
@@ -222,17 +222,21 @@ class MeasuredSpectrum(NamedTuple):
         if self.sampling is None:
             raise ValueError("areal() is for profiles; a map has C already")
         self._check_positive()
-        high = (1.0 + self.modes.sum()) * self.cell / 2
-        ends = np.array([high, _BEYOND * high])[int(high < self.q[-1] * (1 + 1e-9)) :]
-        at, ratio = np.append(self.q, ends), 1.0
+        count = bins_before_cliff(self.q, self.C)
+        q, C, relative, modes = (x[:count] for x in (self.q, self.C, self.relative, self.modes))
+        high = (1.0 + modes.sum()) * self.cell / 2
+        q1 = high if count < self.q.size else None
+        ends = [high] if q1 else [high, _BEYOND * high][int(high < q[-1] * (1 + 1e-9)) :]
+        at, ratio = np.append(q, ends), 1.0
         for _ in range(_CORRECTIONS):
-            whole = areal_spectrum(self.q, self.C / ratio, self.relative, at=at).table()
-
-            def projected(q, table=whole):
-                return np.asarray(line_spectrum(table, q))
-
-            ratio = expected_bins(projected, self.cell, self.modes, self.sampling) / projected(self.q)
-        return areal_spectrum(self.q, self.C / ratio, self.relative, at=at[:-1])
+            table = areal_spectrum(q, C / ratio, relative, at=at, q1=q1).table()
+            expected = expected_bins(
+                lambda q, table=table: np.asarray(line_spectrum(table, q)), self.cell, modes, self.sampling
+            )
+            ratio = expected / np.asarray(line_spectrum(table, q))
+        found = areal_spectrum(q, C / ratio, relative, at=at, q1=q1)
+        n = at.size if q1 else at.size - 1
+        return ArealSpectrum(found.q[:n], found.C[:n], found.covariance[:n, :n])
 
     def _check_positive(self):
         if not (self.C > 0).all():

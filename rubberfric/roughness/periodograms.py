@@ -18,6 +18,10 @@ import numpy as np
 _SAMPLES = 8
 # Wavevectors per decade at which C_1D is computed; ln C_1D is linear in ln q in between.
 _PER_DECADE = 60
+# No surface has a spectrum that falls as steeply, C ~ q^-20.
+_CLIFF = 20
+# Steps between bins below which a fit of three parameters says little.
+_LEAST_BINS = 4
 
 
 class Sampling(NamedTuple):
@@ -31,6 +35,18 @@ class Sampling(NamedTuple):
 
     window: np.ndarray
     trends: np.ndarray
+
+
+def bins_before_cliff(q: np.ndarray, C: np.ndarray) -> int:
+    """Return the number of bins before the spectrum ends within the bins, as behind a low-pass filter.
+
+    A bin is behind the end if C falls to it more steeply than q^-20. At least four bins are kept.
+    """
+    falls = -np.diff(np.log(np.maximum(C, np.finfo(float).tiny))) / np.diff(np.log(q))
+    last = len(falls)
+    while last > _LEAST_BINS and falls[last - 1] > _CLIFF:
+        last -= 1
+    return last + 1
 
 
 def expected_bins(

@@ -10,6 +10,7 @@ import pytest
 
 import fitting
 import rubberfric as rf
+from fitting.commands.job import read_job
 
 LABORATORY = Path(__file__).parents[3] / "data" / "laboratory"
 
@@ -77,6 +78,23 @@ def test_a_job_a_fit_and_a_table(run):
     expected = fitting.FitResult.load("fit.h5").predict(0.01, 2e5, 293.15)
     np.testing.assert_allclose(table.at(0.01, 2e5, 293.15), expected, rtol=0.01)
     assert run("table", "scene.toml", *at, "--out", "mu.csv", "--error", "0.1")[0] == 0
+
+
+def test_runs_in_several_files_are_averaged(run):
+    road = rf.Body(rf.Rigid(), rf.SelfAffine(q0=1e3, qr=1e3, q1=1e5, hurst=0.8, h_rms=1e-5))
+    rf.save_scene("road.toml", rf.Scene(road, rf.Body(rf.Prony(1e6, [1e8], [1e-6], 0.5))))
+    factors = (0.95, 1.0, 1.08)
+    for k, factor in enumerate(factors):
+        rows = [f"{v},{100 * factor * mu},100" for v, mu in ((0.01, 0.5), (0.1, 0.6))]
+        Path(f"run{k}.csv").write_text("\n".join(["v [m/s],Ft [N],Fn [N]", *rows]))
+    files = [f"run{k}.csv" for k in range(3)]
+    options = ("--area", "4e-4", "--average", "--out", "job.toml")
+    status, printed, complaint = run("job", "road.toml", *files, *options)
+    assert (status, complaint) == (0, "") and 'file = ["run0.csv", "run1.csv", "run2.csv"]' in printed
+    (data,) = read_job("job.toml").data
+    np.testing.assert_allclose(data.friction, np.mean(factors) * np.array([0.5, 0.6]))
+    # s / sqrt(3) of the mean, and at least the quantile of Student's distribution larger
+    assert (data.relative > np.std(factors, ddof=1) / np.mean(factors) / np.sqrt(3)).all()
 
 
 @pytest.mark.slow  # softening takes half a minute; the steps are tested above
