@@ -149,7 +149,7 @@ SPELLINGS = {
         "q": "wavevector; angular wavenumber; wellenvektor; kreiswellenzahl; vecteur d'onde",
         "wavenumber": "wavenumber; wave number; wellenzahl; nombre d'onde",
         "n": "spatial frequency; raumfrequenz; ortsfrequenz; fréquence spatiale",
-        "G_d": "Gd; Gd(n); G_d(n); psd Gd; psd Gd(n); displacement psd",
+        "G_d": "Gd; Gd(n); G_d(n); psd gd; psd gd(n); displacement psd",
         "W1": "W1(k)",
         "Wr": "Wr(k)",
         "q_C_iso_over_pi": "q/\u03c0 \u00d7 2d psd",

@@ -93,6 +93,7 @@ def rms(data):
         ("n,C\ncycles/m,m^4", "C_iso over n", True),
         ("n,C_1D\ncycles/m,m^3", "C_1D_surfacetopography over n", True),
         ("n [cycles/m],Gd [m^3]", "ISO_8608", False),
+        ("Spatial frequency n [cycles/m],PSD Gd(n) [m^3]", "ISO_8608", False),
         ("n [1/m],G_d(n) [m³]", "ISO_8608", False),
         ("spatial frequency [cycles/m],C_1D [m^3]", "ISO_8608", True),
         ("n,C_1D\ncycles/m,m^3", "ISO_8608", True),
