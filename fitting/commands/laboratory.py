@@ -54,6 +54,8 @@ _BLOCK = rf.Elastic(1e7, 0.5)
 _SHEAR = rf.ContactShear(5e6, 0.2, 1e-2, rf.Arrhenius(1.0, 293.15))
 # Default free parameters of a job with contact shear.
 _FREE_SHEAR = ("shear.tau_f0", "shear.c", "shear.v0", "shear.shift.energy")
+# Default free parameter of a patch for each quantity of slip data. Forces alone do not determine the length.
+_FREE_PATCH = {"force": "patch.stiffness", "moment": "patch.length"}
 
 
 def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
@@ -253,7 +255,8 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
             " example with `rubberfric-fit spectrum`"
         )
     cutoffs = [f"{side}.spectrum.q1" for side in rough if getattr(scene, side).spectrum.q1 is not None]
-    free = arguments.free or [*(_FREE_SHEAR if added else ()), *cutoffs]
+    of_patch = [path for quantity, path in _FREE_PATCH.items() if any(d.quantity == quantity for d in data)]
+    free = arguments.free or [*of_patch, *(_FREE_SHEAR if added else ()), *cutoffs]
     if not free:
         raise ValueError("--free: must name the free parameters; the scene has no cutoff q1")
     # Errors in the job show before anything is written.

@@ -79,7 +79,12 @@ class Measured:
             for rule in (about.rule, *(about.plausible if check_units else ())):
                 check_values(f"{kind}.{name}", values, rule)
         if self.logarithmic:
-            advice = f"must be > 0 with relative errors or none; give {' and '.join(self.sigmas)} instead"
+            names, columns = (
+                " and ".join(words)
+                for words in (self.sigmas, [self.fields()[name].column for name in self.sigmas])
+            )
+            column = f" (column {columns})" * (columns != names)
+            advice = f"must be > 0 with relative errors or none; give {names} instead{column}"
             for name in self.values:
                 check_values(f"{kind}.{name}", arrays[name], (advice, POSITIVE[1]))
         shape = self._checked_shape(arrays)

@@ -56,6 +56,9 @@ def test_a_wheel_tester(call_main, tmp_path, monkeypatch):
     )
     assert (status, complaint) == (0, "")
     assert "1: force, 10 points: 10 values" in printed
+    # A job for the same data frees the stiffness of the patch.
+    assert call_main(main, "job", "tyre.toml", "drum.csv", "--out", "again.toml")[0] == 0
+    assert '"patch.stiffness" = "positive"' in Path("again.toml").read_text()
     fitted = fitting.FitResult.load("fit.h5").scene
     assert abs(fitted.patch.stiffness / 3e7 - 1) < 1e-5
     assert abs(fitted.shear.tau_f0 / 6e5 - 1) < 1e-5
