@@ -195,6 +195,7 @@ def friction(scene, temperature):
     return rf.friction(scene, V, 1e5, temperature, quadrature=FAST)
 
 
+@pytest.mark.slow
 def test_friction_and_its_derivatives(scene):
     """The value of a master curve with many entries; derivatives are differences."""
     table = scene.replace("upper.material", table_of(scene.upper.material))

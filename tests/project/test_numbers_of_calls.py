@@ -135,6 +135,7 @@ def test_a_subclass_without_the_decorator_is_refused():
         Steel(2e11, 0.3)
 
 
+@pytest.mark.slow
 def test_a_subclass_with_the_decorator_equals_its_base():
     class Granite(rf.Elastic):
         """A subclass that adds no field."""
@@ -172,7 +173,7 @@ STRICT = {
 }
 
 
-# Scenes whose tests are slow in single precision too; tracing the others takes long.
+# Scenes of the ordinary run. Tracing the others takes long.
 QUICK_TO_TRACE = ("rubber", "shift and shear", "tables")
 
 
@@ -181,12 +182,7 @@ QUICK_TO_TRACE = ("rubber", "shift and shear", "tables")
     [
         pytest.param(
             *(name, dtype),
-            marks=[pytest.mark.slow]
-            * (
-                dtype is np.float64
-                or (dtype is not None and name not in QUICK_TO_TRACE)
-                or name == "long-range adhesion"
-            ),
+            marks=[pytest.mark.slow] * (dtype is np.float64 or name not in QUICK_TO_TRACE),
         )
         for name in STRICT
         for dtype in (None, np.float32, np.float64)

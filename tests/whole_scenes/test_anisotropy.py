@@ -59,6 +59,7 @@ def harmonic_means(qv):
     return jnp.moveaxis(jnp.concatenate([by_cosine[:3], by_sine[3:]]), -1, 1)
 
 
+@pytest.mark.slow
 def test_harmonics_of_the_means():
     """m = 1 ... 6 at a = q v tau = 1e-8 ... 1e8, relative to the mean over all directions."""
     a = np.logspace(-8, 8, 33)

@@ -136,6 +136,7 @@ def test_second_derivatives_at_rest():
     np.testing.assert_allclose(forward, _differences(function, count), rtol=1e-4, atol=2e-4)
 
 
+@pytest.mark.slow
 def test_second_derivatives_of_softening_factors():
     def factors(numbers):
         softening, road = rebuilt(numbers)

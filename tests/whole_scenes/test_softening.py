@@ -151,6 +151,7 @@ def unsoftened(given, scale=1.0):
     return np.asarray(value(arguments(given | {"softening": None, "solid1": material})))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1.0, 0.4])
 def test_equal_factors_scale_the_rubber(scale):
     """f = g = c at all strains is a rubber of moduli c E; c = 1 softens nothing."""

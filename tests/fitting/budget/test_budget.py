@@ -242,6 +242,7 @@ def test_scenes_that_the_law_does_not_allow():
     assert found.theory.area_correction
 
 
+@pytest.mark.slow
 def test_equal_bodies_of_several_scenes_change_together():
     """A road that two rubbers share has one error. Values of one scene change as in the other."""
     other = SCENE.replace("upper.material.E_inf", 4e6)

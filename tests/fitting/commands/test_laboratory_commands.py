@@ -59,6 +59,7 @@ def test_roughness_from_traces_goes_into_a_scene(run):
     assert isinstance(rf.load_scene("table.toml").lower.spectrum, rf.TabulatedSpectrum)
 
 
+@pytest.mark.slow
 def test_a_job_a_fit_and_a_table(run):
     assert run("mastercurve", "dma_isothermen.csv", "--out", "material.toml", "--per-decade", "1")[0] == 0
     assert (

@@ -21,6 +21,7 @@ PLANNED = """[free]
 """
 
 
+@pytest.mark.slow
 def test_design(call, job, tmp_path):
     text = job.read_text()
     job.write_text(text + DESIGN + "criterion = { velocity = 0.1, pressure = 3e5 }\nseed = 1\n")

@@ -67,6 +67,7 @@ def test_height_maps(run, surface, kind, nx, ny, every):
     assert float(found.qr) == pytest.approx(float(TRUTH.qr), rel=0.5)
 
 
+@pytest.mark.slow
 def test_options_of_a_map(run, surface):
     heights, d = surface
     Path("map.csv").write_text(grid(heights[:, :192]))
@@ -154,6 +155,7 @@ def test_the_python_route(surface, tmp_path):
     assert float(rf.rms_slope(rf.with_cutoff(fit.spectrum, 1.3))) == pytest.approx(1.3)
 
 
+@pytest.mark.slow
 def test_spectra_of_other_programs(run):
     q = np.geomspace(Q0, 39 * Q0, 60)
     W1 = 2 * np.asarray(rf.roughness.line_spectrum(TRUTH, q))

@@ -158,6 +158,7 @@ def test_the_advice_of_job_works(call, folder, arguments, advice, follow):
     assert Path("job.toml").exists()
 
 
+@pytest.mark.slow
 def test_the_advice_about_a_table_of_a_scene_works(call_main, folder):
     """The key is in the table of the scene file that names the CSV file."""
     rows = "1;1e6;1e5\n10;;1e5\n100;2e6;2e5\n1e3;3e6;4e5\n"

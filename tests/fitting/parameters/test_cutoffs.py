@@ -30,6 +30,7 @@ def friction_of(scene):
     return fitting.FrictionData(V, mu, pressure=P, temperature=T, relative=0.01)
 
 
+@pytest.mark.slow
 def test_a_free_cutoff_is_found_again():
     """From twice the true one, together with a modulus."""
     truth = CUT.replace(Q1, 1.234e5)

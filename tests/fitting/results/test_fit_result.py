@@ -246,6 +246,7 @@ def test_of_a_long_array_both_ends_are_listed(long):
     assert lines[half] == f"... {30 - LISTED} more, see result.values{note}"
 
 
+@pytest.mark.slow
 def test_minima_of_several_starts(quick, joint):
     found = (Minimum(5.0, 7, quick.values), Minimum(12.25, 1, quick.values))
     lines = section(dataclasses.replace(quick, minima=found).report(), "Minima")

@@ -184,6 +184,7 @@ def test_what_data_leave_open_is_refused(linear):
         Samples.quantiles(None, [2.0])
 
 
+@pytest.mark.slow
 def test_what_has_bounds_is_drawn_between_them(linear):
     """A parameter without data has its prior as posterior, flat between its bounds."""
     free = {E: Free(), "gamma": Bounded(0.2, 0.6)}

@@ -215,6 +215,7 @@ def test_starts_off_by_ten_in_every_modulus_reach_the_same_minimum():
     np.testing.assert_allclose(runs.cost, near, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_wild_starts_give_numbers():
     """A factor 1e6 off, and any place inside the bounds: perhaps not the minimum, but no NaN."""
     problem = curve()
@@ -397,6 +398,7 @@ def test_several_starts_are_decided_by_their_key():
 # --- outliers
 
 
+@pytest.mark.slow
 def test_outliers_move_the_robust_estimate_less_than_its_error_bars():
     omega = np.logspace(-2, 7, 60)
     data = modulus_data(3, omega)
@@ -446,6 +448,7 @@ def test_in_full_contact_nothing_is_called_reached():
     assert found.success and found.cost == pytest.approx(known.cost, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_minimum_far_above_the_data_is_left_for_a_lower_one():
     """A start without a fall leads to a minimum at q1 = qr, and on from there."""
     truth = rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4)), rf.Body(PRONY))

@@ -249,6 +249,7 @@ def test_a_kink_at_the_minimum():
     assert float(end.cost) == pytest.approx(0.5 * (1 + 0.47**2), rel=1e-2) and end.njev < 80
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loss", [SQUARES, Loss("cauchy", 5.0, 3)], ids=["squares", "cauchy"])
 def test_corrections_are_steps_of_broyden(loss):
     """They solve F(m) = J^T (r(x + m) - r(x) - J dx) + lambda (m - dx) = 0, here with the whole matrix.

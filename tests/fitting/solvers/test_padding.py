@@ -100,6 +100,7 @@ def test_a_fit_is_that_of_its_own_data(loss, monkeypatch):
     assert without[0] == without[1]
 
 
+@pytest.mark.slow
 def test_another_number_of_points_compiles_nothing():
     """7 points, and other ones at 6: fit, error bars and report, without further starts."""
     seven, six = curve(7), curve(6, seed=1)

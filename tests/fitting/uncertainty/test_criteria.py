@@ -68,6 +68,7 @@ def spectrum(errors):
 FREE = {H_RMS: Positive(), HURST: Bounded(0.0, 1.0)}
 
 
+@pytest.mark.slow
 def test_of_a_bent_problem_nearly_so():
     data = spectrum({"relative": 0.2})
     result = fitting.fit(SCENE, data, FREE, quadrature=FAST)

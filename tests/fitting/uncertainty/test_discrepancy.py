@@ -45,6 +45,7 @@ def off():
     return fitted(data_of(1, 0.2, scene=LAW), fitting.Discrepancy(None, WIDTH))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shared", [pytest.param(1.0, marks=pytest.mark.slow), 0.3])
 def test_cost_against_the_covariance_itself(shared):
     """Two curves, of absolute and of relative errors, and a modulus, which is measured and so not off."""

@@ -217,6 +217,7 @@ def test_twins():
     assert sum(found.count(False) for found in wrong.values()) >= 0.95 * 4 * count, wrong
 
 
+@pytest.mark.slow
 def test_bars_by_the_scatter(tmp_path):
     """Errors given a factor 3 too small: bars, bands and the file follow, and the report says so."""
     data = dataclasses.replace(measured("nothing", 3), relative=ERROR / 3)

@@ -147,6 +147,7 @@ def test_coverage():
     assert 0.9 <= held.sum() / bars.sum() <= 0.99
 
 
+@pytest.mark.slow
 def test_predictions_equal_grip():
     problem = make_problem(TRUTH, all_kinds(), FREE)
     rows = model_rows(problem, problem.start)

@@ -35,6 +35,7 @@ def test_all_libraries_are_tested():
     assert "\njax_libraries\n" in (ROOT / "notebooks" / "index.md").read_text()
 
 
+@pytest.mark.slow
 def test_optax():
     names = names_after("optax")
     spectrum = names["found"].lower.spectrum

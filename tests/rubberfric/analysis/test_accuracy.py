@@ -205,6 +205,7 @@ def test_the_setting_of_calls_without_one_has_its_row_and_its_line():
     assert said.endswith("  1 ms, with the gradient 2 ms, errors 1e-08 and 1e-07 or less")
 
 
+@pytest.mark.slow
 def test_quadrature_for_is_the_cheapest_that_meets_the_error(monkeypatch):
     """The cheapest setting with which the values are as near to brute force as wanted."""
     monkeypatch.setattr("rubberfric.analysis.reference.reference", lambda *_: known())

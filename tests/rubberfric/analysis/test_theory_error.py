@@ -97,6 +97,7 @@ def test_what_is_covered():
         assert theory_error(other, 0.05) is None
 
 
+@pytest.mark.slow
 def test_the_command_says_it(call_main):
     status, printed, _ = call_main(main, "run", DATA / "tread_on_asphalt.toml")
     assert status == 0 and "contact model: theory as in the paper\n" in printed

@@ -193,6 +193,7 @@ def test_derivatives():
         assert float(reverse[i]) == pytest.approx(exact, rel=1e-6, abs=1e-9), i
 
 
+@pytest.mark.slow
 def test_second_derivatives():
     """Where elements begin to slide carries no first derivative of the force, but a second one."""
 
@@ -266,6 +267,7 @@ def test_jit_and_vmap():
         np.testing.assert_allclose(one.force, plain.force, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_float32():
     """A scene in single precision gives results in single precision."""
     low, patch = cast(SCENE, "float32"), TYRE.replace(pressure="uniform")  # with one friction for each slip

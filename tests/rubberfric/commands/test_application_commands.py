@@ -41,6 +41,7 @@ def numbers(text):
     return np.array([line.split() for line in text.splitlines() if re.match(r"\s+-?\d", line)], float)
 
 
+@pytest.mark.slow
 def test_leak(call, scene_file, tmp_path):
     out, p = tmp_path / "leak.csv", np.array([1e4, 2e4])
     status, printed, complaint = call("leak", scene_file, "--pressure", *p, *SEAL, "--out", out)

@@ -185,6 +185,7 @@ def test_scenes_with_scaled_moduli(name):
     np.testing.assert_allclose(cold, rf.friction(SCENES[name](wlf()), V, 3e5), rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", some(SCENES, QUICK[:1]))
 def test_derivatives(name):
     """By the temperature and by all numbers of the shift, in both modes and by differences."""

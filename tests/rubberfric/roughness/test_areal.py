@@ -49,6 +49,7 @@ def test_a_broken_power_law_is_recovered():
     np.testing.assert_allclose(found.C[:-1], TRUTH[:-1], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_derivatives():
     """Both modes, against differences of solutions at the same penalty."""
     line = jnp.array([projected(q) for q in KNOTS])

@@ -107,6 +107,7 @@ def test_no_surface():
         assert "does not fall like" in found.report() and "q1" not in found.report()
 
 
+@pytest.mark.slow
 def test_report():
     text = spectrum(*SURFACES["noisy"]).report()
     assert text.startswith("Spectrum of a map, 3272 ... 3.029e+05 1/m\n    rms height 2.082e-06 m\n")

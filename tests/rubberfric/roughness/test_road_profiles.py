@@ -138,6 +138,7 @@ def test_height_and_hurst_exponent(station, h_rms, H):
     assert np.sqrt(np.mean(log_C**2)) < 0.15
 
 
+@pytest.mark.slow
 def test_report_of_a_road():
     """The profile resolves the range that matters for rubber: the slope 1.3 is reached within it."""
     spacing, height = road(0)

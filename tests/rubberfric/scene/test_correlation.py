@@ -126,6 +126,7 @@ def test_derivatives_of_random_pairs_with_shared_kinks_agree_with_differences(se
     assert np.max(np.abs(errors)) < 1e-7
 
 
+@pytest.mark.slow
 def test_derivatives_by_a_height_of_zero():
     # C = (h_1 - h_2)^2 + 2 (1 - kappa) h_1 h_2 in units of one spectrum, so h decreases by kappa h_2 first.
     def area(height):

@@ -77,6 +77,7 @@ def test_files(scene, tmp_path, suffix):
     assert isinstance(rf.load_scene(tmp_path / "old.toml").shear, rf.ContactShear)
 
 
+@pytest.mark.slow
 def test_a_map_and_a_fit(scene):
     grid = rf.friction_map(scene, V, [1e5, 2e5], [300.0])
     exact = rf.friction(scene, V, 2e5, 300.0)

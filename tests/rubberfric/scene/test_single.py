@@ -92,7 +92,13 @@ EXACT = {(jax.lax.Precision.HIGHEST,) * 2}
 
 @pytest.mark.parametrize(
     "name",
-    ["tread_on_asphalt", "coated_base", "softened_tread_on_asphalt", "tabulated_tread", "two_rubbers"],
+    [
+        "tread_on_asphalt",
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("coated_base", "softened_tread_on_asphalt", "tabulated_tread", "two_rubbers")
+        ),
+    ],
 )
 def test_no_product_rounds_its_factors(name):
     """GPUs keep 11 bits of float32 factors, in values and derivative rules, unless told otherwise."""

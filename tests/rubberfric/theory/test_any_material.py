@@ -103,6 +103,7 @@ def solve(scene, names):
     return jnp.stack([getattr(found, name) for name in names])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=[pytest.mark.slow] * (n not in ORDINARY)) for n in SCENES]
 )

@@ -104,6 +104,7 @@ def test_slope_of_the_tread():
     assert float(jax.grad(lambda v: rf.friction(scene, v, 2e5))(0.0)) == pytest.approx(3914.98, rel=2e-6)
 
 
+@pytest.mark.slow
 def test_second_derivative_at_rest():
     """The area is even in v."""
     area = jax.jit(lambda v: rf.contact_area(_law(RUBBER), v, 2e5))

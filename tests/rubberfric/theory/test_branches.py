@@ -130,6 +130,7 @@ BRUTE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("branch", ["rising", pytest.param("falling", marks=pytest.mark.slow)])
 def test_brute_force_on_both_branches(branch):
     v, friction, rise = np.transpose(BRUTE[branch])
@@ -309,6 +310,7 @@ def test_what_did_not_converge_is_named(monkeypatch, recwarn):
 ANALYSES = ["profile", "dissipated_power", "contact_stiffness", "stress_distribution"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", slow_if(lambda name: name != "dissipated_power", ANALYSES))
 def test_what_did_not_converge_is_named_by_the_analysis(name, monkeypatch, recwarn):
     """With the second of three points marked as not converged."""

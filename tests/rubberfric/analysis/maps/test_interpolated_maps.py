@@ -114,6 +114,7 @@ def test_panels_are_halved_at_steep_steps(width):
     np.testing.assert_allclose(found[0], step(x, 1e5), rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_series_over_the_pressure():
     def area(x, p):
         return np.tanh(p / 1e6 / (2 + np.tanh(np.maximum(x, -50.0) / 2)))

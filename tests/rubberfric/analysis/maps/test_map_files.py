@@ -58,6 +58,7 @@ rf.friction_map(SCENE, *axes, path=sys.argv[1], block=500, progress=progress, in
 """
 
 
+@pytest.mark.slow
 def test_a_killed_map_leaves_the_old_file_and_is_written_the_next_time(tmp_path):
     path = tmp_path / "m.h5"
     path.write_bytes(b"old")

@@ -324,6 +324,7 @@ def scene_file(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_command_writes_draws_and_sums_up(call_main, scene_file, tmp_path):
     out, picture = tmp_path / "m.h5", tmp_path / "m.png"
     status, printed, complaint = call_main(command.main, "map", scene_file, "--out", out, "--plot", picture)

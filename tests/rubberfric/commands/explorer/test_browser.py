@@ -105,6 +105,7 @@ def test_what_goes_not_together_is_said_and_taken_back(opened, wait):
     assert complaints(opened) == ([], "")
 
 
+@pytest.mark.slow
 def test_sensitivities_come_when_they_are_compiled(server, opened, wait):
     # Differences are shown until the derivatives are compiled.
     wait("return Number(document.documentElement.dataset.slopes) >= 5")

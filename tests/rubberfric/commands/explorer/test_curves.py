@@ -111,6 +111,7 @@ def assert_sensitivities(explorer, names, values, tolerance=1e-6):
         np.testing.assert_allclose(found[name], expected, rtol=tolerance, atol=tolerance, err_msg=name)
 
 
+@pytest.mark.slow
 def test_sensitivities_are_differences(twin):
     values = slider_values(twin.sliders, MOVED)
     names = ["pressure", "temperature", "lower.spectrum.q1", "upper.material.moduli", "upper.material.E[2]"]

@@ -93,6 +93,7 @@ def attracted(hurst, load, tabor):
     return scene, pressure, (heights, length), plain
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("force", [pytest.param(0.3, marks=pytest.mark.slow), 2.0])
 def test_elements_have_the_sphere_of_johnson_kendall_and_roberts(force):
     """In a square; the contact covers a tenth of it, at Tabor 5."""

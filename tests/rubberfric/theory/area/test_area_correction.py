@@ -51,13 +51,13 @@ def corrected(x, gamma):
     return correct_argument(correction_table(gamma), x)
 
 
-@pytest.mark.parametrize("gamma", GAMMAS)
+@pytest.mark.parametrize("gamma", [GAMMAS[0], *(pytest.param(g, marks=pytest.mark.slow) for g in GAMMAS[1:])])
 def test_corrected_argument(gamma):
     found = jax.jit(corrected)(arguments(plain(gamma)[0]), jnp.array(gamma))
     np.testing.assert_allclose(found, arguments(G), rtol=2e-11)
 
 
-@pytest.mark.parametrize("gamma", GAMMAS)
+@pytest.mark.parametrize("gamma", [GAMMAS[0], *(pytest.param(g, marks=pytest.mark.slow) for g in GAMMAS[1:])])
 def test_derivatives(gamma):
     """d ln G / d ln g = S g / G; and by gamma, at a given g."""
     g, by_gamma = plain(gamma)

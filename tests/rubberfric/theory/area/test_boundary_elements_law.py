@@ -345,6 +345,7 @@ def test_derivatives(name):
         np.testing.assert_allclose(jacobian, forward[2:4] * values[:, None], rtol=1e-8, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_derivative_by_the_modulus():
     def friction(factor):
         scene = _scene()
@@ -417,6 +418,7 @@ def test_derivatives_without_a_plateau():
     np.testing.assert_allclose(at, near, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_signs_rest_and_single_precision():
     law = _scene()
     forth, back, at_rest = rf.friction(law, [0.1, -0.1, 0.0], 1e5)

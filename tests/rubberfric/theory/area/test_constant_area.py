@@ -58,6 +58,7 @@ def _held(scene, work, pressure, velocity=0.0):
 with_and_without_S = pytest.mark.parametrize("corrected", [pytest.param(False, marks=pytest.mark.slow), True])
 
 
+@pytest.mark.slow
 @with_and_without_S
 @pytest.mark.parametrize(
     ("share", "load"),

@@ -70,6 +70,7 @@ CASES = [(_plateau(0.3), 2e3), (_plateau(0.3), 30.0)]
 CASES += [(_scene(share * p * reach, reach), p) for p, share, reach in LOADS]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "pressure"),
     [pytest.param(*case, id=str(i), marks=[pytest.mark.slow] * (i > 0)) for i, case in enumerate(CASES)],

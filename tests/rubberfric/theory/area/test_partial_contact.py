@@ -47,6 +47,7 @@ def psi_at_end(x, gamma):
         return tail + mp.quad(lambda u: slope(mp.exp(u), gamma), [mp.log(x), min(mp.log(x) / 2, -3), -1, 0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "gamma",
     [pytest.param(gamma, marks=[pytest.mark.slow] * (gamma != 0.5)) for gamma in (0.0, 0.3, 0.5, 1.0)],
