@@ -21,8 +21,6 @@ import scipy
 from fitting.data.kinds import FrictionData
 from rubberfric.base import POSITIVE, as_leaf, check_values, shown
 
-# Probability below one standard deviation of a normal distribution.
-_ONE_SIGMA = float(scipy.special.ndtr(1.0))
 # Default of the largest relative difference of velocities, and of pressures, of one condition.
 _TOLERANCE = 0.05
 # Default of the largest difference of temperatures of one condition [K].
@@ -34,7 +32,8 @@ def student_factor(freedom: float) -> float:
 
     The interval of plus or minus the product contains the true value with the probability 68.3 %.
     """
-    return float(scipy.special.stdtrit(freedom, _ONE_SIGMA))
+    below_one_sigma = scipy.special.ndtr(1.0)
+    return float(scipy.special.stdtrit(freedom, below_one_sigma))
 
 
 def average(

@@ -27,15 +27,15 @@ with units for each field that is not None.
 """
 
 import dataclasses
-import difflib
 from typing import Any, Literal, TypedDict, Unpack, overload
 
 import h5py
 import numpy as np
 
 from fitting.data.averages import average as mean_of_runs
-from fitting.data.kinds import KINDS, TRANSIENTS, AreaData, FrictionData, ModulusData, SpectrumData
+from fitting.data.kinds import KINDS, AreaData, FrictionData, ModulusData, SpectrumData
 from fitting.data.measured import DATA_FORMAT, Measured
+from fitting.data.recognition import kind_of_table, named_kind
 from fitting.data.records import Steps, read_record
 from fitting.data.slip import MomentData, SlipData, with_sign_of_slip
 from fitting.data.transients import CreepData, RelaxationData
@@ -49,11 +49,9 @@ from rubberfric.base import (
     as_path,
     check_values,
     closest,
-    listed,
     shown,
 )
 from rubberfric.io import (
-    COLUMNS,
     Frame,
     as_source,
     column_hint,
@@ -224,7 +222,7 @@ def read(
     if pressure is not None:
         _refuse(path, _present(area=area), "pressure is given, too")
     _check_numbers(path, _present(poisson=poisson, area=area, frequency=frequency, hurst=hurst))
-    cls = _kind(path, columns, poisson, kind, block, pressure is not None or area is not None)
+    cls = kind_of_table(path, columns, poisson, kind, block, pressure is not None or area is not None)
     names = {name: about.column for name, about in cls.fields().items()}
     needed = tuple(names[name] for name in cls.needed() if name not in ("pressure", "omega"))
     optional = tuple(column for column in names.values() if column not in needed)
@@ -271,7 +269,7 @@ def _check_suffix(path):
 
 def _read_hdf5(path, given, kind):
     """Return the data of an HDF5 file, which must be of the class that `kind` names unless it is None."""
-    wanted = None if kind is None else _named_kind(path, kind)
+    wanted = None if kind is None else named_kind(path, kind)
     with hdf5.reading(path, DATA_FORMAT) as file:
         hdf5.check_names(file, ("data",), ("format", "format_version", "rubberfric_version"))
         if "data" not in file:
@@ -389,54 +387,3 @@ def _made(cls, values, given, check_units):
         if name in values:
             raise ValueError(f"{name} = {shown(value)}: must not be given; the file has it")
     return cls(**values, **given, check_units=check_units)
-
-
-def _kind(path, columns, poisson, kind, block, presses):
-    """Return the class of the data in a table, which `kind` or the names of the columns determine.
-
-    `presses` is True if the caller gives the pressure or the area.
-    """
-    if kind is not None:
-        return _named_kind(path, kind)
-    names = read_names(path, columns, "E" if poisson is None else "G", block)
-    telling = {
-        column: cls
-        for cls in KINDS.values()
-        if cls is not SlipData
-        for column in (cls.fields()[cls.values[0]].column, *cls.others)
-    }
-    given = {COLUMNS[name].name for name in names if name in COLUMNS}
-    slips, speeds = given & {"slip_angle", "slip_ratio"}, given & {"v", "v_travel"}
-    if slips and speeds and {"F_n", "F_t"} <= given and not (presses or given & {"mu", "p", "A"}):
-        return SlipData
-    found = {cls for column, cls in telling.items() if column in given}
-    if "F_t" in given:  # the force comes before the moment, which `kind` chooses
-        found -= {MomentData}
-    # Programs write master curves over time beside those over frequency.
-    found = found.difference(TRANSIENTS) or found
-    if len(found) == 1:
-        return found.pop()
-    near = [
-        (name, match) for name in names[:100] for match in difflib.get_close_matches(name[:100], telling, n=1)
-    ]
-    hint = f"{shown(near[0][0])}: did you mean {near[0][1]!r}? " if near and not found else ""
-    several = "; or give kind" if len(found) > 1 else ""
-    kinds = "; ".join(f"{cls.quantity} has {', '.join(_spellings(cls))}" for cls in KINDS.values())
-    raise ValueError(
-        f"{path}: columns {listed(names)}: {hint}must be the columns of one kind of data: {kinds}{several}"
-        f"{'' if found or columns else column_hint(path)}"
-    )
-
-
-def _named_kind(path, kind):
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise ValueError(f"{path}: kind = {shown(kind)}: {closest(kind, tuple(KINDS))}")
-    return KINDS[kind]
-
-
-def _spellings(cls):
-    """Yield the names that a needed column may have in tables as one text, for every needed column."""
-    for name in cls.needed():
-        column = cls.fields()[name].column
-        offered = [name for name, about in COLUMNS.items() if about.offered and about.name == column]
-        yield " or ".join(offered or [column])

@@ -45,8 +45,10 @@ from fitting.uncertainty.intervals import drawn_errors
 from rubberfric.base import shown
 from rubberfric.plot import style
 
-# Number of points at which the distributions are compared, and of uniform samples for the envelope.
-_POINTS, _SAMPLES = 100, 2000
+# Number of points at which the distributions are compared.
+_POINTS = 100
+# Number of uniform samples for the envelope.
+_SAMPLES = 2000
 # Number of lines in a figure with a colour each, and of unreliable fits that a message names.
 _NAMED = 8
 

@@ -13,9 +13,11 @@ from fitting.results.report import aligned_table
 from fitting.uncertainty.criteria import ALONE, Criteria, criteria
 from rubberfric.base import html, optional_library
 
-# A difference of the sum of ln p is significant if it is > SMALL and > ERRORS times its standard error
-# [Sivula, Magnusson, Matamoros & Vehtari, arXiv:2008.10296].
-SMALL, ERRORS = 4.0, 2.0
+# A smaller difference of the sum of ln p is not significant [Sivula, Magnusson, Matamoros & Vehtari,
+# arXiv:2008.10296].
+SMALL = 4.0
+# A difference of fewer standard errors is not significant (Sivula et al.).
+ERRORS = 2.0
 HEADINGS = ("scene", "k", "chi-square", "reduced", "AIC", "AICc", "BIC", "LOO", "worse by", "+/-", "explains")
 _OPTIONS = ("shear", "heating", "softening")
 

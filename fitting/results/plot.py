@@ -52,10 +52,10 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
 
     Friction and area are drawn against the velocity, with one colour for each temperature, and one line style
     and marker for each pressure. E' and E'' are drawn against omega, and C against q, with logarithmic axes.
-    E'' has open symbols and dashed lines.
-    Forces and moments are drawn against the slip without its sign. The 95 % band of each curve is shaded.
-    Measured points have the error bars that the fit used. Points at velocities <= 0 and without slip are left
-    out. With more than ten different conditions, small crosses show the fitted values instead of lines.
+    E'' has open symbols and dashed lines. Forces and moments are drawn against the slip without its sign. The
+    95 % band of each curve is shaded. Measured points have the error bars that the fit used. Points at
+    velocities <= 0 and without slip are left out. With more than ten different conditions, small crosses show
+    the fitted values instead of lines.
 
     Parameters
     ----------

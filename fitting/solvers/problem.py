@@ -35,10 +35,11 @@ CONTACT_QUANTITIES = (*CURVE_QUANTITIES, *SLIP_QUANTITIES)  # predicted by the t
 ASSUMED = 0.1
 
 
-# The quadrature of a fit suits ranges of wavevectors and moduli that are larger than at the start by
-# `_MARGIN` e-folds. The fit may end `_BEYOND` e-folds outside its limits, where errors grow two- to threefold
-# per e-fold.
-_MARGIN, _BEYOND = 0.5, 1.0
+# The quadrature of a fit suits ranges of wavevectors and moduli that are larger than at the start by this
+# number of e-folds.
+_MARGIN = 0.5
+# E-folds outside these ranges at which a fit may end. Errors grow two- to threefold per e-fold.
+_BEYOND = 1.0
 
 
 class Block(NamedTuple):

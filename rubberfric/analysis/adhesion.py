@@ -33,18 +33,32 @@ from rubberfric.theory.structure import SurfaceTemperatures
 
 _DEFAULT = Quadrature()
 
-# Points evaluated at once; in the long-range limit each has some hundred loads.
-_LONG_BLOCK, _WORK_BLOCK = 4, 64
+# Points evaluated at once in the long-range limit, where each has some hundred loads.
+_LONG_BLOCK = 4
 
-# x = 1 / (2 sqrt G) of light loads, below which the limits above have errors of x^2. Exponent m from which
-# the attraction counts as proportional to the load.
-_LIGHT, _AS_THE_LOAD = 1e-4, 0.999
+# Points evaluated at once for the work of separation.
+_WORK_BLOCK = 64
+
+# x = 1 / (2 sqrt G) of light loads, below which the limits above have errors of x^2.
+_LIGHT = 1e-4
+
+# Exponent m from which the attraction counts as proportional to the load.
+_AS_THE_LOAD = 0.999
 
 # How far the best load may exceed work / range, in e-folds: near full contact nothing depends on it.
 _BEYOND = 3.0
 
-# Panels and nodes per panel over ln p; loads of a search interval, and number of searches.
-_PANELS, _NODES, _LOADS, _ROUNDS = 24, 8, 32, 6
+# Panels over ln p.
+_PANELS = 24
+
+# Gauss nodes of a panel.
+_NODES = 8
+
+# Loads of a search interval.
+_LOADS = 32
+
+# Number of searches, each in the interval that the previous one found.
+_ROUNDS = 6
 
 
 def pull_off_force(
