@@ -1,7 +1,6 @@
 """`rubberfric grip` and `rubberfric leak`: printed numbers, files, options, and errors."""
 
 import csv
-import functools
 import re
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 
 import rubberfric as rf
 from rubberfric.applications import leak_conductivity, percolation_pressure
-from rubberfric.commands import main as command
 
 SCENE = """
 title = "Small scene"
@@ -30,19 +28,8 @@ def scene_file(tmp_path):
     return path
 
 
-@pytest.fixture
-def call(call_main):
-    """Run the command in this process: exit status, stdout, stderr."""
-    return functools.partial(call_main, command.main)
-
-
-def numbers(text):
-    """The rows of numbers in a printed text."""
-    return np.array([line.split() for line in text.splitlines() if re.match(r"\s+-?\d", line)], float)
-
-
 @pytest.mark.slow
-def test_leak(call, scene_file, tmp_path):
+def test_leak(call, scene_file, tmp_path, numbers):
     out, p = tmp_path / "leak.csv", np.array([1e4, 2e4])
     status, printed, complaint = call("leak", scene_file, "--pressure", *p, *SEAL, "--out", out)
     assert (status, complaint) == (0, "")
@@ -62,7 +49,7 @@ def test_leak(call, scene_file, tmp_path):
 
 
 @pytest.mark.slow
-def test_options_of_leak(call, scene_file):
+def test_options_of_leak(call, scene_file, numbers):
     options = ("--viscosity", 0.1, "--critical-area", 0.5, "--temperature", 300.0)
     status, printed, _ = call("leak", scene_file, "--pressure", 1e4, 2e4, *SEAL, *options)
     K = leak_conductivity(rf.load_scene(scene_file), np.array([1e4, 2e4]), 300.0, 0.5)
@@ -72,7 +59,7 @@ def test_options_of_leak(call, scene_file):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "shape"), [("angle", "parabolic"), ("ratio", "uniform")])
-def test_grip(call, scene_file, kind, shape):
+def test_grip(call, scene_file, kind, shape, numbers):
     options = ("--slip", 0.02, 0.1, "--speed", 1.0, 5.0, "--load", 3e3, "--temperature", 300.0)
     chosen = ("--kind", kind, "--patch-pressure", shape)
     status, printed, complaint = call("grip", scene_file, *PATCH, *options, *chosen)
@@ -86,7 +73,7 @@ def test_grip(call, scene_file, kind, shape):
 
 
 @pytest.mark.slow
-def test_grip_of_the_patch_of_the_scene(call, scene_file):
+def test_grip_of_the_patch_of_the_scene(call, scene_file, numbers):
     in_file = "\n[patch]\nlength = 0.12\nwidth = 0.15\nstiffness = 5e7\npressure = {}\n"
     scene_file.write_text(SCENE + in_file.format('{ kind = "trapezoid", ramp = 0.2 }'))
     at = ("--slip", 0.02, 0.3, "--speed", 5.0, "--load", 3e3, "--temperature", 300.0)
