@@ -26,7 +26,7 @@ from fitting.characterise.master_curve import fit_master_curve
 from fitting.characterise.prony import fit_prony
 from fitting.characterise.softening import softening_from_sweep
 from fitting.characterise.spectrum import fit_spectrum
-from fitting.commands.arguments import HEIGHTS, reading_options
+from fitting.commands.options import HEIGHTS, reading_options
 from fitting.commands.work import Output, finish
 from fitting.data.averages import average
 from fitting.data.files import read
