@@ -22,8 +22,9 @@ READING: dict[str, dict[str, Any]] = {
         "help": '"name [unit]" of each column, "-": skip',
     },
     "kind": {
+        "nargs": "+",
         "choices": ("friction", "area", "modulus", "relaxation", "creep", "spectrum", "force", "moment"),
-        "help": "kind of data in tables that hold several",
+        "help": "kind of data in tables that hold several, or kinds to read all of them",
     },
     "check_units": {
         "flag": "--no-check-units",
