@@ -102,7 +102,8 @@ class SpectrumFit:
             return ()
         fitted = float(self.spectrum.h_rms)
         change, error = fitted / self.rms_height - 1, self.stderr.get("h_rms", np.nan) / fitted
-        text = f"rms height: fit {fitted:.4g} m, data {self.rms_height:.4g} m, {100 * change:+.1f} %"
+        percent = round(100 * change, 1) + 0.0  # no -0.0
+        text = f"rms height: fit {fitted:.4g} m, data {self.rms_height:.4g} m, {percent:+.1f} %"
         if abs(change) > max(_OTHER_HEIGHT, 2 * np.nan_to_num(error)):
             text += (
                 f", more than {_OTHER_HEIGHT:.0%} and two standard errors: the surface has waves outside"

@@ -198,6 +198,7 @@ def test_the_rms_height_of_the_data_is_compared(factor, questioned):
     height = np.sqrt(2 * np.pi * np.trapezoid(dense**2 * heights, np.log(dense)))
     assert found.rms_height == pytest.approx(height, rel=1e-5)
     fitted = float(found.spectrum.h_rms)
-    text = f"rms height: fit {fitted:.4g} m, data {height:.4g} m, {100 * (fitted / height - 1):+.1f} %"
+    percent = round(100 * (fitted / height - 1), 1) + 0.0
+    text = f"rms height: fit {fitted:.4g} m, data {height:.4g} m, {percent:+.1f} %"
     assert text in found.report() and text in found._repr_html_()
     assert ("more than 10% and two standard errors" in found.report()) == questioned
