@@ -175,9 +175,9 @@ def _known() -> dict[str, bool | int]:
 def quick_jit(**options: Any) -> Callable[[Callable[_Given, _Found]], Callable[_Given, _Found]]:
     """Return a decorator that applies jax.jit with `options` and with `quick_options`.
 
-    The decorator is for functions that are not called within another trace. The options are evaluated at each
-    call. They are not evaluated when the function is decorated, because this would start JAX, and because
-    XLA_FLAGS may change later.
+    Within another trace, such as that of a caller's jax.jit or jax.grad, the function is compiled with the
+    caller, and the options have no effect. They are evaluated at each call. They are not evaluated when the
+    function is decorated, because this would start JAX, and because XLA_FLAGS may change later.
     """
 
     def decorated(function: Callable[_Given, _Found]) -> Callable[_Given, _Found]:
@@ -189,11 +189,20 @@ def quick_jit(**options: Any) -> Callable[[Callable[_Given, _Found]], Callable[_
 
         @functools.wraps(function)
         def called(*given: _Given.args, **named: _Given.kwargs) -> _Found:
-            return compiled(quick_options() is not None)(*given, **named)
+            is_quick = quick_options() is not None and not _is_traced()
+            return compiled(is_quick)(*given, **named)
 
         return called
 
     return decorated
+
+
+def _is_traced() -> bool:
+    """Return True within a trace, in which jax.jit refuses options of the compiler."""
+    import jax
+    import jax.numpy as jnp
+
+    return isinstance(jnp.zeros(()), jax.core.Tracer)
 
 
 def exact_products(function: Callable[_Given, _Found]) -> Callable[_Given, _Found]:

@@ -36,7 +36,7 @@ from rubberfric.base.checks import (
     check_values,
     is_concrete,
 )
-from rubberfric.base.compilation import exact_products
+from rubberfric.base.compilation import exact_products, quick_jit
 from rubberfric.base.quadrature import typed
 from rubberfric.roughness.moments import moment
 from rubberfric.roughness.projections import positive_array, projection
@@ -162,7 +162,8 @@ def areal_spectrum(
     return ArealSpectrum(*_areal(q, C_1D, relative, q if at is None else positive_array("at", at), q1))
 
 
-@jax.jit
+# One call in a process is the usual case, in which compiling takes 20 times as long as computing.
+@quick_jit()
 @exact_products
 def _areal(q, C_1D, relative, at, q1):
     """Return `at`, C there, and the covariance of ln C."""

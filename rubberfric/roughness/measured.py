@@ -207,7 +207,8 @@ class MeasuredSpectrum(NamedTuple):
 
         For 64 profiles of eleven longest waves, H = 0.5 ... 1 and q_r = 2 q_0 or 4 q_0, the rms height of
         `table` is right within 2.5 % and the rms slope within 1.5 % (ten random surfaces each). With
-        q_r = q_0 the rms height is within 4.5 %, of which 2 % is the scatter of the surfaces.
+        q_r = q_0 the rms height is within 4.5 %. Its standard deviation of 2 % is the scatter of the windowed
+        heights themselves, which contain few of the longest waves.
 
         Returns
         -------

@@ -22,6 +22,7 @@ from rubberfric.base.checks import (
     check_lengths,
     check_values,
 )
+from rubberfric.base.compilation import quick_jit
 from rubberfric.base.objects.physical import check_kind
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.roughness.spectra import Spectrum, log_ratio, mean_growth
@@ -59,7 +60,7 @@ def line_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
     return _line_spectrum(spectrum, positive_array("q", q))
 
 
-@jax.jit
+@quick_jit()
 def _line_spectrum(spectrum, q):
     law = spectrum.power_law()
     pieces = _pieces(q, law.q[:-1], law.q[1:], law.log_value[:-1], law.exponent)

@@ -1,6 +1,8 @@
 """Compiler options are the same regardless of the first call."""
 
 import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
 from rubberfric.base import compilation
@@ -49,3 +51,12 @@ def test_flags_that_are_set_later_count(monkeypatch):
     with jax.disable_jit():
         assert quick_options() is None and twice(1.0) == 2.0
     assert [one is None for one in options] == [False, True]  # each compiled once
+
+
+def test_quick_compilation_joins_the_trace_of_a_caller():
+    """jax.jit would refuse options of the compiler there, also for arguments that are constants."""
+    cube = quick_jit()(lambda x: x**3)
+    assert float(cube(2.0)) == 8.0
+    assert float(jax.jit(cube)(2.0)) == 8.0 and float(jax.grad(cube)(2.0)) == 12.0
+    assert float(jax.jit(lambda x: x * cube(2.0))(3.0)) == 24.0
+    np.testing.assert_array_equal(jax.vmap(cube)(jnp.arange(3.0)), [0.0, 1.0, 8.0])
