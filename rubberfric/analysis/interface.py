@@ -14,7 +14,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from rubberfric.analysis.profiles import checked_wavevectors, contact_at_borders
+from rubberfric.analysis.scales.profiles import checked_wavevectors, contact_at_borders
 from rubberfric.base.blocks import broadcast_shape, over_points
 from rubberfric.base.checks import FINITE, ArrayLike, as_leaf, check_values, shape_of
 from rubberfric.base.quadrature import Quadrature

@@ -24,8 +24,8 @@ from jax.stages import Compiled
 from rubberfric.analysis.jacobian import uses_forward_mode
 from rubberfric.base.checks import ArrayLike
 from rubberfric.base.quadrature import Quadrature
+from rubberfric.roughness.mesh.nodes import build_mesh
 from rubberfric.roughness.moments import moment
-from rubberfric.roughness.radial_mesh import build_mesh
 from rubberfric.scene.scene import Scene, cast, rough_surfaces
 from rubberfric.theory.model import solve
 from rubberfric.theory.structure import QUANTITIES, rough_surfaces_of

@@ -35,7 +35,8 @@ from rubberfric.base.quadrature import Quadrature, chebyshev_sum, chebyshev_tran
 from rubberfric.base.roots import root
 from rubberfric.roughness.moments import safe_root
 from rubberfric.scene.patch import Patch
-from rubberfric.scene.scene import Scene, result_dtype, warn_of_conditions
+from rubberfric.scene.plausible import warn_of_conditions
+from rubberfric.scene.scene import Scene, result_dtype
 from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import friction
 

@@ -30,13 +30,8 @@ from rubberfric.io.toml import (
     scene_texts,
     string,
 )
-from rubberfric.scene.scene import (
-    Scene,
-    check_background,
-    doubts_of_conditions,
-    doubts_of_scene,
-    takes_temperature,
-)
+from rubberfric.scene.plausible import doubts_of_conditions, doubts_of_scene
+from rubberfric.scene.scene import Scene, check_background, takes_temperature
 
 KeyPath = tuple[str, ...]
 # Strings, comments, brackets and line ends of a TOML text.

@@ -60,7 +60,8 @@ from rubberfric.roughness.normalisation import (
     density_column,
     spectrum_from,
 )
-from rubberfric.scene.scene import Scene, doubts_of_conditions, doubts_of_scene
+from rubberfric.scene.plausible import doubts_of_conditions, doubts_of_scene
+from rubberfric.scene.scene import Scene
 
 # Tables of a scene file that hold conditions.
 TABLES = ("run", "map")

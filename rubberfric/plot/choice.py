@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from rubberfric.analysis.profiles import Profile
+from rubberfric.analysis.scales.profiles import Profile
 from rubberfric.analysis.sweep import Accuracy
 from rubberfric.base.atomic import StrPath, replacing
 from rubberfric.base.checks import ArrayLike

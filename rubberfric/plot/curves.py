@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from rubberfric.analysis.profiles import Profile
+from rubberfric.analysis.scales.profiles import Profile
 from rubberfric.analysis.sweep import Accuracy, Row
 from rubberfric.base.checks import ArrayLike, check_choice, check_kind
 from rubberfric.base.units import to_celsius

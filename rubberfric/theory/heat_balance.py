@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeVar
 import jax
 import jax.numpy as jnp
 
-from rubberfric.roughness.radial_mesh import Mesh
+from rubberfric.roughness.mesh.nodes import Mesh
 from rubberfric.scene.heating import (
     Diffusion,
     Heating,

@@ -14,8 +14,8 @@ import jax.numpy as jnp
 
 from rubberfric.base.compilation import exact_products
 from rubberfric.base.quadrature import Quadrature
+from rubberfric.roughness.mesh.nodes import build_mesh
 from rubberfric.roughness.moments import unscaled
-from rubberfric.roughness.radial_mesh import build_mesh
 from rubberfric.scene.interface import Adhesion, ShearLaw, difference, shear_friction
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.softening import knots

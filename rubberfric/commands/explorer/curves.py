@@ -25,7 +25,8 @@ from rubberfric.commands.explorer.sliders import changes, moved, sliders_of, wit
 from rubberfric.io.results import Conditions, check_conditions, check_plausible
 from rubberfric.io.tables import read_table
 from rubberfric.materials.material import Material, complex_modulus
-from rubberfric.scene.scene import Scene, cast, dissipates, doubts_of_conditions, takes_temperature
+from rubberfric.scene.plausible import doubts_of_conditions
+from rubberfric.scene.scene import Scene, cast, dissipates, takes_temperature
 from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import solve
 from rubberfric.theory.structure import quantities_of
