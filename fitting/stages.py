@@ -72,7 +72,7 @@ class FitInProgress:
         if not np.isfinite(costs).any():
             if was_interrupted(runs.status).any():
                 raise KeyboardInterrupt
-            raise FloatingPointError(_not_finite(self.problem, self.data))
+            raise FloatingPointError(why_not_finite(self.problem, self.data))
         self.end = runs.row(int(np.argmin(costs)))
         return [runs.row(i) for i in range(len(costs))]
 
@@ -235,7 +235,7 @@ def distinct_minima(problem: Problem, runs: Sequence[Runs]) -> tuple[Minimum, ..
     return tuple(found)
 
 
-def _not_finite(problem, data):
+def why_not_finite(problem: Problem, data: Sequence[Measured]) -> str:
     """Return the error message for a cost that is not finite at the start."""
     model, errors = model_rows(problem, problem.start), np.asarray(problem.targets.error)
     for one, where in zip(data, problem.order, strict=True):
