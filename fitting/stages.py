@@ -122,17 +122,17 @@ class FitInProgress:
         """Return reasons for further starts: bounds, implausible values, and a cost too high for chance."""
         problem = self.problem
         known = at_bounds(problem, end.x)
-        found = [f"{name} is {text}" for name, text in known.items()]
+        reasons = [f"{name} is {text}" for name, text in known.items()]
         values = problem.values(end.x)
         for name, (low, high) in implausible(problem.names, values).items():
             if name not in known:
                 value = values[problem.names.index(name)]
-                found.append(f"{name} = {value:.3g} is outside {low:g} ... {high:g}")
+                reasons.append(f"{name} = {value:.3g} is outside {low:g} ... {high:g}")
         if end.status in (STALLED, UNMOVED):
-            found.append("the fit did not converge")
+            reasons.append("the fit did not converge")
         elif not self.assumed and is_high(problem, float(end.cost)):
-            found.append("the scene does not explain the data")
-        return tuple(found)
+            reasons.append("the scene does not explain the data")
+        return tuple(reasons)
 
     def fit_further(self, seconds: float, key: jax.Array | None, decades: float) -> list[Runs]:
         """Fit from further starts if the result has faults, and return the results of these fits."""
@@ -141,8 +141,8 @@ class FitInProgress:
             return []
         before = self.end
         # The other half is for `follow_bounds`.
-        found = fit_further(self.problem, before, self.faults, self.onward, seconds / 2, key, decades)
-        self.end, runs, self.further = found
+        result = fit_further(self.problem, before, self.faults, self.onward, seconds / 2, key, decades)
+        self.end, runs, self.further = result
         if self.end is not before:
             self.judge()
         return runs
@@ -202,16 +202,16 @@ class FitInProgress:
 
     def estimate_discrepancy(self, asked: Discrepancy, scenes: Sequence[rf.Scene]) -> Discrepancy:
         """Return the discrepancy with its estimated amplitude and width, for which the fit is repeated."""
-        found = first_guess(asked, scenes)
+        latest = first_guess(asked, scenes)
         for _ in range(ROUNDS if succeeded(self.end.status) and is_open(asked) else 0):
             known = self.difference_to_law() if asked.amplitude is None else None
             estimate = averaged(self.problem, self.model, scenes, self.data, asked, known)
             if not self.go_on(with_discrepancy(self.problem, scenes, self.data, estimate)):
                 break
-            found = estimate
+            latest = estimate
             self.judge()
         solved = self.problem, self.model, scenes, self.data, asked
-        return with_remark(found, asked, solved if succeeded(self.end.status) else None)
+        return with_remark(latest, asked, solved if succeeded(self.end.status) else None)
 
     def difference_to_law(self) -> np.ndarray | None:
         """Return ln(law / theory) of all friction and area values, or None without the comparison."""
@@ -223,16 +223,16 @@ class FitInProgress:
 
 def distinct_minima(problem: Problem, runs: Sequence[Runs]) -> tuple[Minimum, ...]:
     """Return the distinct minima that the starts found, lowest first."""
-    found = []
+    minima = []
     for run in sorted(runs, key=lambda run: run.cost):
         if not succeeded(run.status):
             continue
         cost = float(run.cost)
-        if found and cost - found[-1].cost <= NEGLIGIBLE * max(1.0, found[-1].cost):
-            found[-1] = found[-1]._replace(count=found[-1].count + 1)
+        if minima and cost - minima[-1].cost <= NEGLIGIBLE * max(1.0, minima[-1].cost):
+            minima[-1] = minima[-1]._replace(count=minima[-1].count + 1)
         else:
-            found.append(Minimum(cost, 1, problem.values(run.x)))
-    return tuple(found)
+            minima.append(Minimum(cost, 1, problem.values(run.x)))
+    return tuple(minima)
 
 
 def why_not_finite(problem: Problem, data: Sequence[Measured]) -> str:

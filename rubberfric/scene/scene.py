@@ -272,14 +272,14 @@ def same(one: Scene, other: Scene) -> bool:
 def optional_parts(scene: Scene) -> set[str]:
     """Return the names of the optional parts and non-default options that a scene and its bodies have."""
     names = ("shear", "heating", "softening", "adhesion", "correlation")
-    found = {name for name in names if getattr(scene, name) is not None}
+    present = {name for name in names if getattr(scene, name) is not None}
     if scene.area_correction:
-        found.add("area_correction")
+        present.add("area_correction")
     if scene.contact_model != "paper":
-        found.add(scene.contact_model)
+        present.add(scene.contact_model)
     if any(body.softening is not None for body in (scene.lower, scene.upper)):
-        found.add("softening")
-    return found
+        present.add("softening")
+    return present
 
 
 def shifts(scene: Scene) -> list[Shift]:
@@ -289,14 +289,14 @@ def shifts(scene: Scene) -> list[Shift]:
     """
     bodies = scene.lower, scene.upper
     parts = *(body.material for body in bodies), *(body.layer for body in bodies), scene.shear
-    found = (getattr(part, "shift", None) for part in parts)
-    return [shift for shift in found if shift is not None]
+    all_shifts = (getattr(part, "shift", None) for part in parts)
+    return [shift for shift in all_shifts if shift is not None]
 
 
 def body_shifts(body: Body) -> list[Shift]:
     """Return the shifts of a body's material and of the base of its layer, as far as they exist."""
-    found = body.material.shift, None if body.layer is None else body.layer.shift
-    return [shift for shift in found if shift is not None]
+    both = body.material.shift, None if body.layer is None else body.layer.shift
+    return [shift for shift in both if shift is not None]
 
 
 def takes_temperature(scene: Scene) -> bool:

@@ -121,9 +121,9 @@ def profile(
     if scene.contact_model == "paper":
         check_without(scene, ("adhesion", "correlation"), "profile")
     q = checked_wavevectors(q, 1, conditions, scene)
-    found, converged = _profile(scene, *conditions, q, quadrature=quadrature)
+    result, converged = _profile(scene, *conditions, q, quadrature=quadrature)
     warn_of_last_iterates(scene, converged, conditions)
-    return found
+    return result
 
 
 def checked_wavevectors(
@@ -154,8 +154,8 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
     if by_law:
 
         def block(points):
-            found = over_wavevectors(surfaces[0], quadrature, q, *points)
-            return {"fluctuation": None, "energy_factor": None, **found._asdict()}
+            result = over_wavevectors(surfaces[0], quadrature, q, *points)
+            return {"fluctuation": None, "energy_factor": None, **result._asdict()}
     else:
         prepared = prepare(scene, ("area", "friction"), quadrature, surfaces=surfaces, borders=q)
         densities = []
@@ -169,7 +169,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
         total(cumulative_moment(law, order, log_ratio(jnp.maximum(q, law.q[0]), law.q[0])) for law in laws)
         for order in (2, 0)
     )
-    found = Profile(
+    result = Profile(
         q=q,
         magnification=q / first,
         rms_slope=safe_root(slope2),
@@ -179,7 +179,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
         else None,
         **results,
     )
-    return found, converged
+    return result, converged
 
 
 def default_wavevectors(
@@ -226,12 +226,14 @@ def _over_wavevectors(prepared, densities, q, points):
     background = points[2] if len(points) > 2 else None
     inside = [SurfaceTemperatures(background, background)] * len(densities)
     if temperatures is not None:
-        found = temperature_at(prepared.roughness, contact, temperatures, points, q)
+        inner_temperature = temperature_at(prepared.roughness, contact, temperatures, points, q)
         inside = [
-            SurfaceTemperatures(*(background if solid is None else found[:, solid] for solid in surface))
+            SurfaceTemperatures(
+                *(background if solid is None else inner_temperature[:, solid] for solid in surface)
+            )
             for surface in temperatures.thermal.solids
         ]
-        results |= {"temperature": jnp.mean(found, 1), "converged": temperatures.converged}
+        results |= {"temperature": jnp.mean(inner_temperature, 1), "converged": temperatures.converged}
     if not prepared.needs.mean_cos_loss:
         return results | dict.fromkeys(("friction_density", "friction"), jnp.zeros_like(G))
     terms = total(jnp.sum(values, -1) for values in contact.friction_terms().values())
