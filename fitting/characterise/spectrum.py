@@ -28,6 +28,9 @@ _SLOPES = (2.0, 4.0)
 _AT_END = 1e-6
 # Largest rms of ln(fit / measured) of a self-affine surface. Heights, as sqrt(C), are then 20 % off.
 _POOR = 0.4
+# Difference of the fitted rms height from that of the heights, which the report questions if it also exceeds
+# two standard errors. Single surfaces scatter by some percent.
+_OTHER_HEIGHT = 0.1
 # Variance of ln C due to rounding.
 _EXACT = 1e-20
 
@@ -43,12 +46,15 @@ class SpectrumFit:
     remarks : texts on points that were not used, and on parameters that were fixed because the data do not
         determine them
     fit : FitResult of the free parameters, with `stderr`, `correlation`, `interval`, `profile` ...
+    rms_height : rms height of the measured heights [m], or of the points of a table; None if it is unknown,
+        because a table has values <= 0
     """
 
     spectrum: rf.SelfAffine
     residuals: np.ndarray
     remarks: tuple[str, ...]
     fit: FitResult
+    rms_height: float | None = None
 
     @property
     def rms(self) -> float:
@@ -73,6 +79,7 @@ class SpectrumFit:
             f"Self-affine spectrum of {self.fit.data[0].label}",
             f"    {self.fit.message}",
             f"    {self._misfit}",
+            *(f"    {text}" for text in self._heights),
             *(f"    {remark}" for remark in self.remarks),
         ]
         lines += [f"    {name:>6} [{unit}] {value:>11}  {more}" for name, unit, value, more in self._rows()]
@@ -88,11 +95,27 @@ class SpectrumFit:
             text += ": poor; the surface is not self-affine: use a TabulatedSpectrum (--table)"
         return text
 
+    @property
+    def _heights(self):
+        """Rms heights of the fit and of the data, and a judgement if they differ much; or ()."""
+        if self.rms_height is None:
+            return ()
+        fitted = float(self.spectrum.h_rms)
+        change, error = fitted / self.rms_height - 1, self.stderr.get("h_rms", np.nan) / fitted
+        percent = round(100 * change, 1) + 0.0  # no -0.0
+        text = f"rms height: fit {fitted:.4g} m, data {self.rms_height:.4g} m, {percent:+.1f} %"
+        if abs(change) > max(_OTHER_HEIGHT, 2 * np.nan_to_num(error)):
+            text += (
+                f", more than {_OTHER_HEIGHT:.0%} and two standard errors: the surface has waves outside"
+                " q0 ... q1, or is not self-affine: use a TabulatedSpectrum (--table)"
+            )
+        return (text,)
+
     def _repr_html_(self) -> str:
         rows = [
             (name, f"{value} {unit}".removesuffix(" -"), more) for name, unit, value, more in self._rows()
         ]
-        rows += [*self.remarks, self._misfit]
+        rows += [*self.remarks, self._misfit, *self._heights]
         caption = f"Self-affine spectrum of {self.fit.data[0].label}: {self.fit.message}"
         return html.table(rows, ("parameter", "value", "error"), caption)
 
@@ -184,6 +207,7 @@ def fit_spectrum(
     if isinstance(data, rf.TabulatedSpectrum):
         own = [None if end is None else float(end) for end in (data.q0, data.q1)]
         q0, q1 = (end if given is None else given for given, end in zip((q0, q1), own, strict=True))
+    rms_height = data.rms_height if isinstance(data, MeasuredSpectrum) else None
     if isinstance(data, MeasuredSpectrum | ArealSpectrum):
         own = resolved_ends(data)
         q0, q1 = (end if given is None else given for given, end in zip((q0, q1), own, strict=True))
@@ -223,10 +247,19 @@ def fit_spectrum(
         at = q0 if "lower" in why else q1
         fitted = fit_spectrum(data, q0=q0, q1=q1, qr=at, hurst=hurst, body=None if data.body else body)
         remarks.append(f"the roll-off is not within q0 ... q1: qr is held at {at:.4g} 1/m")
-        return dataclasses.replace(fitted, remarks=tuple(remarks))
+        return dataclasses.replace(fitted, remarks=tuple(remarks), rms_height=rms_height or fitted.rms_height)
     model = np.asarray(rf.power_spectrum(spectrum, np.clip(data.q, q0 * (1 + 1e-12), q1 * (1 - 1e-12))))
     residuals = np.log(model / np.where(data.C > 0, data.C, np.nan))
-    return SpectrumFit(spectrum, residuals, tuple(remarks), result)
+    if rms_height is None and q0 == data.q.min() and q1 == data.q.max():
+        rms_height = _height_of_points(data)
+    return SpectrumFit(spectrum, residuals, tuple(remarks), result, rms_height)
+
+
+def _height_of_points(data):
+    """Return the rms height of a log-log linear table of the points, or None if it has values <= 0."""
+    q, first = np.unique(data.q, return_index=True)
+    C = data.C[first]
+    return float(rf.roughness.rms_height(rf.TabulatedSpectrum(q, C))) if np.all(C > 0) else None
 
 
 def _data(data, relative, body):
