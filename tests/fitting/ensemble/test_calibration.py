@@ -134,6 +134,7 @@ def test_ranks_and_coverage_of_evenly_spaced_places():
     assert fitting.Calibration(("a",), end, end, end, end, 0).ranks(99).tolist() == [[0], [99]]
 
 
+@pytest.mark.slow
 def test_an_interrupted_calibration_has_the_fits_that_ended(monkeypatch):
     q = np.geomspace(2e3, 2e4, 7)
     plan, path = fitting.SpectrumData(q, np.ones(7), relative=0.4), "lower.spectrum.h_rms"
