@@ -60,6 +60,12 @@ def read_traces(path: StrPath, outliers: float | None = None) -> tuple[np.ndarra
     Raises
     ------
     ValueError : no numbers, fewer than two columns, a unit that is not a length, or an invalid number
+
+    Examples
+    --------
+    >>> x, heights = rf.io.read_traces("data/laboratory/stylus.csv")
+    >>> heights.shape, round(1e3 * float(x[-1]), 6)
+    ((6, 2048), 20.47)
     """
     text = read_export(path)
     found = above_numbers(text)
@@ -172,6 +178,13 @@ def read_heights(
     ValueError : the file has no numbers, no unit, positions that form no grid, several heights for one point,
         rows that are not numbers or have different lengths, rows of positions, or more than a quarter of
         holes. The message names the file and the fault.
+
+    Examples
+    --------
+    >>> np.savetxt("map.txt", [[1.0, 2.0, 3.0], [3.0, np.nan, 5.0]])
+    >>> found = rf.io.read_heights("map.txt", spacing=1e-6, unit="um")
+    >>> found.heights.shape, round(1e6 * float(found.heights[1, 1]), 3), round(found.holes, 3)
+    ((2, 3), 3.333, 0.167)
     """
     titles, values = _table(path)
     count = values.shape[1]
