@@ -96,6 +96,15 @@ def pull_off_force(
     Limits: in the long-range limit W is up to 14 % below boundary elements at Tabor number 0.1, and 6 to 60 %
     below at 0.3. The error is largest if W is a small part of the work of adhesion
     (tests/rubberfric/theory/area/test_adhesive_elements.py).
+
+    Examples
+    --------
+    Roughness lowers the force of a seal on a sphere of 1 cm below JKR's 3 pi R work / 2:
+
+    >>> scene = rf.load_scene("data/rubber_seal.toml").replace("adhesion.work", 0.05)
+    >>> force = float(rf.analysis.pull_off_force(scene, radius=1e-2, pressure=1e5))
+    >>> round(force / (1.5 * np.pi * 1e-2 * 0.05), 3)  # the rest is elastic energy
+    0.855
     """
     adhesion = scene.adhesion
     if adhesion is None:
