@@ -15,7 +15,7 @@ from fitting.characterise.prony import over_frequency
 from fitting.characterise.prony_series import Response
 from fitting.characterise.shift_laws import ShiftLaw, arrhenius_through, wlf_through
 from fitting.characterise.sweep_shifts import ENTROPIC, Shifts, shifts_of
-from fitting.characterise.sweeps import sweeps_of
+from fitting.characterise.sweeps import superposed, sweeps_of
 from fitting.data.kinds import ModulusData
 from fitting.parameters.constraints import is_number
 from fitting.parameters.priors import Prior
@@ -345,7 +345,7 @@ def fit_master_curve(
     count = [np.maximum(np.isfinite(rest[:, which == i]).sum(axis=1), 1) for i in range(T.size)]
     omega = np.exp(np.concatenate([one.t for one in sweeps]))
     curve = MasterCurve(
-        data=_shifted(measured, sweeps, shifts.t, y, order),
+        data=superposed(measured, sweeps, shifts.t, y, order),
         T=T,
         reference=nearest,
         shifts=shifts,
@@ -376,22 +376,3 @@ def _check(reference, vertical, same, temperature_error):
         raise ValueError(f"temperature_error = {shown(temperature_error)}: must be a number >= 0 [K]")
     if reference is not None and not (is_number(reference) and reference > 0):
         raise ValueError(f"reference = {shown(reference)}: must be None or a temperature > 0 [K]")
-
-
-def _shifted(isotherms, sweeps, t, y, order):
-    """Return the points `order` of all sweeps at the reduced ln omega t, with ln E = y."""
-    sets = [isotherms] if isinstance(isotherms, ModulusData) else isotherms
-    errors = {}
-    if sweeps[0].error is not None:
-        relative = np.concatenate([one.error for one in sweeps if one.error is not None], axis=1)
-        sigma = np.exp(y) * relative
-        errors = {"sigma_storage": sigma[0, order], "sigma_loss": sigma[1, order]}
-    bodies = {one.body for one in sets}
-    return ModulusData(
-        np.exp(t[order]),
-        *np.exp(y[:, order]),
-        **errors,
-        name=f"master curve of {sets[0].name}" if sets[0].name and len(sets) == 1 else "master curve",
-        body=bodies.pop() if len(bodies) == 1 else None,
-        check_units=False,
-    )
