@@ -43,6 +43,17 @@ class MasterCurve:
     offsets : mean of ln E' and of ln E'' minus the smooth curve for every sweep, shape (2, n)
     offset_errors : standard errors of `offsets`, from the scatter of the points, shape (2, n)
     bad_points : ("E'" or "E''", T [K], omega [rad/s]) of points <= 0 or beyond four standard deviations
+
+    Examples
+    --------
+    >>> curve = fitting.fit_master_curve(fitting.read("data/laboratory/dma_isothermen.csv"))
+    >>> law = curve.wlf.shift
+    >>> round(float(law.C1)), round(float(law.C2)), round(float(curve.T_ref))
+    (12, 151, 293)
+    >>> print(curve.report().splitlines()[0])
+    Master curve of 15 sweeps at 293.153 K, 0.000219 ... 2.2e+13 rad/s
+    >>> list(curve.to_dataframe("shifts"))[:2]
+    ['T [K]', 'aT [-]']
     """
 
     data: ModulusData
@@ -321,6 +332,15 @@ def fit_master_curve(
     vertical shift (T/T_ref)^m, m = 0 +/- 0.25. If `vertical` is False, but the moduli fit much better with
     a power of T/T_ref, ln a_T allows for this factor, and the report says so. The report recommends
     "entropic" only if the moduli rise about as the entropic b_T, otherwise True.
+
+    Examples
+    --------
+    At -50 °C a_T is e^24, as of the WLF shift with C1 = 12 and C2 = 150 K that made these data:
+
+    >>> data = fitting.read("data/laboratory/dma_isothermen.csv")
+    >>> curve = fitting.fit_master_curve(data, reference=293.15)
+    >>> round(float(curve.T[0]) - 273.15), round(float(curve.log_aT[0])), round(float(curve.stderr[0]), 1)
+    (-50, 24, 0.3)
     """
     _check(reference, vertical, same, temperature_error)
     measured: Any = over_frequency(isotherms, float(same))

@@ -43,6 +43,18 @@ class SpectrumFit:
     remarks : texts on points that were not used, and on parameters that were fixed because the data do not
         determine them
     fit : FitResult of the free parameters, with `stderr`, `correlation`, `interval`, `profile` ...
+
+    Examples
+    --------
+    A slope -2 (1 + H) of 21 points with errors of 10 % over two decades determines H to 0.8 %:
+
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
+    >>> q = np.geomspace(100.0, 1e5, 31)
+    >>> found = fitting.fit_spectrum(fitting.SpectrumData(q, rf.power_spectrum(road, q), relative=0.1))
+    >>> round(float(found.spectrum.hurst), 3), round(float(found.stderr["hurst"]), 3), bool(found.rms < 1e-3)
+    (0.8, 0.008, True)
+    >>> print(found.report().splitlines()[0])
+    Self-affine spectrum of spectrum, 31 points
     """
 
     spectrum: rf.SelfAffine
