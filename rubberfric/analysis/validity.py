@@ -154,6 +154,15 @@ def theory_error(scene: Scene, area: ArrayLike | None = None) -> TheoryError | N
     The ranges are widened, because the materials of a scene may differ from the materials of the cases. They
     contain at least 90 % of the area and of the friction of cases that the ranges were not made from, 91 % if
     relaxation times are closer than a decade (notebooks/law_elements.py, kind "other material").
+
+    Examples
+    --------
+    Where A/A0 is 2 %, boundary elements have 0.93 to 1.5 times the area of the theory:
+
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> found = rf.analysis.theory_error(scene, area=0.02)
+    >>> found.area, found.friction, found.relaxation  # theory / boundary elements
+    ((0.66, 1.08), (0.23, 1.19), 'broad')
     """
     if not _covered(scene):
         return None
@@ -243,6 +252,15 @@ def friction_outside_table(
     Raises
     ------
     ValueError : as `contact_area`, or a scene without a tabulated modulus.
+
+    Examples
+    --------
+    The share of the friction that follows from the table itself, at 0.1 nm/s and at 1 cm/s:
+
+    >>> scene = rf.load_scene("data/tabulated_tread.toml")
+    >>> outside = rf.analysis.friction_outside_table(scene, np.array([1e-10, 1e-2]), 0.15e6)
+    >>> (1 - outside).round(2)
+    Array([0.62, 1.  ], dtype=float64)
     """
     tabulated = tabulated_solids(scene)
     if not tabulated:

@@ -144,16 +144,7 @@ def save_plot(path: StrPath, result: Result) -> None:
 
 
 def save_accuracy_plot(path: StrPath, accuracy: Accuracy, title: str = "") -> None:
-    """Plot a sweep of errors over run time, and save the figure to a file.
-
-    Examples
-    --------
-    >>> road = rf.Body(rf.Rigid(), rf.SelfAffine(q0=1e3, qr=1e3, q1=1e4, hurst=0.8, h_rms=20e-6))
-    >>> scene = rf.Scene(road, rf.Body(rf.Prony(E_inf=3e6, E=[3e6], tau=[1e-3])))
-    >>> options = {"settings": [rf.Quadrature(order=9)], "textbook": (), "repeats": 1}
-    >>> found = rf.analysis.accuracy(scene, 0.1, 1e5, **options)
-    >>> rf.plot.save_accuracy_plot("accuracy.pdf", found, title="Two decades of roughness")
-    """
+    """Plot a sweep of errors over run time, and save the figure to a file."""
     ax = plot_accuracy(accuracy)
     ax.set_title(title, fontsize="medium", wrap=True)
     save_figure(path, ax.figure)

@@ -38,15 +38,6 @@ def plot_accuracy(accuracy: Accuracy, ax: Axes | None = None, *, unit: Row | Non
     Raises
     ------
     ValueError : if `accuracy` or `ax` has the wrong type.
-
-    Examples
-    --------
-    >>> road = rf.Body(rf.Rigid(), rf.SelfAffine(q0=1e3, qr=1e3, q1=1e4, hurst=0.8, h_rms=20e-6))
-    >>> scene = rf.Scene(road, rf.Body(rf.Prony(E_inf=3e6, E=[3e6], tau=[1e-3])))
-    >>> options = {"settings": [rf.Quadrature(order=9)], "textbook": (), "repeats": 1}
-    >>> ax = rf.plot.plot_accuracy(rf.analysis.accuracy(scene, 0.1, 1e5, **options))
-    >>> ax.get_xlabel()
-    'run time [ms]'
     """
     check_kind("accuracy", accuracy, Accuracy)
     ax = one_axes(ax, (8.0, 4.2))
