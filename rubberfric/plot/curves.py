@@ -69,11 +69,11 @@ def plot_result(
     >>> [ax.get_ylabel().split()[0] for ax in axes]
     ['contact', 'friction']
     """
-    found = curves_of(result, velocity, pressure, temperature)
-    names = [name for name in PANELS if getattr(found.solution, name) is not None]
-    ax = several_axes(ax, names, (6.4, 0.8 + 2.3 * len(names)), found.title)
+    curves = curves_of(result, velocity, pressure, temperature)
+    names = [name for name in PANELS if getattr(curves.solution, name) is not None]
+    ax = several_axes(ax, names, (6.4, 0.8 + 2.3 * len(names)), curves.title)
     for i, (name, axes) in enumerate(zip(names, ax, strict=True)):
-        _draw(axes, found, name, named=i == 0)
+        _draw(axes, curves, name, named=i == 0)
     decades(ax[-1].xaxis, VELOCITY)
     return ax
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rubberfric.analysis.profiles import Profile
+from rubberfric.analysis.scales.profiles import Profile
 from rubberfric.base.checks import check_kind
 from rubberfric.plot.style import Panels, decades, legend, looks, several_axes
 
