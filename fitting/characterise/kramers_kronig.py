@@ -67,10 +67,10 @@ class KramersKronig:
     --------
     >>> omega = np.logspace(-2, 4, 25)
     >>> E = np.asarray(rf.complex_modulus(rf.Prony(1e6, [1e6, 2e6, 4e6], [1.0, 1e-1, 1e-2]), omega))
-    >>> found = fitting.kramers_kronig(fitting.ModulusData(omega, E.real, E.imag, relative=0.01))
-    >>> found.consistent, bool(found.rms < 0.01), bool(found.chance > 0.05)
+    >>> check = fitting.kramers_kronig(fitting.ModulusData(omega, E.real, E.imag, relative=0.01))
+    >>> check.consistent, bool(check.rms < 0.01), bool(check.chance > 0.05)
     (True, True, True)
-    >>> print(found.report().splitlines()[0])
+    >>> print(check.report().splitlines()[0])
     E' and E'' of modulus, 25 points, 0.01 ... 1e+04 rad/s
     """
 
@@ -264,8 +264,8 @@ def kramers_kronig(
 
     >>> omega = np.logspace(-2, 4, 25)
     >>> E = np.asarray(rf.complex_modulus(rf.Prony(1e6, [1e6, 2e6, 4e6], [1.0, 1e-1, 1e-2]), omega))
-    >>> found = fitting.kramers_kronig(fitting.ModulusData(omega, E.real, 1.2 * E.imag, relative=0.01))
-    >>> found.consistent, round(found.rms, 2)
+    >>> check = fitting.kramers_kronig(fitting.ModulusData(omega, E.real, 1.2 * E.imag, relative=0.01))
+    >>> check.consistent, round(check.rms, 2)
     (False, 0.18)
     """
     if not (is_number(per_decade) and 0 < per_decade <= 10):

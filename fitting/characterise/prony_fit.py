@@ -59,15 +59,15 @@ class PronyFit(WithUncertainty):
     --------
     >>> omega = np.logspace(-1, 3, 20)
     >>> E = np.asarray(rf.complex_modulus(rf.Prony(1e6, [1e7], [1e-2]), omega))
-    >>> found = fitting.fit_prony(fitting.ModulusData(omega, E.real, E.imag, relative=0.02), tau=[1e-2])
-    >>> print(found.report())
+    >>> series = fitting.fit_prony(fitting.ModulusData(omega, E.real, E.imag, relative=0.02), tau=[1e-2])
+    >>> print(series.report())
     Prony series of modulus, 20 points: 1 terms, tau = 0.01 ... 0.01 s
         converged: the data are met to rounding
         rms of ln(fit / measured): E' 0.00%, E'' 0.00%
            tau [s]      E [Pa]
                inf       1e+06  +/- 5.9e+03 (0.6%)
               0.01       1e+07  +/- 4e+04 (0.4%)
-    >>> found.moduli([1e2]).loss.round(-3)
+    >>> series.moduli([1e2]).loss.round(-3)
     array([5000000.])
     """
 

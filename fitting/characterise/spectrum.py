@@ -50,10 +50,10 @@ class SpectrumFit:
 
     >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
     >>> q = np.geomspace(100.0, 1e5, 31)
-    >>> found = fitting.fit_spectrum(fitting.SpectrumData(q, rf.power_spectrum(road, q), relative=0.1))
-    >>> round(float(found.spectrum.hurst), 3), round(float(found.stderr["hurst"]), 3), bool(found.rms < 1e-3)
+    >>> road_fit = fitting.fit_spectrum(fitting.SpectrumData(q, rf.power_spectrum(road, q), relative=0.1))
+    >>> round(float(road_fit.spectrum.hurst), 3), round(float(road_fit.stderr["hurst"]), 3), bool(road_fit.rms < 1e-3)
     (0.8, 0.008, True)
-    >>> print(found.report().splitlines()[0])
+    >>> print(road_fit.report().splitlines()[0])
     Self-affine spectrum of spectrum, 31 points
     """
 
@@ -189,8 +189,8 @@ def fit_spectrum(
     --------
     >>> x, traces = rf.io.read_traces("data/laboratory/stylus.csv")
     >>> measured = rf.roughness.spectrum_of_profile(x, traces, per_decade=10)
-    >>> found = fitting.fit_spectrum(measured).spectrum
-    >>> round(float(found.hurst), 2), round(1e6 * float(found.h_rms))  # the height in µm
+    >>> spectrum = fitting.fit_spectrum(measured).spectrum
+    >>> round(float(spectrum.hurst), 2), round(1e6 * float(spectrum.h_rms))  # the height in µm
     (0.87, 156)
     """
     if isinstance(data, rf.TabulatedSpectrum):

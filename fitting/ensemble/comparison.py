@@ -139,8 +139,8 @@ def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Compariso
     >>> series = {"one": two.replace(E=[1e7], tau=[1e-2]), "two": two}
     >>> free = {"upper.material.E": fitting.Positive(), "upper.material.tau": fitting.Positive()}
     >>> fits = {n: fitting.fit(scene.replace("upper.material", x), data, free) for n, x in series.items()}
-    >>> found = fitting.compare(fits)
-    >>> found.best, [variant.name for variant in found.alike]
+    >>> comparison = fitting.compare(fits)
+    >>> comparison.best, [variant.name for variant in comparison.alike]
     ('two', ['two'])
     """
     named = _named(results)

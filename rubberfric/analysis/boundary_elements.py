@@ -140,8 +140,8 @@ def boundary_element(
     >>> import jax
     >>> road = rf.Body(rf.Rigid(), rf.SelfAffine(q0=1e3, qr=1e3, q1=8e3, hurst=0.8, h_rms=50e-6))
     >>> scene = rf.Scene(road, rf.Body(rf.Prony(E_inf=3e6, E=[10e6], tau=[1e-3])))
-    >>> found = rf.analysis.boundary_element(scene, 0.5, 1e5, jax.random.key(0), grid=64, periods=2.0)
-    >>> found.converged, round(found.area, 2), round(float(rf.contact_area(scene, 0.5, 1e5)), 2)
+    >>> contact = rf.analysis.boundary_element(scene, 0.5, 1e5, jax.random.key(0), grid=64, periods=2.0)
+    >>> contact.converged, round(contact.area, 2), round(float(rf.contact_area(scene, 0.5, 1e5)), 2)
     (True, 0.14, 0.11)
     """
     bodies = _rough_first(scene)
@@ -184,8 +184,8 @@ def sliding_contact(
     >>> x = np.arange(64) / 64
     >>> heights = 10e-6 * np.cos(2 * np.pi * x)[:, None] * np.ones(64)
     >>> full = np.pi * 3e6 / 0.75 * 10e-6 / 1e-3  # pi E_r amplitude / wavelength
-    >>> found = rf.analysis.sliding_contact(heights, 1e-3, rf.Elastic(3e6, 0.5), 0.0, full / 2)
-    >>> round(found.area, 1), round(float(found.pressure.mean() / full), 3)
+    >>> contact = rf.analysis.sliding_contact(heights, 1e-3, rf.Elastic(3e6, 0.5), 0.0, full / 2)
+    >>> round(contact.area, 1), round(float(contact.pressure.mean() / full), 3)
     (0.5, 0.5)
     """
     bodies = Body(Rigid()), Body(material)

@@ -303,8 +303,8 @@ def quadrature_for(
     --------
     >>> road = rf.Body(rf.Rigid(), rf.SelfAffine(q0=1e3, qr=1e3, q1=1e4, hurst=0.8, h_rms=20e-6))
     >>> scene = rf.Scene(road, rf.Body(rf.Prony(E_inf=3e6, E=[3e6], tau=[1e-3])))
-    >>> found = rf.analysis.quadrature_for(scene, 1e-4, 0.1, 1e5, gradients=False)
-    >>> found.order, found.panels
+    >>> setting = rf.analysis.quadrature_for(scene, 1e-4, 0.1, 1e5, gradients=False)
+    >>> setting.order, setting.panels
     (4, 3)
     """
     check_error(error)

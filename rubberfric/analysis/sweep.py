@@ -281,8 +281,8 @@ def accuracy(
     >>> road = rf.Body(rf.Rigid(), rf.SelfAffine(q0=1e3, qr=1e3, q1=1e4, hurst=0.8, h_rms=20e-6))
     >>> scene = rf.Scene(road, rf.Body(rf.Prony(E_inf=3e6, E=[3e6], tau=[1e-3])))
     >>> options = {"settings": [rf.Quadrature()], "textbook": (), "repeats": 1}
-    >>> found = rf.analysis.accuracy(scene, 0.1, 1e5, error=1e-6, **options)
-    >>> found.chosen.setting == rf.Quadrature(), rf.plot.plot_accuracy(found).get_xlabel()
+    >>> sweep = rf.analysis.accuracy(scene, 0.1, 1e5, error=1e-6, **options)
+    >>> sweep.chosen.setting == rf.Quadrature(), rf.plot.plot_accuracy(sweep).get_xlabel()
     (True, 'run time [ms]')
     """
     check_error(error)

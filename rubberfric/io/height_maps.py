@@ -182,8 +182,8 @@ def read_heights(
     Examples
     --------
     >>> np.savetxt("map.txt", [[1.0, 2.0, 3.0], [3.0, np.nan, 5.0]])
-    >>> found = rf.io.read_heights("map.txt", spacing=1e-6, unit="um")
-    >>> found.heights.shape, round(1e6 * float(found.heights[1, 1]), 3), round(found.holes, 3)
+    >>> surface = rf.io.read_heights("map.txt", spacing=1e-6, unit="um")
+    >>> surface.heights.shape, round(1e6 * float(surface.heights[1, 1]), 3), round(surface.holes, 3)
     ((2, 3), 3.333, 0.167)
     """
     titles, values = _table(path)

@@ -99,10 +99,10 @@ def join_spectra(
     >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e6, hurst=0.8, h_rms=0.5e-3)
     >>> q = np.array([1e5, 1e6])
     >>> microscope = rf.TabulatedSpectrum(q, 1.21 * rf.power_spectrum(road, q))
-    >>> found = rf.roughness.join_spectra(rf.with_cutoff(road, 0.9), microscope)
-    >>> print(found.report())
+    >>> joined = rf.roughness.join_spectra(rf.with_cutoff(road, 0.9), microscope)
+    >>> print(joined.report())
     gap 8480 ... 1e+05 1/m: the upper spectrum is 1.21 times the lower
-    >>> round(float(np.exp(found.joints[0].jump / 2)), 3)
+    >>> round(float(np.exp(joined.joints[0].jump / 2)), 3)
     1.1
     """
     if len(spectra) < 2:

@@ -144,8 +144,8 @@ def areal_spectrum(
     Examples
     --------
     >>> q = np.geomspace(1e3, 1e5, 5)
-    >>> found = rf.roughness.areal_spectrum(q, np.pi / 200 * q**-3)
-    >>> (100 * np.asarray(found.C) * q**4).round(4)
+    >>> areal = rf.roughness.areal_spectrum(q, np.pi / 200 * q**-3)
+    >>> (100 * np.asarray(areal.C) * q**4).round(4)
     array([1., 1., 1., 1., 1.])
     """
     q, C_1D = (as_leaf(name, value, 1) for name, value in (("q", q), ("C_1D", C_1D)))

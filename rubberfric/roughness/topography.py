@@ -99,8 +99,8 @@ def spectrum_of_profile(
     Examples
     --------
     >>> x, traces = rf.io.read_traces("data/laboratory/stylus.csv")
-    >>> found = rf.roughness.spectrum_of_profile(x, traces, per_decade=10)
-    >>> round(1e6 * float(found.rms_height))  # in µm
+    >>> measured = rf.roughness.spectrum_of_profile(x, traces, per_decade=10)
+    >>> round(1e6 * float(measured.rms_height))  # in µm
     143
     """
     height = _heights(height, 1)
@@ -153,8 +153,8 @@ def spectrum_of_topography(
     --------
     >>> x = 1e-3 * np.arange(64) / 64
     >>> heights = 1e-6 * np.sin(2 * np.pi * x / 125e-6)[:, None] * np.ones(64)
-    >>> found = rf.roughness.spectrum_of_topography(heights, dx=x[1], window="none", detrend=0)
-    >>> round(1e6 * float(found.h_rms), 4)  # in µm
+    >>> measured = rf.roughness.spectrum_of_topography(heights, dx=x[1], window="none", detrend=0)
+    >>> round(1e6 * float(measured.h_rms), 4)  # in µm
     0.7071
     """
     heights = _heights(heights, 2)
@@ -339,8 +339,8 @@ def spectrum_of_surface(topography: Any, *, unit: str | None = None, **options: 
     ...     physical_sizes, nb_grid_pts, unit, is_periodic = (10.0,), (1000,), "mm", True
     ...     def heights(self):
     ...         return 1e-3 * np.sin(2 * np.pi * np.arange(1000) / 50)
-    >>> found = rf.roughness.spectrum_of_surface(LineScan())
-    >>> round(1e6 * float(found.rms_height), 4), found.dimensions  # in µm; C_1D of a line
+    >>> measured = rf.roughness.spectrum_of_surface(LineScan())
+    >>> round(1e6 * float(measured.rms_height), 4), measured.dimensions  # in µm; C_1D of a line
     (0.7071, 1)
     """
     for name in _NEEDED:

@@ -102,8 +102,8 @@ class Heating(PhysicalObject):
     >>> cold = rf.load_scene("data/tread_on_asphalt.toml")
     >>> heating = rf.Heating(density=1.2e3, heat_capacity=1.6e3, conductivity=0.23, radius=2e-3)
     >>> hot = cold.replace(heating=heating)
-    >>> found = rf.solve(hot, 1.0, 0.3e6, 293.15, quantities=("friction", "flash_temperature"))
-    >>> round(float(found.flash_temperature) - 293.15), round(float(found.friction), 3)
+    >>> solution = rf.solve(hot, 1.0, 0.3e6, 293.15, quantities=("friction", "flash_temperature"))
+    >>> round(float(solution.flash_temperature) - 293.15), round(float(solution.friction), 3)
     (4, 0.122)
     >>> round(float(rf.friction(cold, 1.0, 0.3e6, 293.15)), 3)
     0.13

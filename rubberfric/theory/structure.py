@@ -43,14 +43,14 @@ class Solution(NamedTuple):
     --------
     >>> scene = rf.load_scene("data/sheared_tread_on_asphalt.toml")
     >>> v, p = np.array([1e-4, 1e-2]), 0.15e6
-    >>> found = rf.solve(scene, v, p, quantities=("friction", "shear_friction"))
-    >>> (found.shear_friction / found.friction).round(3)
+    >>> solution = rf.solve(scene, v, p, quantities=("friction", "shear_friction"))
+    >>> (solution.shear_friction / solution.friction).round(3)
     Array([0.918, 0.895], dtype=float64)
-    >>> found.area is None
+    >>> solution.area is None
     True
-    >>> list(found.to_dataframe(v, p))
+    >>> list(solution.to_dataframe(v, p))
     ['velocity [m/s]', 'pressure [Pa]', 'friction [-]', 'shear_friction [-]']
-    >>> dict(found.to_xarray(v, p).sizes)
+    >>> dict(solution.to_xarray(v, p).sizes)
     {'velocity': 2}
     """
 
