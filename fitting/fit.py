@@ -119,8 +119,8 @@ def fit(
     >>> v = np.logspace(-5, 0, 12)
     >>> data = fitting.FrictionData(v, rf.friction(scene, v, 0.15e6), pressure=0.15e6, relative=0.03)
     >>> guess = scene.replace("lower.spectrum.hurst", 0.7)
-    >>> found = fitting.fit(guess, data, {"lower.spectrum.hurst": fitting.Bounded(0.3, 1.0)})
-    >>> round(float(found.scene.lower.spectrum.hurst), 4)
+    >>> result = fitting.fit(guess, data, {"lower.spectrum.hurst": fitting.Bounded(0.3, 1.0)})
+    >>> round(float(result.scene.lower.spectrum.hurst), 4)
     0.8
     """
     began = time.perf_counter()
