@@ -309,6 +309,13 @@ def write(path: StrPath, data: Measured) -> None:
     ------
     ValueError
         `data` is not measured data, or `Measured.write` raises ValueError. The message is one line.
+
+    Examples
+    --------
+    >>> data = fitting.FrictionData([1e-3, 1e-2], [0.8, 1.0], pressure=2e5, relative=0.03)
+    >>> fitting.write("friction.csv", data)
+    >>> fitting.read("friction.csv").friction
+    array([0.8, 1. ])
     """
     if type(data) not in KINDS.values():
         kinds = ", ".join(cls.__name__ for cls in KINDS.values())

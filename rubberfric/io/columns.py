@@ -210,6 +210,13 @@ def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:
     -------
     Tuple of the name in `rubberfric.io.COLUMNS` and the unit as written. The unit is None if the title has no
     unit. An unknown title gives (None, None).
+
+    Examples
+    --------
+    >>> rf.io.known_name("Speichermodul (MPa)"), rf.io.known_name("Sliding velocity [mm/s]")
+    (('E_stor', 'MPa'), ('v', 'mm/s'))
+    >>> rf.io.known_name("storage modulus", generic="G")
+    ('G_stor', None)
     """
     title = title.strip()
     if len(title) > LONGEST_TITLE:
@@ -256,6 +263,11 @@ def known_unit(unit: str | None, name: str | None) -> str:
     Parameters
     ----------
     unit, name : results of `known_name`. A missing unit becomes "-".
+
+    Examples
+    --------
+    >>> rf.io.known_unit("[N/mm²]", "E_stor"), rf.io.known_unit(None, "mu")
+    ('MPa', '-')
     """
     unit = _AROUND.sub(r"\1", (unit or "").strip()).strip()
     units = COLUMNS[name].units if name in COLUMNS else ()

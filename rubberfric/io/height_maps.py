@@ -63,6 +63,12 @@ def read_traces(path: StrPath, outliers: float | None = None) -> tuple[np.ndarra
     Raises
     ------
     ValueError : no numbers, fewer than two columns, a unit that is not a length, or an invalid number
+
+    Examples
+    --------
+    >>> x, heights = rf.io.read_traces("data/laboratory/stylus.csv")
+    >>> heights.shape, round(1e3 * float(x[-1]), 6)
+    ((6, 2048), 20.47)
     """
     text = read_export(path)
     found = above_numbers(text)
@@ -176,6 +182,13 @@ def read_heights(
     ValueError : the file has no numbers, no unit, positions that form no grid, several heights for one point,
         rows that are not numbers or have different lengths, rows of positions, or more than a quarter of
         holes. The message names the file and the fault.
+
+    Examples
+    --------
+    >>> np.savetxt("map.txt", [[1.0, 2.0, 3.0], [3.0, np.nan, 5.0]])
+    >>> surface = rf.io.read_heights("map.txt", spacing=1e-6, unit="um")
+    >>> surface.heights.shape, round(1e6 * float(surface.heights[1, 1]), 3), round(surface.holes, 3)
+    ((2, 3), 3.333, 0.167)
     """
     titles, values, header = _table(path)
     spacing, unit = _stated(path, values, header, spacing, unit)

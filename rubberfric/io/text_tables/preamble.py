@@ -55,6 +55,13 @@ def stated_frequency(path: StrPath) -> float | None:
 
     Examples are "Frequency: 10 Hz", "Frequenz [Hz];10" and "Temperature ramp at 10 Hz". The result is None if
     the lines state several frequencies. Raise ValueError if the file cannot be read.
+
+    Examples
+    --------
+    >>> ramp = [[20.0, 8.1, 1.1], [30.0, 7.5, 1.0]]
+    >>> np.savetxt("ramp.txt", ramp, header="Temperature ramp at 10 Hz")
+    >>> round(rf.io.stated_frequency("ramp.txt"), 3)
+    62.832
     """
     lines = _preamble(read_export(path))
     values = {value for line in lines for value in (*_named(line, _FREQUENCIES), *_frequencies(line))}
