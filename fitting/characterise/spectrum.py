@@ -46,8 +46,7 @@ class SpectrumFit:
     remarks : texts on points that were not used, and on parameters that were fixed because the data do not
         determine them
     fit : FitResult of the free parameters, with `stderr`, `correlation`, `interval`, `profile` ...
-    rms_height : rms height of the measured heights [m], or of the points of a table; None if it is unknown,
-        because a table has values <= 0
+    rms_height : rms height of the heights, or of the points of a table if all are > 0 [m]; None if unknown
 
     Examples
     --------
@@ -56,7 +55,8 @@ class SpectrumFit:
     >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
     >>> q = np.geomspace(100.0, 1e5, 31)
     >>> road_fit = fitting.fit_spectrum(fitting.SpectrumData(q, rf.power_spectrum(road, q), relative=0.1))
-    >>> round(float(road_fit.spectrum.hurst), 3), round(float(road_fit.stderr["hurst"]), 3), bool(road_fit.rms < 1e-3)
+    >>> hurst, error = float(road_fit.spectrum.hurst), float(road_fit.stderr["hurst"])
+    >>> round(hurst, 3), round(error, 3), bool(road_fit.rms < 1e-3)
     (0.8, 0.008, True)
     >>> print(road_fit.report().splitlines()[0])
     Self-affine spectrum of spectrum, 31 points
@@ -117,10 +117,8 @@ class SpectrumFit:
         percent = round(100 * change, 1) + 0.0  # no -0.0
         text = f"rms height: fit {fitted:.4g} m, data {self.rms_height:.4g} m, {percent:+.1f} %"
         if abs(change) > max(_OTHER_HEIGHT, 2 * np.nan_to_num(error)):
-            text += (
-                f", more than {_OTHER_HEIGHT:.0%} and two standard errors: the surface has waves outside"
-                " q0 ... q1, or is not self-affine: use a TabulatedSpectrum (--table)"
-            )
+            text += f", more than {_OTHER_HEIGHT:.0%} and two standard errors: the surface has waves outside"
+            text += " q0 ... q1, or is not self-affine: use a TabulatedSpectrum (--table)"
         return (text,)
 
     def _repr_html_(self) -> str:

@@ -62,12 +62,7 @@ from rubberfric.io import (
     read_table,
     stated_frequency,
 )
-from rubberfric.roughness import (
-    LINES,
-    check_normalisation,
-    density_column,
-    spectrum_from,
-)
+from rubberfric.roughness import LINES, check_normalisation, density_column, spectrum_from
 
 
 class _Options(TypedDict, total=False):

@@ -20,6 +20,7 @@ estimated error of the prediction: the deviance plus twice the trace of the infl
 [Golub et al., Technometrics 21 (1979) 215].
 """
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -39,7 +40,8 @@ from rubberfric.base.checks import (
 from rubberfric.base.compilation import exact_products, quick_jit
 from rubberfric.base.quadrature import typed
 from rubberfric.roughness.moments import moment
-from rubberfric.roughness.projections import positive_array, projection
+from rubberfric.roughness.periodograms import Sampling, expected_bins
+from rubberfric.roughness.projections import line_spectrum, positive_array, projection
 from rubberfric.roughness.spectra import log_ratio
 from rubberfric.roughness.tabulated import TabulatedSpectrum
 
@@ -63,6 +65,13 @@ _LOWEST = -5.0
 _HIGHEST = 3.0
 # Most knots. 100 are 20 per decade over five decades; the run time is proportional to them.
 _KNOTS = 100
+
+
+# Corrections of the bins of a profile for window and detrending; the third changes the rms height by less
+# than 1 %, for profiles as short as the longest wave.
+_CORRECTIONS = 3
+# Inversions of profiles that are kept, because a report and a fit need the same one.
+_KEPT = 4
 
 
 class ArealSpectrum(NamedTuple):
@@ -167,6 +176,42 @@ def areal_spectrum(
         if is_concrete(q) and is_concrete(q1) and not q1 > np.asarray(q)[-1]:
             raise ValueError(f"q1 = {float(q1):.4g}: must be > q[-1] = {float(np.asarray(q)[-1]):.4g} 1/m")
     return ArealSpectrum(*_areal(q, C_1D, relative, q if at is None else positive_array("at", at), q1))
+
+
+def areal_of_bins(
+    q: np.ndarray,
+    C_1D: np.ndarray,
+    relative: np.ndarray,
+    at: np.ndarray,
+    q1: float | None,
+    cell: float,
+    modes: np.ndarray,
+    sampling: Sampling,
+) -> ArealSpectrum:
+    """Return the areal spectrum of profiles, corrected for their window, detrending and bins.
+
+    C_1D is divided by the ratio of the expected bins (`expected_bins`) to the projection, both for the C of
+    the previous inversion. The arguments are those of `areal_spectrum` and `expected_bins`. The last results
+    are kept.
+    """
+    arrays = (q, C_1D, relative, at, modes, sampling.window, sampling.trends)
+    keys = tuple((np.shape(x), np.asarray(x, float).tobytes()) for x in arrays)
+    return _areal_of_bins(keys, q1, cell, jnp.asarray(0.0).dtype)
+
+
+@functools.lru_cache(_KEPT)
+def _areal_of_bins(keys, q1, cell, dtype):
+    """Return the result of `areal_of_bins`, which depends on JAX's floating-point dtype."""
+    del dtype
+    q, C_1D, relative, at, modes, *own = (np.frombuffer(text).reshape(shape) for shape, text in keys)
+    sampling, ratio = Sampling(*own), 1.0
+    for _ in range(_CORRECTIONS):
+        table = areal_spectrum(q, C_1D / ratio, relative, at=at, q1=q1).table()
+        expected = expected_bins(
+            lambda q, table=table: np.asarray(line_spectrum(table, q)), cell, modes, sampling
+        )
+        ratio = expected / np.asarray(line_spectrum(table, q))
+    return areal_spectrum(q, C_1D / ratio, relative, at=at, q1=q1)
 
 
 # One call in a process is the usual case, in which compiling takes 20 times as long as computing.

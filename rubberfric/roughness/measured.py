@@ -12,10 +12,9 @@ import numpy as np
 import scipy
 
 from rubberfric.base.objects.labelled import Labelled, LabelledArrays
-from rubberfric.roughness.lines import ArealSpectrum, areal_spectrum
+from rubberfric.roughness.lines import ArealSpectrum, areal_of_bins
 from rubberfric.roughness.moments import cutoff, rms_slope
-from rubberfric.roughness.periodograms import Sampling, bins_before_cliff, expected_bins
-from rubberfric.roughness.projections import line_spectrum
+from rubberfric.roughness.periodograms import Sampling, bins_before_cliff
 from rubberfric.roughness.tabulated import TabulatedSpectrum
 
 # Width of an octave in ln q, the narrowest range of a fit of the slope d ln C / d ln q.
@@ -37,9 +36,6 @@ _LARGER = 1.4
 # Usual rms slope at the cutoff for rubber on roads.
 _USUAL_SLOPE = 1.3
 
-# Corrections of the bins of a profile for window and detrending; the third changes the rms height by less
-# than 1 %, for profiles as short as the longest wave.
-_CORRECTIONS = 3
 # Ratio of a wavevector to the largest one of a profile beyond which C adds 2 % to C_1D for H = 0, and less
 # for larger H.
 _BEYOND = 30.0
@@ -228,14 +224,8 @@ class MeasuredSpectrum(NamedTuple):
         high = (1.0 + modes.sum()) * self.cell / 2
         q1 = high if count < self.q.size else None
         ends = [high] if q1 else [high, _BEYOND * high][int(high < q[-1] * (1 + 1e-9)) :]
-        at, ratio = np.append(q, ends), 1.0
-        for _ in range(_CORRECTIONS):
-            table = areal_spectrum(q, C / ratio, relative, at=at, q1=q1).table()
-            expected = expected_bins(
-                lambda q, table=table: np.asarray(line_spectrum(table, q)), self.cell, modes, self.sampling
-            )
-            ratio = expected / np.asarray(line_spectrum(table, q))
-        found = areal_spectrum(q, C / ratio, relative, at=at, q1=q1)
+        at = np.append(q, ends)
+        found = areal_of_bins(q, C, relative, at, q1, self.cell, modes, self.sampling)
         n = at.size if q1 else at.size - 1
         return ArealSpectrum(found.q[:n], found.C[:n], found.covariance[:n, :n])
 

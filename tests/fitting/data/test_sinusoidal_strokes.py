@@ -117,7 +117,7 @@ def test_the_start_of_a_stroke_is_discarded():
 
 
 def test_two_speeds_in_a_record():
-    """Steps from 2 to 0.5 Hz, with turning points between: bins of each are down to 10 % of its own speed."""
+    """Steps from 2 to 0.5 Hz: the bins of each speed are down to 10 % of its largest value."""
     fast, slow = record(), record()
     slow = {name: values * {"t": 4.0, "v": 0.25}.get(name[0], 1.0) for name, values in slow.items()}
     slow["t [s]"] = slow["t [s]"] + fast["t [s]"][-1] + 1 / (F * 400)
