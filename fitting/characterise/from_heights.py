@@ -67,7 +67,7 @@ def rolloff_for_height(level: float, slope: float, q0: float, q1: float, height:
 
     .. math:: C = C_0 (\max(q, q_r) / q_0)^{-s}, \qquad h^2 = 2\pi \int_{q_0}^{q_1} q\, C\, dq
 
-    Long waves whose C is unknown decide h_rms of a spectrum without a roll-off. The heights themselves limit it.
+    Long waves decide h_rms of a spectrum without a roll-off. If their C is unknown, the heights limit it.
 
     Parameters
     ----------

@@ -91,7 +91,9 @@ def errors(tmp_path_factory):
     if checker is None:
         pytest.skip("needs basedpyright, which is in the test extra")
     folder = tmp_path_factory.mktemp("types")
-    (folder / "README.py").write_text("\n".join(SNIPPETS + PAGE_SNIPPETS["how_true"] + PAGE_SNIPPETS["troubleshooting"]))
+    (folder / "README.py").write_text(
+        "\n".join(SNIPPETS + PAGE_SNIPPETS["how_true"] + PAGE_SNIPPETS["troubleshooting"])
+    )
     (folder / "CONTRIBUTING.py").write_text(RECIPE)
     (folder / "wrong.py").write_text(WRONG)
     (folder / "user.py").write_text(USER)
