@@ -53,7 +53,7 @@ _TINY = 0.12
 # Smallest distance between contour labels, as a share of an axis. Labels do not cover each other.
 _APART = 0.09
 # The same two distances for levels without any label. Labels of neighbouring lines then stand side by side.
-_AT_FRAME = 0.435
+_AT_FRAME = 0.44
 _CLOSE = 0.055
 # Last place in viridis. Colours beyond are too light for lines on white.
 _LIGHTEST = 0.85
