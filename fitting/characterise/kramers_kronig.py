@@ -116,12 +116,12 @@ class KramersKronig:
         decades apart.
         """
         pull = np.where(self.counted, np.abs(self.contradiction) / self.stderr, 0.0)
-        found = []
+        places = []
         for i in np.argsort(-pull):
-            apart = all(abs(np.log10(self.omega[i] / one[0])) > 0.9 for one in found)
-            if pull[i] > 3.0 and apart and len(found) < _WORST:
-                found.append((float(self.omega[i]), float(self.contradiction[i]), float(self.stderr[i])))
-        return tuple(found)
+            apart = all(abs(np.log10(self.omega[i] / one[0])) > 0.9 for one in places)
+            if pull[i] > 3.0 and apart and len(places) < _WORST:
+                places.append((float(self.omega[i]), float(self.contradiction[i]), float(self.stderr[i])))
+        return tuple(places)
 
     def __repr__(self) -> str:
         return (

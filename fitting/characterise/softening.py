@@ -73,14 +73,14 @@ def softening_from_sweep(
         raise ValueError(f"linear = {shown(linear)}: must be a strain > 0, or None")
     if temperature is None:
         return _softening("", columns, linear, factor)
-    found = {}
+    factors = {}
     order = np.argsort(columns["temperature"], kind="stable")
     gaps = np.flatnonzero(np.diff(columns["temperature"][order]) > _SAME) + 1
     for rows in np.split(order, gaps):
         sweep = {name: values[rows] for name, values in columns.items()}
         mean = float(sweep.pop("temperature").mean())
-        found[mean] = _softening(f" at {mean:.6g} K", sweep, linear, factor)
-    return found
+        factors[mean] = _softening(f" at {mean:.6g} K", sweep, linear, factor)
+    return factors
 
 
 def _checked(name, values, shape):

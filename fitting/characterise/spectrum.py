@@ -226,9 +226,9 @@ def fit_spectrum(
     why = result.withheld.get(f"{body}.spectrum.qr", "")
     if why.startswith("at its"):  # with absolute errors the minimum may differ from the logarithmic start
         at = q0 if "lower" in why else q1
-        found = fit_spectrum(data, q0=q0, q1=q1, qr=at, hurst=hurst, body=None if data.body else body)
+        fitted = fit_spectrum(data, q0=q0, q1=q1, qr=at, hurst=hurst, body=None if data.body else body)
         remarks.append(f"the roll-off is not within q0 ... q1: qr is held at {at:.4g} 1/m")
-        return dataclasses.replace(found, remarks=tuple(remarks))
+        return dataclasses.replace(fitted, remarks=tuple(remarks))
     model = np.asarray(rf.power_spectrum(spectrum, np.clip(data.q, q0 * (1 + 1e-12), q1 * (1 - 1e-12))))
     residuals = np.log(model / np.where(data.C > 0, data.C, np.nan))
     return SpectrumFit(spectrum, residuals, tuple(remarks), result)

@@ -55,7 +55,7 @@ def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sw
         raise ValueError(
             f"isotherms: all rows are at {T.mean():.6g} K within {same:g} K: must have several temperatures"
         )
-    found = []
+    sweeps = []
     for group in groups:
         group = group[np.argsort(t[group], kind="stable")]
         count = int(np.isfinite(y[:, group]).sum(axis=1).min())
@@ -65,9 +65,9 @@ def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sw
                 f" {_FEWEST}; temperatures within {same:g} K belong to one sweep (argument same)"
             )
         errors = None if error is None else error[:, group]
-        found.append(Sweep(float(T[group].mean()), T[group], t[group], y[:, group], errors))
-    _check_falling(found)
-    return found
+        sweeps.append(Sweep(float(T[group].mean()), T[group], t[group], y[:, group], errors))
+    _check_falling(sweeps)
+    return sweeps
 
 
 def _check_falling(sweeps):

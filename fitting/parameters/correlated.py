@@ -52,13 +52,15 @@ class Correlated:
         for name in names:
             value, shape = getattr(self, name), (size, size) if name == "covariance" else (size,)
             try:
-                found = np.asarray(value, float)
+                numbers = np.asarray(value, float)
             except (TypeError, ValueError):
-                found = np.empty(())
-            if found.shape != shape or size == 0:
+                numbers = np.empty(())
+            if numbers.shape != shape or size == 0:
                 raise ValueError(f"Correlated: {name} must be numbers of the shape {shape}")
             # Tuples, so that equal priors compare equal.
-            object.__setattr__(self, name, tuple(tuple(one) if np.ndim(one) else float(one) for one in found))
+            object.__setattr__(
+                self, name, tuple(tuple(one) if np.ndim(one) else float(one) for one in numbers)
+            )
         C = np.array(self.covariance)
         if not (np.isfinite(C).all() and np.allclose(C, C.T, rtol=1e-6) and (np.diag(C) > 0).all()):
             raise ValueError("Correlated: covariance must be finite, symmetric, and > 0 on its diagonal")

@@ -155,7 +155,7 @@ class Smooth:
 
     def read(self, place: PriorContext) -> list["SmoothRows"]:
         """Return the rows for every vector in the key."""
-        found = []
+        rows = []
         for path in (path.strip() for path in place.key.split(",")):
             leaf, elements = find(place.scene, path)
             over = None if "[" in path or elements is None else path_over(place.scene, path)
@@ -177,8 +177,8 @@ class Smooth:
                 )
             owner, name = owner_of(place.scene, over)
             warm = unit_of(type(owner), name) == "K"
-            found.append(SmoothRows(leaf, at, values.size, warm, float(self.sigma)))
-        return found
+            rows.append(SmoothRows(leaf, at, values.size, warm, float(self.sigma)))
+        return rows
 
 
 @jax.tree_util.register_dataclass
@@ -289,13 +289,13 @@ def read_priors(
     scene: Scenes, variables: Variables, constants: Constants, prior: Mapping[str, Prior] | None
 ) -> tuple[Rows, ...]:
     """Return the rows that the priors of a fit add to the residuals."""
-    found: list[Rows] = []
+    rows: list[Rows] = []
     for key, rule in (prior or {}).items():
         where = f"prior[{key!r}]"
         if not isinstance(rule, tuple(PRIORS.values())):
             raise ValueError(f"{where} = {rule!r}: must be Gaussian, Smooth, Sum or Correlated")
-        found += rule.read(PriorContext(where, key, scene, variables, constants))
-    return tuple(found)
+        rows += rule.read(PriorContext(where, key, scene, variables, constants))
+    return tuple(rows)
 
 
 def prior_residuals(priors: tuple[Rows, ...], scene: Scenes, x: jax.Array) -> jax.Array:

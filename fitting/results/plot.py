@@ -321,13 +321,13 @@ def curve_looks(curves: list[PlottedCurve]) -> list[dict[str, Any]]:
 
 def _fitted_lines(result, quantity, points, curves):
     """Return a pair (x, Band) for every curve, as in `FitResult.band`, or None without conditions."""
-    found = {}
+    bands = {}
     for curve in curves:
-        if curve.conditions is not None and curve.conditions not in found:
+        if curve.conditions is not None and curve.conditions not in bands:
             low, high = points.x[curve.where][[0, -1]]
             x = np.geomspace(low, high, _POINTS)
-            found[curve.conditions] = x, _band(result, quantity, x, curve.conditions)
-    pairs = [found.get(curve.conditions) for curve in curves]
+            bands[curve.conditions] = x, _band(result, quantity, x, curve.conditions)
+    pairs = [bands.get(curve.conditions) for curve in curves]
     return [
         pair and (pair[0], Band(*(column[curve.part] for column in pair[1])))
         for curve, pair in zip(curves, pairs, strict=True)
@@ -339,14 +339,14 @@ def _band(result, quantity, x, key):
     values = {name: np.full(x.size, value) for name, value in key.others} | {key.abscissa: x}
     conditions = tuple(values.get(name) for name in KINDS[quantity].conditions)
     body, at = key.body or None, result.uncertainty.x
-    found = at_conditions(result.problem, (quantity, body, key.scene), conditions, at)
-    if found is None:  # the compiled function of the fit does not cover these conditions
+    values_and_slopes = at_conditions(result.problem, (quantity, body, key.scene), conditions, at)
+    if values_and_slopes is None:  # the compiled function of the fit does not cover these conditions
         parts = len(KINDS[quantity].values)
         block = Block(quantity, body, False, (0, x.size * parts), key.scene)
         structure = result.problem.structure._replace(blocks=(block,))
         numbers = result.problem.numbers._replace(conditions=(conditions,))
-        found = map(np.asarray, _value_and_slopes(structure, numbers, jnp.asarray(at)))
-    band = result.widened(*found, LEVEL, signed=quantity == "moment")
+        values_and_slopes = map(np.asarray, _value_and_slopes(structure, numbers, jnp.asarray(at)))
+    band = result.widened(*values_and_slopes, LEVEL, signed=quantity == "moment")
     return Band(*(column.reshape(-1, x.size) for column in band))
 
 

@@ -153,11 +153,11 @@ def run_chains(
     dtype = of.targets.measured.dtype
     laplace = _Laplace(known.x.astype(dtype), np.linalg.cholesky(covariance).astype(dtype))
     fixed = (numpyro, of.structure, flat, warmup), (of.numbers, of.targets, laplace)
-    found = [
+    pieces = [
         _chain(fixed, number, own, draws, warmup, callback)
         for number, own in enumerate(jax.random.split(key, chains))
     ]
-    z, energy, *rest = (np.stack(column) for column in zip(*found, strict=True))
+    z, energy, *rest = (np.stack(column) for column in zip(*pieces, strict=True))
     draws_of = {"x": laplace.centre + z @ laplace.root.T, "log_density": -energy}
     return draws_of | dict(zip(("diverging", "accepted", "steps"), rest, strict=True))
 

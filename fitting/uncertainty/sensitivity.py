@@ -83,8 +83,8 @@ def sensitivity(
     # `solve` checks its arguments; nothing is computed here.
     jax.eval_shape(lambda: rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity,)))
     quadrature = quadrature or rf.analysis.default_quadrature(scene, pressure)
-    found = (find(scene, path) for path in _paths(parameters))
-    rows = tuple((leaf, element) for leaf, elements in found for element in elements or (None,))
+    places = (find(scene, path) for path in _paths(parameters))
+    rows = tuple((leaf, element) for leaf, elements in places for element in elements or (None,))
     dtype = result_dtype(scene, *conditions)
     return _sensitivity(
         cast(scene, dtype), *cast(conditions, dtype), rows=rows, quantity=quantity, quadrature=quadrature

@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from rubberfric.analysis.jacobian import value_and_jacobian as value_and_jacobian
     from rubberfric.analysis.maps import FrictionMap as FrictionMap
     from rubberfric.analysis.maps import friction_map as friction_map
-    from rubberfric.analysis.profiles import Profile as Profile
-    from rubberfric.analysis.profiles import SeparationProfile as SeparationProfile
-    from rubberfric.analysis.profiles import profile as profile
-    from rubberfric.analysis.profiles import separation_profile as separation_profile
     from rubberfric.analysis.random_roughness import Surface as Surface
     from rubberfric.analysis.random_roughness import random_surface as random_surface
     from rubberfric.analysis.reference import quadrature_for as quadrature_for
+    from rubberfric.analysis.scales.profiles import Profile as Profile
+    from rubberfric.analysis.scales.profiles import profile as profile
+    from rubberfric.analysis.scales.separations import SeparationProfile as SeparationProfile
+    from rubberfric.analysis.scales.separations import separation_profile as separation_profile
     from rubberfric.analysis.sweep import accuracy as accuracy
     from rubberfric.analysis.tables import friction_table as friction_table
     from rubberfric.analysis.validity import AdhesionVerdict as AdhesionVerdict

@@ -154,9 +154,9 @@ def _under(prepared: Any, work, velocity, temperature, log_load):
     both = [SurfaceTemperatures(warm, warm)] * len(prepared.roughness.contributions)
     contact, share = relative_attraction(prepared.adhesion, prepared.roughness, at_rest, load, both)
     points = (at_rest, load) if warm is None else (at_rest, load, warm)
-    found = evaluate(prepared, ("separation",), points, (contact, None))
+    results = evaluate(prepared, ("separation",), points, (contact, None))
     x = contact_argument(jnp.sum(contact.G_panels, 0))
-    return _State(found["separation"], work * share), x
+    return _State(results["separation"], work * share), x
 
 
 def _largest(under, top):

@@ -195,10 +195,10 @@ def _contact(surfaces, length, bodies, velocity, pressure, temperature, toleranc
     # The weights lie between those of heights and curvatures.
     stiff = np.log(np.abs(np.where(modes.q > 0, modes.stiffness, 1.0)))
     scale = math.exp(np.sum(power * stiff) / np.sum(power)) if power.any() else float(np.exp(stiff.max()))
-    found = solve_contact(
+    solution = solve_contact(
         jnp.asarray(heights * (scale / pressure)), jnp.asarray(modes.stiffness / scale), tolerance, most_steps
     )
-    return _result(lower, heights, length, modes, pressure, scale, tolerance, found)
+    return _result(lower, heights, length, modes, pressure, scale, tolerance, solution)
 
 
 class _Modes(NamedTuple):
@@ -245,13 +245,13 @@ def _modes(n, length, bodies, velocity, temperature, shape):
     return _Modes(unit * np.mean(signs, 0)[:, None], q, stiffness, loss, shares[0])
 
 
-def _result(lower, heights, length, modes, pressure, scale, tolerance, found):
+def _result(lower, heights, length, modes, pressure, scale, tolerance, solution):
     """Convert the result of `solve_contact` to a `SlidingContact`.
 
     `found` has pressures in units of `pressure`, and gaps in units of `pressure / scale`.
     """
     n = lower.shape[0]
-    p, gap = pressure * np.asarray(found.pressure), pressure / scale * np.asarray(found.gap)
+    p, gap = pressure * np.asarray(solution.pressure), pressure / scale * np.asarray(solution.gap)
     count = np.where(np.arange(n // 2 + 1) % (n // 2) == 0, 1, 2)  # rfftn has half of the modes
     moved = np.fft.rfftn(gap + heights, norm="forward")
     heat = count * modes.loss * np.abs(moved) ** 2 / pressure
@@ -281,9 +281,9 @@ def _result(lower, heights, length, modes, pressure, scale, tolerance, found):
         friction_by_wavevector=by_ring(heat),
         displacement=by_ring(count * np.abs(moved) ** 2),
         roughness=by_ring(count * np.abs(np.fft.rfftn(heights, norm="forward")) ** 2),
-        iterations=int(found.iterations),
-        residual=float(found.residual),
-        converged=bool(found.residual <= tolerance),
+        iterations=int(solution.iterations),
+        residual=float(solution.residual),
+        converged=bool(solution.residual <= tolerance),
     )
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from rubberfric.analysis.profiles import checked_wavevectors, contact_at_borders
+from rubberfric.analysis.scales.profiles import checked_wavevectors, contact_at_borders
 from rubberfric.base.blocks import broadcast_shape, over_points
 from rubberfric.base.checks import FINITE, ArrayLike, as_leaf, check_values, shape_of
 from rubberfric.base.quadrature import Quadrature
@@ -155,9 +155,9 @@ def contact_stiffness(
     """
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
     check_without(scene, ("adhesion",), "the stiffness")
-    found, converged = _contact_stiffness(scene, *conditions, quadrature=quadrature)
+    stiffness, converged = _contact_stiffness(scene, *conditions, quadrature=quadrature)
     warn_of_last_iterates(scene, converged, conditions)
-    return found
+    return stiffness
 
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
@@ -176,8 +176,8 @@ def _contact_stiffness(scene, velocity, pressure, temperature, *, quadrature):
         compliance = jnp.sum(x * slope * storage, (0, 2))
         compliance = 0.5 * contact.modulus_over_pressure * compliance
         soft = compliance > 0
-        found = jnp.where(soft, pressure / jnp.where(soft, compliance, 1.0), jnp.inf)
-        return found, _converged(temperatures)
+        ratio = jnp.where(soft, pressure / jnp.where(soft, compliance, 1.0), jnp.inf)
+        return ratio, _converged(temperatures)
 
     return over_points(stiffness, (velocity, pressure, temperature), _BLOCK)
 

@@ -156,8 +156,8 @@ def value_and_jacobian(
 
     def at(leaves, point):
         ready = first.tree(dict(zip(moving, leaves, strict=True)))
-        found = evaluate(ready, (quantity, *heated), [c[None] for c in point])
-        return _or_nan(found[quantity], found.get("converged"))[0]
+        results = evaluate(ready, (quantity, *heated), [c[None] for c in point])
+        return _or_nan(results[quantity], results.get("converged"))[0]
 
     def block(points):
         leaves = [first.leaves[i] for i in moving]
@@ -253,25 +253,25 @@ def _forward_heated(scene_of, x, conditions, quantity, quadrature):
     velocity, pressure, background = (jnp.broadcast_to(jnp.asarray(c, x.dtype), shape) for c in conditions)
     points = velocity, pressure, background
     prepared = ready.tree({})
-    found = solve_rises(prepared.thermal, prepared.roughness, points)
+    solution = solve_rises(prepared.thermal, prepared.roughness, points)
 
     def at(moving, rises):
         here = ready.tree(dict(zip(ready.moving, moving, strict=True)))
         thermal, roughness = here.thermal, here.roughness
-        hot = temperatures_of(thermal, roughness, rises, background, found.converged)
+        hot = temperatures_of(thermal, roughness, rises, background, solution.converged)
         contact = roughness.contact(velocity, pressure, hot.inside)
         left = heat_of(thermal, roughness, contact, points, hot.surface) - rises
         return left, evaluate(here, (quantity,), points, (contact, hot))[quantity]
 
-    (_, values), push = jax.linearize(at, [ready.leaves[i] for i in ready.moving], found.rises)
-    inverse = preconditioner(prepared.thermal, found)
+    (_, values), push = jax.linearize(at, [ready.leaves[i] for i in ready.moving], solution.rises)
+    inverse = preconditioner(prepared.thermal, solution)
 
     def slope(tangents):
-        start, also = jnp.zeros_like(found.rises), jnp.zeros_like(values)
+        start, also = jnp.zeros_like(solution.rises), jnp.zeros_like(values)
         return linear_fixed_point(lambda rises: push(tangents, rises), start, also, inverse)
 
     slopes = jax.lax.map(slope, jax.vmap(ready.push)(jnp.eye(x.size, dtype=x.dtype)))
-    return _or_nan(values, found.converged), _or_nan(slopes, found.converged).T
+    return _or_nan(values, solution.converged), _or_nan(slopes, solution.converged).T
 
 
 def _or_nan(values, converged):

@@ -24,8 +24,8 @@ from jax.stages import Compiled
 from rubberfric.analysis.jacobian import uses_forward_mode
 from rubberfric.base.checks import ArrayLike
 from rubberfric.base.quadrature import Quadrature
+from rubberfric.roughness.mesh.nodes import build_mesh
 from rubberfric.roughness.moments import moment
-from rubberfric.roughness.radial_mesh import build_mesh
 from rubberfric.scene.scene import Scene, cast, rough_surfaces
 from rubberfric.theory.model import solve
 from rubberfric.theory.structure import QUANTITIES, rough_surfaces_of
@@ -211,14 +211,14 @@ def reference(case: Case, gradients: bool = True) -> Reference:
     return Reference(function, exact, compare_outcomes(other, exact, case))
 
 
-def compare_outcomes(found: Outcome, exact: Outcome, case: Case) -> Errors:
+def compare_outcomes(outcome: Outcome, exact: Outcome, case: Case) -> Errors:
     """Return the errors of an outcome, without gradients if an outcome has no sensitivities."""
     scale = np.abs(exact.values)
     scale[QUANTITIES.index("separation")] += _NEGLIGIBLE * case.height
-    worst = _relative(np.abs(found.values - exact.values), scale)
-    if found.sensitivities is None or exact.sensitivities is None:
+    worst = _relative(np.abs(outcome.values - exact.values), scale)
+    if outcome.sensitivities is None or exact.sensitivities is None:
         return Errors(*worst)
-    difference = np.max(np.abs(found.sensitivities - exact.sensitivities), -1)
+    difference = np.max(np.abs(outcome.sensitivities - exact.sensitivities), -1)
     largest = np.max(np.abs(exact.sensitivities), -1) + _NEGLIGIBLE * scale[:, case.differentiated]
     return Errors(*worst, *_relative(difference, largest))
 
@@ -304,8 +304,8 @@ def quadrature_for(
     reached = {}
 
     def meets(setting: Quadrature) -> bool:
-        found, _ = measured(case, setting, gradients)
-        reached[setting] = compare_outcomes(found, exact.exact, case).worst
+        outcome, _ = measured(case, setting, gradients)
+        reached[setting] = compare_outcomes(outcome, exact.exact, case).worst
         return reached[setting] <= error
 
     # Bisect, because each setting is compiled.

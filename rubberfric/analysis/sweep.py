@@ -354,8 +354,8 @@ def _panels(case: reference.Case, exact: reference.Outcome, setting: Quadrature,
     at, ones = reference.arguments(case, dtype)
     forward, forward_seconds = reference.compiled(reference.forward_of(setting), *at)
     gradient, gradient_seconds = reference.compiled(reference.gradient_of(setting), *at, ones)
-    found = reference.outcome(gradient, case, dtype)
-    errors = reference.compare_outcomes(found, exact, case)
+    coarse = reference.outcome(gradient, case, dtype)
+    errors = reference.compare_outcomes(coarse, exact, case)
     row = Row("panels", setting, np.dtype(dtype).name, node_count(case.scene, setting), errors)
     row = row._replace(compile_forward=forward_seconds, compile_gradient=gradient_seconds)
     return row, {"forward": lambda: forward(*at), "gradient": lambda: gradient(*at, ones)}
@@ -372,8 +372,8 @@ def _textbook(case: reference.Case, exact: reference.Outcome, size: tuple[int, i
     def forward() -> Solution:
         return solve(*at)
 
-    found = forward()
-    outcome = reference.Outcome(np.stack([np.asarray(getattr(found, name)) for name in QUANTITIES]))
+    textbook = forward()
+    outcome = reference.Outcome(np.stack([np.asarray(getattr(textbook, name)) for name in QUANTITIES]))
     errors = reference.compare_outcomes(outcome, exact, case)
     return Row("textbook", (size[0], size[1]), "float64", size[0] * size[1], errors), {"forward": forward}
 

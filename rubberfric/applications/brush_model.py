@@ -35,7 +35,8 @@ from rubberfric.base.quadrature import Quadrature, chebyshev_sum, chebyshev_tran
 from rubberfric.base.roots import root
 from rubberfric.roughness.moments import safe_root
 from rubberfric.scene.patch import Patch
-from rubberfric.scene.scene import Scene, result_dtype, warn_of_conditions
+from rubberfric.scene.plausible import warn_of_conditions
+from rubberfric.scene.scene import Scene, result_dtype
 from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import friction
 
@@ -319,6 +320,6 @@ def _first_sliding(excess, dtype):
     grid = jnp.linspace(0.0, 1.0, _INTERVALS + 1, dtype=dtype).at[0].set(_EDGE)
     over = jax.lax.stop_gradient(jax.vmap(excess)(grid[1:])) > 0
     k = jnp.argmax(over)
-    start, found = root(excess, grid[k], grid[k + 1])
+    start, has_root = root(excess, grid[k], grid[k + 1])
     # Elements slide from the beginning if the stress exceeds the friction within the first interval.
-    return jnp.where(jnp.any(over), jnp.where(found, start, 0.0), 1.0)
+    return jnp.where(jnp.any(over), jnp.where(has_root, start, 0.0), 1.0)

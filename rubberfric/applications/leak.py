@@ -250,8 +250,8 @@ def effective_conductivity(gaps: Gaps, critical_area: jax.Array, count: int) -> 
         return gaps.area + jnp.sum(gaps.share * closed_share(relative, log_w, count)) - critical_area
 
     ends = (jnp.asarray(end, gaps.area.dtype) for end in _RANGE)
-    log_w, found = root(excess, *ends)
-    flows = found & rough & (gaps.area < critical_area)
+    log_w, has_root = root(excess, *ends)
+    flows = has_root & rough & (gaps.area < critical_area)
     cube = jnp.exp(3 * jnp.where(flows, log_w, 0.0)) * unit**3 / 12
     return jnp.where(flows, cube * (1 - critical_area) / critical_area, 0.0)
 

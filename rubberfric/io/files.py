@@ -176,23 +176,23 @@ def read_computable(
     `default` is True, a file without conditions gives the `default_conditions`, and the title states these
     conditions.
     """
-    found = read_scene_file(path, table)
-    if found.conditions is None:
+    content = read_scene_file(path, table)
+    if content.conditions is None:
         if not default:
             raise ValueError(f"{path}: {table}: is missing; must hold velocity and pressure")
-        conditions = default_conditions(found.scene)
-        check_conditions(f"{path}: {table}", conditions, found.scene)
+        conditions = default_conditions(content.scene)
+        check_conditions(f"{path}: {table}", conditions, content.scene)
         stated = f"default conditions: {conditions_text(conditions)}"
-        return found.scene, conditions, "; ".join([found.title] * bool(found.title) + [stated])
-    for name, values in found.conditions._asdict().items():
+        return content.scene, conditions, "; ".join([content.title] * bool(content.title) + [stated])
+    for name, values in content.conditions._asdict().items():
         if values is not None and values.size > MOST_CONDITIONS:
             raise ValueError(f"{path}: {name} has {values.size} values: must have at most {MOST_CONDITIONS}")
-    points = math.prod(result_shape(found.conditions))
+    points = math.prod(result_shape(content.conditions))
     if points > most:
         raise ValueError(
             f"{path}: {table} has {points} points: must have at most {most}; see `rubberfric map`"
         )
-    return found.scene, found.conditions, found.title
+    return content.scene, content.conditions, content.title
 
 
 def _read_scene(file: h5py.File) -> SceneFile:
@@ -228,10 +228,10 @@ def _is_bare(file: h5py.File, condition: str) -> bool:
 
 def save_result(path: StrPath, result: Result) -> None:
     """Save a result as an HDF5 file, completely or not at all."""
-    found = {name: np.asarray(x) for name, x in result.solution._asdict().items() if x is not None}
+    columns = {name: np.asarray(x) for name, x in result.solution._asdict().items() if x is not None}
     with replacing(path) as temporary, creating(temporary, _FORMAT) as file:
-        data = _begin(file, result, {name: values.dtype for name, values in found.items()})
-        for name, values in found.items():
+        data = _begin(file, result, {name: values.dtype for name, values in columns.items()})
+        for name, values in columns.items():
             data[name][...] = values
         write_interpolation(data, result.interpolation)
 
@@ -300,9 +300,9 @@ def filling_result(
 def mapped_quantities(path: StrPath) -> dict[str, np.memmap]:
     """Return read-only memory maps of the quantities in a file that `filling_result` wrote."""
     with reading(path, _FORMAT) as file:
-        found = {name: _dataset(file, name) for name in QUANTITY_FORMATS if name in file}
+        datasets = {name: _dataset(file, name) for name in QUANTITY_FORMATS if name in file}
         # A dataset without chunks is contiguous.
-        places = {name: (data.dtype, data.id.get_offset(), data.shape) for name, data in found.items()}
+        places = {name: (data.dtype, data.id.get_offset(), data.shape) for name, data in datasets.items()}
     return {name: np.memmap(path, at[0], "r", *at[1:]) for name, at in places.items()}
 
 

@@ -164,8 +164,8 @@ def _head(table: FrictionTable, units: TableUnits) -> list[str]:
 
 def _units(text: str, velocity: str | None, pressure: str | None, temperature: str | None) -> TableUnits:
     """Return the units of velocity, pressure and temperature: as given, or from the comment of a file."""
-    found = re.search(r"Units: (\S+), (\S+?)(?:, (K|C))?\s*$", text, re.M)
-    v, p, T = found.groups() if found else (None, None, None)
+    line = re.search(r"Units: (\S+), (\S+?)(?:, (K|C))?\s*$", text, re.M)
+    v, p, T = line.groups() if line else (None, None, None)
     given = (velocity or v, pressure or p, temperature or T or "K")
     for name, unit, known in zip(AXES, given, (_SPEED, STRESS, TEMPERATURE), strict=True):
         message = f"unit_{name} is missing: must be given because the file does not name it"
@@ -231,8 +231,8 @@ def _write_lsdyna(table: FrictionTable, units: TableUnits, _name: str) -> Iterat
 
 
 def _read_lsdyna(text: str, units: TableUnits) -> FrictionTable:
-    found = re.findall(r"^\$ Table (\d+) is at (\S+) (?:K|C)\b", text, re.M)
-    temperatures = {int(number): float(T) for number, T in found}
+    numbered = re.findall(r"^\$ Table (\d+) is at (\S+) (?:K|C)\b", text, re.M)
+    temperatures = {int(number): float(T) for number, T in numbered}
     tables, curves = {}, {}
     kinds = {"*DEFINE_TABLE_2D": tables, "*DEFINE_CURVE": curves}
     for keyword, cards in keyword_blocks(text, r"\$|\s*$", r"\*"):
@@ -320,8 +320,8 @@ def _read_json(text: str, _units: TableUnits) -> FrictionTable:
     shape = tuple(1 if axis is None else axis.size for axis in axes)
     for name in ("friction", "sigma", "area"):
         if name in values:
-            found = values[name].shape
-            need(found == shape, f"{name} has shape {found}: must be {shape} for these axes")
+            own = values[name].shape
+            need(own == shape, f"{name} has shape {own}: must be {shape} for these axes")
     return table
 
 

@@ -59,9 +59,9 @@ def reading(path: Any, form: str) -> Iterator[h5py.File]:
     try:
         with _opened(path) as file:
             for name, value in {"format": form, "format_version": _VERSION}.items():
-                found = plain(file.attrs.get(name))
-                if type(found) is not type(value) or found != value:
-                    raise ValueError(f"{name} = {found!r}: must be {value!r}")
+                stored = plain(file.attrs.get(name))
+                if type(stored) is not type(value) or stored != value:
+                    raise ValueError(f"{name} = {stored!r}: must be {value!r}")
             _check_own_data(file, set())
             yield file
     except ValueError as error:
@@ -188,21 +188,21 @@ def read_texts(group: h5py.Group, name: str) -> list[str]:
 
 def attributes(owner: h5py.Group, types: Mapping[str, type]) -> dict[str, Any]:
     """Read attributes from a file or group, which must have the given names and types."""
-    found = {}
+    values = {}
     for name, kind in types.items():
         value = plain(owner.attrs.get(name))
         if type(value) is not kind:
             raise ValueError(f"{owner.name}: attribute {name} = {value!r}: must be of type {kind.__name__}")
-        found[name] = value
-    return found
+        values[name] = value
+    return values
 
 
 def subgroup(group: h5py.Group, name: str) -> h5py.Group:
     """Return the group `name` in a group, or raise ValueError if this group is missing."""
-    found = group.get(name)
-    if not isinstance(found, h5py.Group):
+    child = group.get(name)
+    if not isinstance(child, h5py.Group):
         raise ValueError(f"{_path(group, name)}: is missing; must be a group")
-    return found
+    return child
 
 
 def check_names(group: h5py.Group, names: Collection[str], attributes: Collection[str]) -> None:

@@ -111,11 +111,11 @@ def read_prony(
     text = read_text(path)
     try:
         if program is None:
-            found = [name for name, form in FORMATS.items() if re.search(form.sign, text, re.I | re.M)]
-            need(found, f"is not recognised: must have a Prony series of {', '.join(FORMATS)}")
-            message = f"has keywords of {' and '.join(found)}: program must be given"
-            need(len(found) == 1 or found[1:] == ["pyvisco"], message)
-            program = found[0]
+            programs = [name for name, form in FORMATS.items() if re.search(form.sign, text, re.I | re.M)]
+            need(programs, f"is not recognised: must have a Prony series of {', '.join(FORMATS)}")
+            message = f"has keywords of {' and '.join(programs)}: program must be given"
+            need(len(programs) == 1 or programs[1:] == ["pyvisco"], message)
+            program = programs[0]
         check_choice("program", program, FORMATS)
         if unit_stress is not None:
             check_choice("unit_stress", unit_stress, STRESS)
@@ -247,13 +247,14 @@ def _selected(materials: list[CardMaterial], name: str | int | None, program: st
         )
         return materials[0]
     wanted = str(name).strip().casefold()
-    found = [one for one in materials if wanted in map(str.casefold, one.names)]
-    need(found, f"name = {shown(name)}: must be one of {listed}")
+    same_name = [one for one in materials if wanted in map(str.casefold, one.names)]
+    need(same_name, f"name = {shown(name)}: must be one of {listed}")
     need(
-        len(found) == 1,
-        f"name = {shown(name)}: {len(found)} materials with a Prony series have this name: must be unique",
+        len(same_name) == 1,
+        f"name = {shown(name)}: {len(same_name)} materials with a Prony series have"
+        " this name: must be unique",
     )
-    return found[0]
+    return same_name[0]
 
 
 def _material(cards: Cards, options: CardOptions) -> Prony | PronyShear:

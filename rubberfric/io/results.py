@@ -188,7 +188,7 @@ def check_plausible(where: str, doubts: Iterable[str]) -> None:
 
 
 def curves_of(
-    found: object,
+    result: object,
     velocity: ArrayLike | None = None,
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
@@ -209,21 +209,21 @@ def curves_of(
         not contain every combination of their values once
     """
     given = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
-    if isinstance(found, Result | Curves):
+    if isinstance(result, Result | Curves):
         for name, values in given.items():
             if values is not None:
                 raise ValueError(f"{name} = {shown(values)}: must not be given because the result has it")
-        return Curves(found.conditions, found.solution, found.title)
-    if not isinstance(found, Solution):
+        return Curves(result.conditions, result.solution, result.title)
+    if not isinstance(result, Solution):
         try:
-            found = Solution(**{quantity: np.asarray(found, float)})
+            result = Solution(**{quantity: np.asarray(result, float)})
         except (TypeError, ValueError):
-            kind = type(found).__name__
+            kind = type(result).__name__
             raise ValueError(f"result must come from friction_map, solve or friction, got {kind}") from None
     for name in ("velocity", "pressure"):
         if given[name] is None:
             raise ValueError(f"{name} is missing: must be given as to solve and friction")
-    return _on_a_grid(found, given)
+    return _on_a_grid(result, given)
 
 
 def _on_a_grid(solution: Solution, given: dict[str, ArrayLike | None]) -> Curves:
@@ -335,7 +335,7 @@ def _from_curves(result: Curves) -> FrictionTable:
         raise ValueError("result must have friction; compute it first")
     v, p, T = result.conditions
     at = v, p[None, :, None], None if T is None else T[:, None, None]
-    found = curves_of(Solution(area=result.solution.area, friction=result.solution.friction), *at)  # sorted
-    area = None if found.solution.area is None else np.asarray(found.solution.area, float)
-    friction = np.asarray(found.solution.friction, float)
-    return FrictionTable(*found.conditions, friction, area=area, title=result.title)
+    curves = curves_of(Solution(area=result.solution.area, friction=result.solution.friction), *at)  # sorted
+    area = None if curves.solution.area is None else np.asarray(curves.solution.area, float)
+    friction = np.asarray(curves.solution.friction, float)
+    return FrictionTable(*curves.conditions, friction, area=area, title=result.title)

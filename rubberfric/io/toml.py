@@ -60,7 +60,8 @@ from rubberfric.roughness.normalisation import (
     density_column,
     spectrum_from,
 )
-from rubberfric.scene.scene import Scene, doubts_of_conditions, doubts_of_scene
+from rubberfric.scene.plausible import doubts_of_conditions, doubts_of_scene
+from rubberfric.scene.scene import Scene
 
 # Tables of a scene file that hold conditions.
 TABLES = ("run", "map")
@@ -138,11 +139,11 @@ def read_scene_toml(path: StrPath, table: str = "run") -> SceneFile:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnitWarning)  # an error below unless accepted
         scene = _build(path, "", Scene, content)
-    conditions = {name: read_conditions(path, name, found, scene) for name, found in tables.items()}
+    conditions = {name: read_conditions(path, name, values, scene) for name, values in tables.items()}
     if plausible:
         check_plausible(f"{path}: ", doubts_of_scene(scene))
-        for name, found in conditions.items():
-            check_plausible(f"{path}: {name}.", doubts_of_conditions(**found._asdict()))
+        for name, values in conditions.items():
+            check_plausible(f"{path}: {name}.", doubts_of_conditions(**values._asdict()))
     return SceneFile(scene, conditions.get(table, conditions.get("run")), title)
 
 
@@ -265,8 +266,8 @@ def _read_curves(path, key, cls, content):
         raise ValueError(f"{path}: {key}.file {value}: must be the name of a CSV file")
     directions = _has_directions(cls)
     if directions and density_column(content.get("normalisation")) != "C":
-        found = shown(content["normalisation"])
-        raise ValueError(f'{path}: {key}.normalisation = {found}: must be "C" or "C_iso" for directions')
+        stated = shown(content["normalisation"])
+        raise ValueError(f'{path}: {key}.normalisation = {stated}: must be "C" or "C_iso" for directions')
     normalisation = _normalisation(path, key, content) if "C" in curves.values() else None
     file = path.parent / name
     try:

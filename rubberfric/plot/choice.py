@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from rubberfric.analysis.profiles import Profile
+from rubberfric.analysis.scales.profiles import Profile
 from rubberfric.analysis.sweep import Accuracy
 from rubberfric.base.atomic import StrPath, replacing
 from rubberfric.base.checks import ArrayLike
@@ -25,7 +25,7 @@ _LINES = 10  # more lines are drawn as a map
 
 
 def auto(
-    found: Any,
+    drawn: Any,
     *,
     velocity: ArrayLike | None = None,
     pressure: ArrayLike | None = None,
@@ -56,38 +56,38 @@ def auto(
     ValueError : if the object cannot be drawn, or if the function `plot_...` raises ValueError.
     """
     at = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
-    if isinstance(found, Scene):
-        found, at["velocity"] = _solved(found, at)
-    if isinstance(found, FrictionTable):
-        conditions = Conditions(found.velocity, found.pressure, found.temperature)
-        found = Curves(conditions, Solution(area=found.area, friction=found.friction), found.title)
-    if isinstance(found, Result | Curves | Solution | np.ndarray | jax.Array):
-        curves = curves_of(found, at["velocity"], at["pressure"], at["temperature"])
+    if isinstance(drawn, Scene):
+        drawn, at["velocity"] = _solved(drawn, at)
+    if isinstance(drawn, FrictionTable):
+        conditions = Conditions(drawn.velocity, drawn.pressure, drawn.temperature)
+        drawn = Curves(conditions, Solution(area=drawn.area, friction=drawn.friction), drawn.title)
+    if isinstance(drawn, Result | Curves | Solution | np.ndarray | jax.Array):
+        curves = curves_of(drawn, at["velocity"], at["pressure"], at["temperature"])
         T = curves.conditions.temperature
         lines = curves.conditions.pressure.size * (1 if T is None else T.size)
         return (plot_result if lines <= _LINES else plot_map)(curves, ax=ax, **options)
-    if isinstance(found, Material):
+    if isinstance(drawn, Material):
         options["temperature"] = at.pop("temperature")
     given = next((name for name, values in at.items() if values is not None), None)
     if given is not None:
         raise ValueError(
-            f"{given} is given, but {type(found).__name__} has its own or needs none; omit {given}"
+            f"{given} is given, but {type(drawn).__name__} has its own or needs none; omit {given}"
         )
-    return _drawing(found)(ax=ax, **options)
+    return _drawing(drawn)(ax=ax, **options)
 
 
-def _drawing(found):
+def _drawing(drawn):
     draws = {Material: plot_modulus, Profile: plot_profile, Accuracy: plot_accuracy}
     for kind, draw in draws.items():
-        if isinstance(found, kind):
-            return functools.partial(draw, found)
-    if callable(getattr(found, "plot", None)):
-        return found.plot
-    if isinstance(found, Mapping) or hasattr(found, "power_law") or hasattr(found, "C"):
-        return functools.partial(plot_spectrum, found)
+        if isinstance(drawn, kind):
+            return functools.partial(draw, drawn)
+    if callable(getattr(drawn, "plot", None)):
+        return drawn.plot
+    if isinstance(drawn, Mapping) or hasattr(drawn, "power_law") or hasattr(drawn, "C"):
+        return functools.partial(plot_spectrum, drawn)
     raise ValueError(
         "found must be a scene, a result of solve, friction_map or a fit, a FrictionTable, a material, a"
-        f" spectrum, a Profile or an Accuracy, got {type(found).__name__}"
+        f" spectrum, a Profile or an Accuracy, got {type(drawn).__name__}"
     )
 
 

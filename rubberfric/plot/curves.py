@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from rubberfric.analysis.profiles import Profile
+from rubberfric.analysis.scales.profiles import Profile
 from rubberfric.analysis.sweep import Accuracy, Row
 from rubberfric.base.checks import ArrayLike, check_choice, check_kind
 from rubberfric.base.units import to_celsius
@@ -64,11 +64,11 @@ def plot_result(
     ------
     ValueError : if `result` is not a result, or if `ax` has another number of axes.
     """
-    found = curves_of(result, velocity, pressure, temperature)
-    names = [name for name in PANELS if getattr(found.solution, name) is not None]
-    ax = several_axes(ax, names, (6.4, 0.8 + 2.3 * len(names)), found.title)
+    curves = curves_of(result, velocity, pressure, temperature)
+    names = [name for name in PANELS if getattr(curves.solution, name) is not None]
+    ax = several_axes(ax, names, (6.4, 0.8 + 2.3 * len(names)), curves.title)
     for i, (name, axes) in enumerate(zip(names, ax, strict=True)):
-        _draw(axes, found, name, named=i == 0)
+        _draw(axes, curves, name, named=i == 0)
     decades(ax[-1].xaxis, VELOCITY)
     return ax
 

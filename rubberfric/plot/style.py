@@ -71,9 +71,9 @@ def colours(count: int) -> np.ndarray:
 
     lightest = min(0.55 + 0.05 * count, _LIGHTEST)
     places = np.linspace(0.0, lightest, count) if count > 1 else np.array([0.25])
-    found = colormaps["viridis"](places)
-    found[:, :3] *= 1 - _DARKENED * ((places / _LIGHTEST) ** 2)[:, None]
-    return found
+    rgba = colormaps["viridis"](places)
+    rgba[:, :3] *= 1 - _DARKENED * ((places / _LIGHTEST) ** 2)[:, None]
+    return rgba
 
 
 def diverging() -> Colormap:

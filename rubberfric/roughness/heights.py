@@ -77,11 +77,11 @@ def _from_neighbours(h, axis):
     heights at each end.
     """
     z = np.moveaxis(h, axis, -1)
-    found, n = np.full(z.shape, np.inf), z.shape[-1]
+    distances, n = np.full(z.shape, np.inf), z.shape[-1]
     beside = [z[..., k : n - 4 + k] for k in (0, 1, 3, 4)]
     if n > 4:
-        found[..., 2:-2] = np.abs(z[..., 2:-2] - np.median(beside, axis=0))
-    return np.moveaxis(found, -1, axis)
+        distances[..., 2:-2] = np.abs(z[..., 2:-2] - np.median(beside, axis=0))
+    return np.moveaxis(distances, -1, axis)
 
 
 def fill_holes(heights: ArrayLike) -> np.ndarray:
@@ -102,9 +102,9 @@ def fill_holes(heights: ArrayLike) -> np.ndarray:
     known, count = np.sum(np.where(beside == -1, height, 0.0), 0), np.sum(beside >= -1, 0, dtype=float)
     own, other = np.nonzero(beside >= 0)[1], beside[beside >= 0]
     linked = scipy.sparse.coo_matrix((np.ones(own.size), (own, other)), (count.size, count.size))
-    found = heights.copy()
-    found[hole] = scipy.sparse.linalg.spsolve((scipy.sparse.diags(count) - linked).tocsc(), known)
-    return found
+    complete = heights.copy()
+    complete[hole] = scipy.sparse.linalg.spsolve((scipy.sparse.diags(count) - linked).tocsc(), known)
+    return complete
 
 
 def detrended(heights: ArrayLike, degree: int | None = 1, *, profiles: bool = False) -> np.ndarray:
@@ -247,7 +247,7 @@ def tip_cutoff(heights: ArrayLike, spacings: tuple[float, ...], radius: float) -
 
 
 def _tip_cutoff(heights, spacings, radius):
-    found = []
+    cutoffs = []
     for axis, spacing in enumerate(spacings, start=1):
         h = np.moveaxis(heights, axis, -1)
         longest = (h.shape[-1] - 1) // 2
@@ -260,8 +260,8 @@ def _tip_cutoff(heights, spacings, radius):
         # From the longest distance on, the first one at which a peak is too sharp.
         sharp = np.flatnonzero(sharpest > _FOLLOWED / radius)
         if sharp.size:
-            found.append(np.pi / (_crossing(steps, sharpest, sharp[-1], _FOLLOWED / radius) * spacing))
-    return float(min(found)) if found else None
+            cutoffs.append(np.pi / (_crossing(steps, sharpest, sharp[-1], _FOLLOWED / radius) * spacing))
+    return float(min(cutoffs)) if cutoffs else None
 
 
 def _crossing(steps, sharpest, last, limit):

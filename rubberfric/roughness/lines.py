@@ -225,8 +225,8 @@ def _scatter(log_C):
     if log_C.shape[0] < 4:
         return jnp.asarray(rounding, log_C.dtype)
     # sqrt(1 + 9 + 9 + 1) standard errors; the median of |x| is 0.6745 of one
-    found = jnp.median(jnp.abs(jnp.diff(jax.lax.stop_gradient(log_C), n=3))) / (0.6745 * math.sqrt(20))
-    return jnp.maximum(found, rounding)
+    scatter = jnp.median(jnp.abs(jnp.diff(jax.lax.stop_gradient(log_C), n=3))) / (0.6745 * math.sqrt(20))
+    return jnp.maximum(scatter, rounding)
 
 
 def _step(problem, log_C, penalty):

@@ -192,7 +192,7 @@ def cutoff(
     if keep not in ("C", "h_rms"):
         raise ValueError(f'keep = {shown(keep)}: must be "C" or "h_rms"')
     at_height = keep == "h_rms" and spectrum.endless
-    found, reachable = (_cutoff_at_height if at_height else _cutoff_below)(spectrum, rms_slope)
+    wavevector, reachable = (_cutoff_at_height if at_height else _cutoff_below)(spectrum, rms_slope)
     if is_concrete(reachable) and not np.all(reachable):
         wrong = float(np.asarray(rms_slope)[~np.asarray(reachable)].flat[0])
         if at_height:
@@ -203,7 +203,7 @@ def cutoff(
         whole = cumulative_moment(unscaled(spectrum.uncut_law()), 2, jnp.inf)
         has = float(spectrum.height_scale() * jnp.sqrt(whole))
         raise ValueError(f"rms_slope = {wrong!r}: must be at most {has:.6g}, the slope of the whole spectrum")
-    return found
+    return wavevector
 
 
 @jax.jit

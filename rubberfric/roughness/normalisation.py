@@ -306,27 +306,27 @@ def find_normalisation(
     titles = [name for name in names if name in _NAMED]
     own = _NAMED[titles[0]] if titles else None
     above = next((name for pattern, name in _HEADERS if pattern.search(header)), None)
-    found = next((name for name in (normalisation, own, above) if name is not None), None)
-    if found is None:
+    chosen = next((name for name in (normalisation, own, above) if name is not None), None)
+    if chosen is None:
         raise ValueError(f"{path}: normalisation is missing: {NORMALISATION_RULE}")
-    if own is not None and found not in _EQUAL.get(own, (own,)):
+    if own is not None and chosen not in _EQUAL.get(own, (own,)):
         raise ValueError(
-            f'{path}: normalisation = "{found}": the column {titles[0]} is in the normalisation "{own}";'
+            f'{path}: normalisation = "{chosen}": the column {titles[0]} is in the normalisation "{own}";'
             " leave the argument out, or rename the column C_1D"
         )
-    if "n" in names and found in _ANGULAR:
+    if "n" in names and chosen in _ANGULAR:
         raise ValueError(
-            f'{path}: normalisation = "{found}": is over q = 2 pi / wavelength, but the table is over'
-            f" cycles/m; must be {_ANGULAR[found]}, or convert both columns to q"
+            f'{path}: normalisation = "{chosen}": is over q = 2 pi / wavelength, but the table is over'
+            f" cycles/m; must be {_ANGULAR[chosen]}, or convert both columns to q"
         )
     angular = {"q", "k", "log10_q"} & set(names)
-    if found == "ISO_8608" and angular:
+    if chosen == "ISO_8608" and angular:
         raise ValueError(
             f'{path}: normalisation = "ISO_8608": is over n in cycles/m, but the column {angular.pop()} is in'
             ' rad/m; must be "C_1D_one_sided" if the density is over rad/m, otherwise convert the column to'
             " n [cycles/m]"
         )
-    return found
+    return chosen
 
 
 def check_normalisation(

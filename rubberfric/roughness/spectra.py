@@ -268,15 +268,15 @@ def doubts_of_roughness(log_q: np.ndarray, log_C: np.ndarray, h_rms: float | Non
         if h_rms == 0:
             return []
         log_height, log_slope = np.log(h_rms), log_slope + np.log(h_rms) - log_height
-    found = []
+    doubts = []
     if log_height + x[0] > 0:
-        found.append(
+        doubts.append(
             f"rms height {_shown(log_height)} m: must be below 1/q0 = {_shown(-x[0])} m;"
             " is it in mm or um, or is C in another normalisation?"
         )
     if log_slope > np.log(30):
-        found.append(f"rms slope {_shown(log_slope)}: must be at most 30; are heights, q and C in SI?")
-    return found
+        doubts.append(f"rms slope {_shown(log_slope)}: must be at most 30; are heights, q and C in SI?")
+    return doubts
 
 
 def _log_root(log_integrand, x):

@@ -113,8 +113,8 @@ def spectrum_of_profile(
     height, limits, remarks = _prepared(
         np.atleast_2d(height), (spacing,), detrend, fill_volume, fill_level, tops, tip_radius, noise
     )
-    found = _spectrum(height, (spacing,), np.abs(kx), window, detrend, per_decade)
-    return found._replace(limits=limits, remarks=remarks)
+    spectrum = _spectrum(height, (spacing,), np.abs(kx), window, detrend, per_decade)
+    return spectrum._replace(limits=limits, remarks=remarks)
 
 
 def spectrum_of_topography(
@@ -159,8 +159,8 @@ def spectrum_of_topography(
     heights, limits, remarks = _prepared(
         heights[None], (dx, dy), detrend, fill_volume, fill_level, tops, tip_radius, noise
     )
-    found = _spectrum(heights, (dx, dy), np.hypot(kx[:, None], ky), window, detrend, per_decade)
-    return found._replace(limits=limits, remarks=remarks)
+    spectrum = _spectrum(heights, (dx, dy), np.hypot(kx[:, None], ky), window, detrend, per_decade)
+    return spectrum._replace(limits=limits, remarks=remarks)
 
 
 def _prepared(heights, spacings, detrend, fill_volume, fill_level, tops, tip_radius, noise):

@@ -170,8 +170,8 @@ def separation(
 
 
 def _alone(name, scene, velocity, pressure, temperature, quadrature):
-    found = solve(scene, velocity, pressure, temperature, quadrature=quadrature, quantities=(name,))
-    return getattr(found, name)
+    solution = solve(scene, velocity, pressure, temperature, quadrature=quadrature, quantities=(name,))
+    return getattr(solution, name)
 
 
 def solve(

@@ -292,17 +292,17 @@ class Structure:
 
 def rough_surfaces_of(scene: Scene) -> tuple[RoughSurface, ...]:
     """Return the rough surfaces of a scene. The roughness of the lower solid comes first."""
-    found: list[tuple[Body, Body, str, Spectrum, BrokenPowerLaw]] = []
+    sides: list[tuple[Body, Body, str, Spectrum, BrokenPowerLaw]] = []
     for side, rough, strained in (("upper", scene.lower, scene.upper), ("lower", scene.upper, scene.lower)):
         if rough.spectrum is not None:
-            found.append((rough, strained, side, rough.spectrum, rough.spectrum.power_law()))
-    laws = tuple(law for *_, law in found)
+            sides.append((rough, strained, side, rough.spectrum, rough.spectrum.power_law()))
+    laws = tuple(law for *_, law in sides)
 
     def softened(body):
         softening = softening_of(scene, body)
         return None if softening is None else Softened(softening, laws)
 
-    return tuple(_surface(*one, softened(one[1]), softened(one[0])) for one in found)
+    return tuple(_surface(*one, softened(one[1]), softened(one[0])) for one in sides)
 
 
 def means_methods(scene: Scene) -> list[MeansMethod]:
