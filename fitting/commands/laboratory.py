@@ -158,6 +158,7 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
         raise ValueError(
             f"--q1 {arguments.q1:g}: must be > 0 and <= {largest:.2g} 1/m, the distance of atoms"
         )
+    show("inverting and fitting the spectrum")
     found = fit_spectrum(measured, q1=arguments.q1)
     data = measured if isinstance(measured, SpectrumData) else spectrum_data(measured)
     spectrum: Any = rf.TabulatedSpectrum(data.q, data.C) if arguments.table else found.spectrum
@@ -217,7 +218,8 @@ def measured_spectrum(
         return found, f"{size} heights, {surface.holes:.1%} of them filled\n{found.report()}"
     x, traces = rf.io.read_traces(arguments.data, outliers)
     found = rf.roughness.spectrum_of_profile(x, traces, **options)
-    text = f"{len(traces)} traces of {x.size} heights; the surface is taken as isotropic\n{found.report()}"
+    count = f"{len(traces)} trace{'s' * (len(traces) > 1)}"
+    text = f"{count} of {x.size} heights; the surface is taken as isotropic\n{found.report()}"
     return found, text
 
 
