@@ -207,7 +207,7 @@ class _Fixed:
 
         Equal parts of several scenes, such as a common road, are one body.
         """
-        found: dict[tuple, tuple[list[str], dict[str, list[int]]]] = {}
+        bodies: dict[tuple, tuple[list[str], dict[str, list[int]]]] = {}
         for scene in by_name(self.scene) if self.several else ("",):
             for side in ("lower", "upper"):
                 own = {}
@@ -219,11 +219,11 @@ class _Fixed:
                 if not own:
                     continue
                 key = (side, *((path, self.leaves[i].tobytes()) for path, i in own.items()))
-                labels, numbers = found.setdefault(key, ([], {}))
+                labels, numbers = bodies.setdefault(key, ([], {}))
                 labels.append(f"{scene}.{side}".lstrip("."))
                 for path, i in own.items():
                     numbers.setdefault(path, []).append(i)
-        for labels, numbers in found.values():
+        for labels, numbers in bodies.values():
             yield " and ".join(labels), numbers
 
     def _alike(self, leaf):

@@ -65,8 +65,8 @@ def law_scene(scene: rf.Scene) -> LawScene:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", rf.UnitWarning)  # the fit has given them
         without = [name for name in _PARTS if getattr(scene, name) is not None]
-        found = dataclasses.replace(scene, **dict.fromkeys(without))
-        bodies = {"lower": found.lower, "upper": found.upper}
+        half_spaces = dataclasses.replace(scene, **dict.fromkeys(without))
+        bodies = {"lower": half_spaces.lower, "upper": half_spaces.upper}
         if any(body.softening is not None for body in bodies.values()):
             without.append("softening")
             bodies = {name: dataclasses.replace(body, softening=None) for name, body in bodies.items()}
@@ -76,8 +76,8 @@ def law_scene(scene: rf.Scene) -> LawScene:
             name = min(slopes, key=slopes.__getitem__)
             without.append(f"{name}.spectrum")
             bodies[name] = dataclasses.replace(bodies[name], spectrum=None)
-        found = dataclasses.replace(found, **bodies)
-        for reduced, parts in _reduced(found):
+        half_spaces = dataclasses.replace(half_spaces, **bodies)
+        for reduced, parts in _reduced(half_spaces):
             try:
                 law = dataclasses.replace(reduced, contact_model=_LAW, area_correction=False)
             except ValueError as error:
@@ -143,12 +143,14 @@ def log_ratio_to_law(problem: Problem, x: np.ndarray) -> np.ndarray:
     of = padded(problem)
     law = rows_by_law(problem, x).rows
     theory = evaluate_rows(of.structure, of.numbers, np.asarray(x)[None])[0][0]
-    found = np.zeros(law.size)
+    log_ratio = np.zeros(law.size)
     for block in of.structure.blocks:
         if block.quantity in CONTACT_QUANTITIES:
             rows = slice(*block.rows)
-            found[rows] = law[rows] - theory[rows] if block.logarithmic else np.log(law[rows] / theory[rows])
-    return found[of.data]
+            log_ratio[rows] = (
+                law[rows] - theory[rows] if block.logarithmic else np.log(law[rows] / theory[rows])
+            )
+    return log_ratio[of.data]
 
 
 def _at(scene, conditions):
@@ -182,5 +184,7 @@ def covariance_of_law(
 
 
 def _amplitude(scene):
-    found = rf.analysis.theory_error(scene)
-    return _UNKNOWN if found is None else float(np.log(found.friction[1] / found.friction[0]) / 2 / _NINETY)
+    ranges = rf.analysis.theory_error(scene)
+    return (
+        _UNKNOWN if ranges is None else float(np.log(ranges.friction[1] / ranges.friction[0]) / 2 / _NINETY)
+    )

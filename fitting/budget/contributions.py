@@ -88,9 +88,9 @@ def contributions(
     only : "contact model" or "stated" if only these sources are needed
     """
     step = _Step(fit)
-    found, notes = [], []
+    rows, notes = [], []
     try:
-        found.append(_of_contact_model(fit, step))
+        rows.append(_of_contact_model(fit, step))
     except NoLawError as reason:
         notes.append(f"contact model: not estimated, because {reason}")
     if only:
@@ -105,8 +105,8 @@ def contributions(
         single = len(members) == 1
         shift = shifts[0] if single else np.sqrt(np.sum(shifts**2, 0))
         stated = source in given or source not in (*Sizes._fields, NUMERICAL)
-        found.append(Contribution(source, "; ".join(t for t, _ in members), shift, single, stated))
-    return found, notes
+        rows.append(Contribution(source, "; ".join(t for t, _ in members), shift, single, stated))
+    return rows, notes
 
 
 class _Step:
@@ -164,10 +164,10 @@ def _of_contact_model(fit, step):
     if all(scene.contact_model == "boundary_elements" for scene in fit.scenes):
         if fit.has_discrepancy:
             raise NoLawError("the error of the law is part of the discrepancy, and so of the noise")
-        found = covariance_of_law(problem, fit.scenes, fit.data)
-        if found is None:
+        covariance_and_amplitude = covariance_of_law(problem, fit.scenes, fit.data)
+        if covariance_and_amplitude is None:
             raise NoLawError("no friction is fitted")
-        covariance, amplitude = found
+        covariance, amplitude = covariance_and_amplitude
         matrix = step.matrix[:, : len(covariance)]
         deviation = np.sqrt(np.einsum("ij,jk,ik->i", matrix, covariance, matrix))
         text = f"law fitted to boundary elements, smooth error of {100 * amplitude:.2g} %"
@@ -190,7 +190,7 @@ def largest_error(
     names: Sequence[str],
     values: np.ndarray,
     stderr: np.ndarray,
-    found: Sequence[Contribution],
+    rows: Sequence[Contribution],
     data: Sequence[Measured],
     is_linear: bool,
     has_discrepancy: bool,
@@ -200,7 +200,7 @@ def largest_error(
     Only the difference between theory and law and stated errors count. Sizes by default are not known to
     occur.
     """
-    known = [one for one in found if one.stated or (one.source == CONTACT and one.signed)]
+    known = [one for one in rows if one.stated or (one.source == CONTACT and one.signed)]
     shares = np.array([np.nan_to_num(np.abs(one.shift) / stderr) for one in known])
     times = float(np.max(shares, initial=0.0))
     if not times > MENTIONED:

@@ -106,8 +106,8 @@ def fit_prony(
     >>> omega = np.logspace(-1, 3, 20)
     >>> rubber = rf.Prony(1e6, [1e7], [1e-2], 0.5)
     >>> E = np.asarray(rf.complex_modulus(rubber, omega))
-    >>> found = fitting.fit_prony(fitting.ModulusData(omega, E.real, E.imag), tau=[1e-2])
-    >>> np.asarray(found.material.E).round(-3)
+    >>> series = fitting.fit_prony(fitting.ModulusData(omega, E.real, E.imag), tau=[1e-2])
+    >>> np.asarray(series.material.E).round(-3)
     array([10000000.])
     """
     rf.Prony(1.0, [1.0], [1.0], poisson, shift)  # checks poisson and shift
@@ -136,20 +136,20 @@ def fit_prony(
     kept = E > 0
     if not (kept & np.isfinite(series.tau)).any():
         raise ValueError(f"data {data.label!r}: the fit has no relaxing term; {_needed(data)}")
-    found = series.only(kept)
-    strength = found.cross_validated(E[kept]) if isinstance(smooth, str) else smooth
-    solution = found.solved(E[kept], strength)
-    fitted = matrix(reference, found.tau) @ solution.E + _known(reference, fixed)
+    own = series.only(kept)
+    strength = own.cross_validated(E[kept]) if isinstance(smooth, str) else smooth
+    solution = own.solved(E[kept], strength)
+    fitted = matrix(reference, own.tau) @ solution.E + _known(reference, fixed)
     compliance = None
     if is_creep:
         try:
-            material, found, solution, compliance = converted(found, solution, flow, poisson, shift)
+            material, own, solution, compliance = converted(own, solution, flow, poisson, shift)
         except ValueError as error:
             raise ValueError(f"data {data.label!r}: {error}") from None
     else:
-        terms = np.isfinite(found.tau)
+        terms = np.isfinite(own.tau)
         relaxed = float(solution.E[~terms].sum()) if fixed is None else fixed
-        material = rf.Prony(relaxed, solution.E[terms], found.tau[terms], poisson, shift)
+        material = rf.Prony(relaxed, solution.E[terms], own.tau[terms], poisson, shift)
     measured = np.where(reference.measured > 0, reference.measured, np.nan)
     again = functools.partial(
         fit_prony, data, E_inf=E_inf, poisson=poisson, shift=shift, smooth=strength, weights=weights
@@ -161,7 +161,7 @@ def fit_prony(
         data=data,
         smooth=strength,
         weights=(float(weight[0]), float(weight[-1])),
-        names=found.names,
+        names=own.names,
         solution=solution,
         count=series.measured.size,
         refit=again,

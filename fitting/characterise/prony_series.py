@@ -183,14 +183,14 @@ def nonnegative_logarithmic(
 
     # Gauss-Newton: the logarithm is linear in a small relative change of the model, so that
     # every step is a bounded problem. The first is linearised about the data.
-    model, x, found, lowest = b, np.zeros(A.shape[1]), np.zeros(A.shape[1]), np.inf
+    model, x, solution, lowest = b, np.zeros(A.shape[1]), np.zeros(A.shape[1]), np.inf
     for _ in range(_STEPS):
         scale = 1 / (model * error)
         aim = (model - known) * scale - np.log(model / b) / error
-        found = nonnegative(counted(A * scale[:, None]), counted(aim))
+        solution = nonnegative(counted(A * scale[:, None]), counted(aim))
         # The first step, from x = 0, is a full step; later steps are shortened as needed.
         parts = 0.5 ** np.arange(20 if np.isfinite(lowest) else 1)
-        tried = [x + part * (found - x) for part in parts]
+        tried = [x + part * (solution - x) for part in parts]
         costs = [cost(one) for one in tried]
         best = int(np.argmin(costs))
         gained = lowest - costs[best]
@@ -200,7 +200,7 @@ def nonnegative_logarithmic(
         model = A @ x + known
         if gained <= 1e-14 * lowest:
             break
-    return np.where(found > 0, x, 0.0)
+    return np.where(solution > 0, x, 0.0)
 
 
 class SeriesMinimum(NamedTuple):

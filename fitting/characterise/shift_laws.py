@@ -78,7 +78,7 @@ def wlf_through(T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref:
     if slope > 0 and offset / slope > lowest:
         starts.insert(0, (1 / slope, offset / slope))
     bounds = ([1e-6, lowest], [np.inf, _FAR])
-    found = [
+    fits = [
         least_squares(
             rows,
             np.clip(p, bounds[0], bounds[1]),
@@ -89,7 +89,7 @@ def wlf_through(T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref:
         )
         for p in starts
     ]
-    best = min(found, key=lambda one: one.cost)
+    best = min(fits, key=lambda one: one.cost)
     if not best.x[0] > 1e-5:
         return None
     J = slopes(best.x)

@@ -137,21 +137,21 @@ class _Superposition:
         objective = float(np.sum(w * r**2) + np.einsum("ki,kij,kj", c, prior, c) + bends @ bends)
         return _Curve(objective, H, c, r, slope, w, X, D, t)
 
-    def bordered(self, found):
+    def bordered(self, curve):
         """Return the covariance of all unknowns, the Gauss-Newton step of the shifts, and the Jacobian.
 
         The covariance, shape (2, m, m), is of the coefficients of ln E' or ln E'', followed by the shifts.
         The Jacobian contains the derivatives of the model with respect to the shifts. `found` is the `_Curve`
         at the present shifts.
         """
-        J = [self.each[:, self.moving].multiply(slope[:, None]) for slope in found.slope]
-        size, bends = found.c.shape[1], self.bends[:, self.moving]
-        H = np.array([_normal(sparse.hstack([found.X, one]), w) for one, w in zip(J, found.w, strict=True)])
-        H[:, :size, :size] = found.H
+        J = [self.each[:, self.moving].multiply(slope[:, None]) for slope in curve.slope]
+        size, bends = curve.c.shape[1], self.bends[:, self.moving]
+        H = np.array([_normal(sparse.hstack([curve.X, one]), w) for one, w in zip(J, curve.w, strict=True)])
+        H[:, :size, :size] = curve.H
         # Half of the prior, for each modulus; the last term keeps shifts within 100 e-folds.
         H[:, size:, size:] += 0.5 * (bends.T @ bends + 1e-4 * np.eye(self.moving.size))
         C = invert_blocks(H, size - self.vertical.shape[1])
-        right = sum(one.T @ r for one, r in zip(J, found.w * found.r, strict=True))
+        right = sum(one.T @ r for one, r in zip(J, curve.w * curve.r, strict=True))
         right -= bends.T @ (self.bends @ self.x)
         return C, C[0, size:, size:] @ right, J
 
@@ -165,21 +165,21 @@ class _Superposition:
         self.measured = np.concatenate([one.t for one in self.sweeps]) + (self.drift * gradient[self.which])
         t, h = self.measured + self.x[self.which], np.log(10) / _KNOTS
         self.knots = h * np.arange(np.floor(t.min() / h) - 8, np.ceil(t.max() / h) + 9)
-        found = self.curve(self.x)
-        C, step, J = self.bordered(found)
+        curve = self.curve(self.x)
+        C, step, J = self.bordered(curve)
         step *= min(1.0, 2.0 / max(np.abs(step).max(), 1e-12))
         for _ in range(6):
             x = self.x.copy()
             x[self.moving] += step
-            if self.curve(x).objective <= found.objective + 1e-9:
+            if self.curve(x).objective <= curve.objective + 1e-9:
                 break
             step *= 0.5
         else:
             x = self.x
         change, self.x = np.abs(x - self.x).max(), x
-        return max(change, self.reweigh(found, C, J)) if update else np.inf
+        return max(change, self.reweigh(curve, C, J)) if update else np.inf
 
-    def reweigh(self, found, C, J):
+    def reweigh(self, curve, C, J):
         """Update variances, penalties and weights of outliers, and return a measure of their change.
 
         The measure is a fiftieth of the largest |ln(new / old)| of all variances and penalties. The tolerance
@@ -187,21 +187,21 @@ class _Superposition:
         `run`, 0.2 % for shifts, thus corresponds to 10 % for variances.
         """
         old = np.concatenate([self.sigma2, self.tau2, self.penalty])
-        variance, phase, leverage = self.variance(), np.zeros(2), _leverage(found, C, J)
+        variance, phase, leverage = self.variance(), np.zeros(2), _leverage(curve, C, J)
         for k, inner in enumerate(C):
             free = variance[k] * (1 - leverage[k])
-            square, per = self.weight[k] * found.r[k] ** 2, self.ok[k] / variance[k] ** 2
+            square, per = self.weight[k] * curve.r[k] ** 2, self.ok[k] / variance[k] ** 2
             self.sigma2[k] = max(self.sigma2[k] * (per @ square) / max(per @ free, 1e-9), _EXACT**2)
             phase += (per * self.by_phase[k]) @ np.stack([square, free], axis=1)
-            b = found.D.shape[1]
-            c, u, S = found.c[k, :b], found.c[k, b : b + self.T.size], found.D.T @ found.D
+            b = curve.D.shape[1]
+            c, u, S = curve.c[k, :b], curve.c[k, b : b + self.T.size], curve.D.T @ curve.D
             rank = b - 2 - self.penalty[k] * np.sum(S * inner[:b, :b])
             self.penalty[k] = np.clip(max(rank, 0.1) / (c @ S @ c), 1.0, _STIFFEST)
             used = self.T.size - np.trace(inner[b : b + u.size, b : b + u.size]) / self.tau2[k]
             self.tau2[k] = (u @ u + _BELIEF * _OFFSET**2) / (max(used, 0.0) + _BELIEF)
-            z = np.where(self.ok[k], np.abs(found.r[k]) / np.sqrt(variance[k]), 0.0)
+            z = np.where(self.ok[k], np.abs(curve.r[k]) / np.sqrt(variance[k]), 0.0)
             if self.given is None:
-                self.inflation[k] = np.sqrt(self.inflation[k] * self.correlated(z * np.sign(found.r[k])))
+                self.inflation[k] = np.sqrt(self.inflation[k] * self.correlated(z * np.sign(curve.r[k])))
             self.weight[k] = self.ok[k] * np.minimum(1.0, (_OUTLIER / np.maximum(z, 1e-9)) ** 2)
         self.phase2 = np.clip(self.phase2 * phase[0] / phase[1], _PHASE[0] ** 2, _PHASE[1] ** 2)
         return np.abs(np.log(np.concatenate([self.sigma2, self.tau2, self.penalty]) / old)).max() / 50
@@ -228,9 +228,9 @@ class _Superposition:
 
         Offsets of the sweeps count as deviations.
         """
-        found = self.curve(self.x)
-        b, n = found.D.shape[1], self.T.size
-        rest = found.r + (self.each @ found.c[:, b : b + n].T).T
+        curve = self.curve(self.x)
+        b, n = curve.D.shape[1], self.T.size
+        rest = curve.r + (self.each @ curve.c[:, b : b + n].T).T
         squares = np.sum(self.weight * rest**2, axis=1) / self.ok.sum(axis=1)
         return 0.5 * float(np.sum(np.log(squares + _EXACT**2)))
 
@@ -264,11 +264,11 @@ def _normal(X, w):
     return (X.T @ X.multiply(w[:, None])).toarray()
 
 
-def _leverage(found, C, J):
+def _leverage(curve, C, J):
     """Return d (fitted value) / d (measured value) of every point, shape (2, points)."""
-    X = [sparse.hstack([found.X, one]) for one in J]
+    X = [sparse.hstack([curve.X, one]) for one in J]
     return (
-        np.array([one.multiply(one @ inner).sum(axis=1) for one, inner in zip(X, C, strict=True)]) * found.w
+        np.array([one.multiply(one @ inner).sum(axis=1) for one, inner in zip(X, C, strict=True)]) * curve.w
     )
 
 
@@ -348,8 +348,8 @@ def _result(fit, log_b, temperature_error, *, free=False, unseen=None):
     covariance[np.ix_(targets, targets)] = C[0][np.ix_(places, places)]
     both = np.zeros((2, b + n, b + n))
     inner, known = np.concatenate([np.arange(b), b + moving]), np.r_[:b, size : C.shape[1]]
-    for one, found in zip(both, C, strict=True):
-        one[np.ix_(inner, inner)] = found[np.ix_(known, known)]
+    for one, inverse in zip(both, C, strict=True):
+        one[np.ix_(inner, inner)] = inverse[np.ix_(known, known)]
     slope = np.gradient(fit.x, fit.T) * temperature_error
     contrast = np.eye(n) - np.eye(n)[fit.reference]
     covariance[:n, :n] += (contrast * slope**2) @ contrast.T

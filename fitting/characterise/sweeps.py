@@ -1,4 +1,4 @@
-r"""Split data into isothermal sweeps, and guess the shifts that superpose the sweeps.
+r"""Split data into isothermal sweeps, guess the shifts that superpose the sweeps, and join shifted sweeps.
 
 The guess models ln E of two neighbouring sweeps as one smooth random function of ln omega, an integrated
 Wiener process.
@@ -55,7 +55,7 @@ def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sw
         raise ValueError(
             f"isotherms: all rows are at {T.mean():.6g} K within {same:g} K: must have several temperatures"
         )
-    found = []
+    sweeps = []
     for group in groups:
         group = group[np.argsort(t[group], kind="stable")]
         count = int(np.isfinite(y[:, group]).sum(axis=1).min())
@@ -65,9 +65,34 @@ def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sw
                 f" {_FEWEST}; temperatures within {same:g} K belong to one sweep (argument same)"
             )
         errors = None if error is None else error[:, group]
-        found.append(Sweep(float(T[group].mean()), T[group], t[group], y[:, group], errors))
-    _check_falling(found)
-    return found
+        sweeps.append(Sweep(float(T[group].mean()), T[group], t[group], y[:, group], errors))
+    _check_falling(sweeps)
+    return sweeps
+
+
+def superposed(
+    isotherms: ModulusData | Sequence[ModulusData],
+    sweeps: Sequence[Sweep],
+    t: np.ndarray,
+    y: np.ndarray,
+    order: np.ndarray,
+) -> ModulusData:
+    """Return the points `order` of all sweeps at the reduced ln omega t, with ln E = y."""
+    sets = [isotherms] if isinstance(isotherms, ModulusData) else isotherms
+    errors = {}
+    if sweeps[0].error is not None:
+        relative = np.concatenate([one.error for one in sweeps if one.error is not None], axis=1)
+        sigma = np.exp(y) * relative
+        errors = {"sigma_storage": sigma[0, order], "sigma_loss": sigma[1, order]}
+    bodies = {one.body for one in sets}
+    return ModulusData(
+        np.exp(t[order]),
+        *np.exp(y[:, order]),
+        **errors,
+        name=f"master curve of {sets[0].name}" if sets[0].name and len(sets) == 1 else "master curve",
+        body=bodies.pop() if len(bodies) == 1 else None,
+        check_units=False,
+    )
 
 
 def _check_falling(sweeps):

@@ -237,8 +237,8 @@ def _grid(path, table, content, scene):
     size = math.prod(values.size for values in conditions if values is not None)
     if size > _MOST["candidates"]:
         raise ValueError(f"{path}: {table}: has {size} candidates: must have at most {_MOST['candidates']}")
-    found = np.broadcast_arrays(*(x for x in conditions.grid() if x is not None))
-    return tuple(np.array(x).ravel() for x in found)
+    grids = np.broadcast_arrays(*(x for x in conditions.grid() if x is not None))
+    return tuple(np.array(x).ravel() for x in grids)
 
 
 def run_calibration(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
@@ -252,11 +252,11 @@ def run_calibration(arguments: argparse.Namespace, interrupts: Interrupts, show:
     options |= {"on": arguments.on, "callback": _counting("calibration", interrupts, show)}
     show("calibration: compiling")
     with about(arguments.job):
-        found = calibration(job.scene, job.data, job.free, job.prior, arguments.members, **options)
+        result = calibration(job.scene, job.data, job.free, job.prior, arguments.members, **options)
     interrupts.check()  # a calibration ends normally with the members that are done
-    drawing = ("drawing", arguments.plot, lambda path: save_figure(path, found.plot()))
-    finish(show, _titled(job, found.report()), drawing)
-    if not found.inside()[found.identified].all():
+    drawing = ("drawing", arguments.plot, lambda path: save_figure(path, result.plot()))
+    finish(show, _titled(job, result.report()), drawing)
+    if not result.inside()[result.identified].all():
         text = "error bars do not have their stated coverage: see NOT CALIBRATED above"
         return complain(f"{_PROGRAM} calibration", text, 3)
     return 0

@@ -236,21 +236,21 @@ def calibration(
     key = jax.random.key(0) if key is None else key
     x, targets = _twins(problem, members, key)
     fits = Members("calibration", problem, x, targets, NEAR_MINIMUM, NEAR_MINIMUM.max_steps)
-    found = run_ensemble(fits, callback=callback)
-    good = succeeded(found.status)
-    if was_interrupted(found.status).any() and not good.any():
+    fitted = run_ensemble(fits, callback=callback)
+    good = succeeded(fitted.status)
+    if was_interrupted(fitted.status).any() and not good.any():
         raise KeyboardInterrupt
     x, targets = x[good], targets._replace(measured=targets.measured[good])
-    covariance = _covariances(problem, found.x[good])
+    covariance = _covariances(problem, fitted.x[good])
     deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-    normal = scipy.special.ndtr((x - found.x[good]) / deviation)
+    normal = scipy.special.ndtr((x - fitted.x[good]) / deviation)
     result = Calibration(
-        problem.names, problem.values(x), found.values[good], normal, deviation, int(np.sum(~good))
+        problem.names, problem.values(x), fitted.values[good], normal, deviation, int(np.sum(~good))
     )
     if on == "normal":
         return result
     random = np.random.default_rng(np.asarray(jax.random.key_data(jax.random.fold_in(key, 1))))
-    proposal = guided(problem, targets, found.x[good], covariance, draws, random)
+    proposal = guided(problem, targets, fitted.x[good], covariance, draws, random)
     rows = np.concatenate([proposal.draws(draws, random), x[:, None]], 1)
     weight = log_weights(problem, targets, proposal, rows, callback)
     result = dataclasses.replace(

@@ -127,25 +127,40 @@ def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Compariso
     One value at a time is left out, so LOO measures predictions between neighbouring values. No criterion
     measures how well a scene extrapolates beyond the data. If errors were estimated, each fit uses its own.
     The criteria do not include the deviations from the priors.
+
+    Examples
+    --------
+    E' and E'' of two relaxation times need a series of two terms:
+
+    >>> omega, scene = np.logspace(0, 4, 9), rf.load_scene("data/tread_on_asphalt.toml")
+    >>> two = rf.Prony(E_inf=2e6, E=[1e7, 1e7], tau=[1e-1, 1e-3])
+    >>> E = np.asarray(rf.complex_modulus(two, omega))
+    >>> data = fitting.ModulusData(omega, E.real, E.imag, relative=0.05, body="upper")
+    >>> series = {"one": two.replace(E=[1e7], tau=[1e-2]), "two": two}
+    >>> free = {"upper.material.E": fitting.Positive(), "upper.material.tau": fitting.Positive()}
+    >>> fits = {n: fitting.fit(scene.replace("upper.material", x), data, free) for n, x in series.items()}
+    >>> comparison = fitting.compare(fits)
+    >>> comparison.best, [variant.name for variant in comparison.alike]
+    ('two', ['two'])
     """
     named = _named(results)
     fits = list(named.values())
     for name, one in list(named.items())[1:]:
         _check_same(next(iter(named)), fits[0], name, one)
-    found = {}
+    by_name = {}
     for name, one in named.items():
         # An estimated amplitude and width of the model error are further parameters.
         error = one.discrepancy
-        found[name] = criteria(one, 0 if error is None else error.estimated + bool(error.parts))
-    order = sorted(named, key=lambda name: found[name].loo)
+        by_name[name] = criteria(one, 0 if error is None else error.estimated + bool(error.parts))
+    order = sorted(named, key=lambda name: by_name[name].loo)
     variants = []
     for name in order:
-        own, fit = found[name], named[name]
-        away = 2 * (found[order[0]].left_out - own.left_out)
+        own, fit = by_name[name], named[name]
+        away = 2 * (by_name[order[0]].left_out - own.left_out)
         stderr = float(np.sqrt(away.size * np.var(away, ddof=1))) if away.size > 1 else np.inf
         values = own.parameters, fit.chisqr, fit.redchi, own.aic, own.aicc, own.bic, own.loo
         variants.append(Variant(name, *values, float(away.sum()), stderr, fit.verdict.explains))
-    return Comparison(tuple(variants), tuple(_words(variants, named, found)))
+    return Comparison(tuple(variants), tuple(_words(variants, named, by_name)))
 
 
 def is_distinguishable(one: Variant) -> bool:
@@ -153,7 +168,7 @@ def is_distinguishable(one: Variant) -> bool:
     return one.worse > max(2 * SMALL, ERRORS * one.worse_stderr)
 
 
-def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str, Criteria]) -> list[str]:
+def _words(variants: list[Variant], fits: dict[str, FitRecord], by_name: dict[str, Criteria]) -> list[str]:
     alike = [one for one in variants if not is_distinguishable(one)]
     worse = [one for one in variants if is_distinguishable(one)]
     first = alike[0].name
@@ -185,7 +200,7 @@ def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str,
             lines.append(
                 f"the fit of {name!r} did not converge, so its criteria are too large: {fit.message}"
             )
-        alone = np.flatnonzero(found[name].leverage > ALONE)
+        alone = np.flatnonzero(by_name[name].leverage > ALONE)
         if alone.size:
             lines.append(
                 f"{name!r}: LOO is not reliable, {alone.size} value{'s' * (alone.size > 1)} alone determine"

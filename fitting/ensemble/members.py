@@ -207,15 +207,15 @@ class Members:
         """
         if self.parameter is None or self.source is None:
             raise ValueError(f"members are of kind {self.kind!r}: must be 'profile', from profile_members")
-        found = {}
+        by_name = {}
         for i in dict.fromkeys(self.parameter.tolist()):
             name, own = self.names[i], self.parameter == i
             runs = Runs(*(getattr(ensemble, field)[own] for field in Runs._fields))
-            found[name] = self.source.profile_of(name, self.level, runs)
-            if found[name].warning:
-                text = f"profile of {name!r}: {found[name].warning}"
+            by_name[name] = self.source.profile_of(name, self.level, runs)
+            if by_name[name].warning:
+                text = f"profile of {name!r}: {by_name[name].warning}"
                 warnings.warn(text, RuntimeWarning, stacklevel=2)
-        return found
+        return by_name
 
     def fingerprint(self) -> str:
         """Return the SHA-256 hash of structure, constants, data, starts and solver of a run."""

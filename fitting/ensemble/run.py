@@ -60,11 +60,11 @@ def read_checkpoint(path: StrPath, fingerprint: str, blank: Progress) -> Progres
     another job or version.
     """
     with hdf5.reading(path, _FORMAT) as file:
-        found = hdf5.plain(file.attrs.get("rubberfric_version"))
-        if found != VERSION:
+        version = hdf5.plain(file.attrs.get("rubberfric_version"))
+        if version != VERSION:
             raise ValueError(
-                f"written by version {found}, but this is version {VERSION}, whose steps may differ; resume"
-                f" with version {found}, or remove the file to begin again"
+                f"written by version {version}, but this is version {VERSION}, whose steps may differ; resume"
+                f" with version {version}, or remove the file to begin again"
             )
         if file.attrs.get("fingerprint") != fingerprint:
             held = file.get("steps")
@@ -260,8 +260,8 @@ class _Record:
             try:
                 self.progress = check_checkpoint(self.path, self.fingerprint, self.progress, resume)
                 self.in_file = self._taken()
-            except ValueError as found:
-                error = found
+            except ValueError as failure:
+                error = failure
         if self.together and self.path is not None:
             failed = multihost_utils.broadcast_one_to_all(np.array(error is not None, np.int32))
             if failed and error is None:

@@ -38,6 +38,19 @@ class Correlated:
     low, high : limits of every number, -inf and inf if there are none, shape (n,)
     places : abscissa of every number, such as its relaxation time, NaN if a number has none, shape (n,);
         or None. A scene with other abscissae is refused, because its numbers have another meaning.
+
+    Examples
+    --------
+    The height from another measurement, with 10 %, and data that determine it to 20 % / sqrt(4):
+
+    >>> scene, q = rf.load_scene("data/tread_on_asphalt.toml"), np.logspace(2.5, 4, 4)
+    >>> C = rf.power_spectrum(scene.lower.spectrum, q)
+    >>> data = fitting.SpectrumData(q, C, relative=0.4, body="lower")  # ln C = 2 ln h + ...
+    >>> h = "lower.spectrum.h_rms"
+    >>> prior = {h: fitting.Correlated([0.5e-3], [[0.1**2]], low=[0.0], high=[np.inf])}
+    >>> result = fitting.fit(scene, data, {h: fitting.Positive()}, prior=prior)
+    >>> round(float(result[h].stderr / result[h].value), 4)  # 0.1 / sqrt(2)
+    0.0707
     """
 
     mean: ArrayLike
@@ -52,13 +65,15 @@ class Correlated:
         for name in names:
             value, shape = getattr(self, name), (size, size) if name == "covariance" else (size,)
             try:
-                found = np.asarray(value, float)
+                numbers = np.asarray(value, float)
             except (TypeError, ValueError):
-                found = np.empty(())
-            if found.shape != shape or size == 0:
+                numbers = np.empty(())
+            if numbers.shape != shape or size == 0:
                 raise ValueError(f"Correlated: {name} must be numbers of the shape {shape}")
             # Tuples, so that equal priors compare equal.
-            object.__setattr__(self, name, tuple(tuple(one) if np.ndim(one) else float(one) for one in found))
+            object.__setattr__(
+                self, name, tuple(tuple(one) if np.ndim(one) else float(one) for one in numbers)
+            )
         C = np.array(self.covariance)
         if not (np.isfinite(C).all() and np.allclose(C, C.T, rtol=1e-6) and (np.diag(C) > 0).all()):
             raise ValueError("Correlated: covariance must be finite, symmetric, and > 0 on its diagonal")

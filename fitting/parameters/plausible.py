@@ -41,9 +41,9 @@ def implausible(names: Iterable[str], values: np.ndarray) -> dict[str, tuple[flo
     names : key paths, such as "shear.tau_f0"
     values : values of the parameters, shape (size,)
     """
-    found = {}
+    ranges = {}
     for name, value in zip(names, values, strict=True):
         low, high = _RANGES.get(name.rsplit(".", 1)[-1], (-np.inf, np.inf))
         if not low <= value <= high:
-            found[name] = (low, high)
-    return found
+            ranges[name] = (low, high)
+    return ranges

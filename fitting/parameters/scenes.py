@@ -113,8 +113,8 @@ def owner_of(scene: Scenes, path: str) -> tuple[Any, str]:
 def unit(scene: Scenes, path: str) -> str:
     """Return the unit of the number at a key path, or "" if the number is dimensionless."""
     owner, name = owner_of(scene, path)
-    found = unit_of(type(owner), name)
-    return "" if found == "-" else found
+    text = unit_of(type(owner), name)
+    return "" if text == "-" else text
 
 
 def field_of(owner: Any, name: str) -> Leaf | None:
@@ -202,15 +202,15 @@ def ordered_pairs(scene: Scenes) -> tuple[OrderedPair, ...]:
 
 def in_order(pairs: tuple[OrderedPair, ...], leaves: Any) -> Any:
     """Return True, or a boolean scalar array, if low <= high for all pairs of numbers in `leaves`."""
-    found = True
+    holds = True
     for low, high in dict.fromkeys((pair.low.leaf, pair.high.leaf) for pair in pairs):
         own = [pair for pair in pairs if (pair.low.leaf, pair.high.leaf) == (low, high)]
         below, above = (
             leaves[leaf] if ends[0] is None else leaves[leaf][np.array(ends)]
             for leaf, ends in ((low, [p.low.element for p in own]), (high, [p.high.element for p in own]))
         )
-        found = found & jnp.all(below <= above)
-    return found
+        holds = holds & jnp.all(below <= above)
+    return holds
 
 
 def check_start(scene: Scenes, pairs: tuple[OrderedPair, ...], leaves: list[np.ndarray]) -> None:

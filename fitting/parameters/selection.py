@@ -91,8 +91,8 @@ class PriorContext(NamedTuple):
         Raise ValueError, with the words `separated`, if the fit changes none of them.
         """
         paths = tuple(path.strip() for path in self.key.split(separator))
-        found = [find(self.scene, path) for path in paths]
-        chosen = Selection(paths, tuple(leaf for leaf, _ in found), tuple(one for _, one in found))
+        places = [find(self.scene, path) for path in paths]
+        chosen = Selection(paths, tuple(leaf for leaf, _ in places), tuple(one for _, one in places))
         if not chosen.changing(self.variables).any():
             free = ", ".join(group.path for group in self.variables.groups)
             raise ValueError(

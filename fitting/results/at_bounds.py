@@ -128,23 +128,23 @@ def along_bounds(
     which = sorted(
         (i for i in range(len(names)) if names[i] in known.withheld), key=lambda i: _rank(solved, i)
     )
-    clock, found, reasons = _Clock(seconds), [], {}
+    clock, bounds, reasons = _Clock(seconds), [], {}
     for i in which[:_FOLLOWED]:
         where = known.withheld[names[i]].split(", see")[0]
         path = _follow(solved, i, clock, batch) if linear else None
         if path is None:
             others = _correlated(known, i)
-            found.append(_unknown(solved, i, where, others))
+            bounds.append(_unknown(solved, i, where, others))
         else:
             lowest = int(np.argmin(path.rise))
             if path.rise[lowest] < -2 * NEGLIGIBLE * max(1.0, solved.cost):
                 return (), known, path.x[lowest]
-            found.append(_at_bound(solved, i, where, path))
-            others = [names.index(name) for name in found[-1].intervals if name not in known.withheld]
-        value = f"{names[i]} = {found[-1].value:.4g}"
+            bounds.append(_at_bound(solved, i, where, path))
+            others = [names.index(name) for name in bounds[-1].intervals if name not in known.withheld]
+        value = f"{names[i]} = {bounds[-1].value:.4g}"
         reasons |= {names[j]: f"holds only at {value}, see [[Bounds]]" for j in others}
     reasons = _missed_by_minima(solved, minima) | reasons if linear else reasons
-    return tuple(found), without_bars(known, names, reasons), None
+    return tuple(bounds), without_bars(known, names, reasons), None
 
 
 def _missed_by_minima(solved, minima):

@@ -215,8 +215,8 @@ def budget_of(fit: FitRecord, given: dict[str, float | None]) -> Budget:
         if not (is_number(value) and value >= 0):
             raise ValueError(f"{name} = {value!r}: must be a finite number >= 0")
     sizes = Sizes(**{name: float(value) for name, value in stated.items()})
-    found, notes = contributions(solved_fit(fit), sizes, tuple(stated))
-    return Budget(fit=fit, contributions=tuple(found), notes=tuple(notes), sizes=sizes)
+    rows, notes = contributions(solved_fit(fit), sizes, tuple(stated))
+    return Budget(fit=fit, contributions=tuple(rows), notes=tuple(notes), sizes=sizes)
 
 
 def _cell(value, signed, shares):

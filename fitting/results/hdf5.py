@@ -112,15 +112,17 @@ def _read_rules(group: h5py.Group, classes: Mapping[str, type[RuleOrPrior]]) -> 
     """Read the rules or priors in a group as a dict by key path."""
     rules = {}
     for one in _numbered(group):
-        found = {k: v.tolist() if isinstance(v, np.generic | np.ndarray) else v for k, v in one.attrs.items()}
-        found |= {name: hdf5.read_values(one, name, "-").tolist() for name in list(one)}
-        kind, path = found.pop("rule", None), found.pop("path", None)
+        attributes = {
+            k: v.tolist() if isinstance(v, np.generic | np.ndarray) else v for k, v in one.attrs.items()
+        }
+        attributes |= {name: hdf5.read_values(one, name, "-").tolist() for name in list(one)}
+        kind, path = attributes.pop("rule", None), attributes.pop("path", None)
         if kind not in classes:
             raise ValueError(f"{one.name}: rule = {kind!r}: {closest(kind, tuple(classes))}")
         fields = tuple(field.name for field in dataclasses.fields(classes[kind]))
         hdf5.check_names(one, fields, ("path", "rule", *fields))
         try:
-            rules[path] = classes[kind](**found)
+            rules[path] = classes[kind](**attributes)
         except (ValueError, TypeError) as error:
             raise ValueError(f"{one.name}: {error}") from None
     return rules
@@ -179,19 +181,19 @@ def _read_minima(group: h5py.Group, size: int) -> tuple[Minimum, ...]:
 
 
 def _write_bounds(group: h5py.Group, bounds: Iterable[AtBound]) -> None:
-    for i, found in enumerate(bounds):
+    for i, bound in enumerate(bounds):
         one = group.create_group(str(i))
-        one.attrs.update(name=found.name, where=found.where, value=found.value, complete=found.complete)
-        hdf5.write_values(one, "held", np.array(found.held), "as in units")
-        hdf5.write_values(one, "rises", np.array(found.rises), "-")
-        hdf5.write_values(one, "interval", np.array(found.interval), "as in units")
-        hdf5.write_texts(one, "names", list(found.intervals))
-        ends = np.array(list(found.intervals.values()), float).reshape(-1, 2)
+        one.attrs.update(name=bound.name, where=bound.where, value=bound.value, complete=bound.complete)
+        hdf5.write_values(one, "held", np.array(bound.held), "as in units")
+        hdf5.write_values(one, "rises", np.array(bound.rises), "-")
+        hdf5.write_values(one, "interval", np.array(bound.interval), "as in units")
+        hdf5.write_texts(one, "names", list(bound.intervals))
+        ends = np.array(list(bound.intervals.values()), float).reshape(-1, 2)
         hdf5.write_values(one, "intervals", ends, "as in units")
 
 
 def _read_bounds(group: h5py.Group) -> tuple[AtBound, ...]:
-    found = []
+    bounds = []
     for one in _numbered(group):
         names = hdf5.read_texts(one, "names")
         ends = hdf5.read_array(one, "intervals", "as in units", (len(names), 2)).tolist()
@@ -201,16 +203,16 @@ def _read_bounds(group: h5py.Group) -> tuple[AtBound, ...]:
             for name, units in (("held", "as in units"), ("rises", "-"), ("interval", "as in units"))
         }
         pairs = zip(names, ends, strict=True)
-        found.append(AtBound(**kept, intervals={name: (low, high) for name, (low, high) in pairs}))
-    return tuple(found)
+        bounds.append(AtBound(**kept, intervals={name: (low, high) for name, (low, high) in pairs}))
+    return tuple(bounds)
 
 
 def _read_further(group: h5py.Group) -> FurtherStarts:
     kinds = {"count": int, "agreed": int, "before": float, "after": float, "seconds": float}
     hdf5.check_names(group, ("reasons",), (*kinds, "timed_out"))
     reasons = tuple(hdf5.read_texts(group, "reasons"))
-    found = hdf5.attributes(group, kinds | {"timed_out": bool})
-    return FurtherStarts(reasons=reasons, **found)
+    fields = hdf5.attributes(group, kinds | {"timed_out": bool})
+    return FurtherStarts(reasons=reasons, **fields)
 
 
 def _numbered(group: h5py.Group) -> Iterator[h5py.Group]:
@@ -298,11 +300,11 @@ def load(path: StrPath, cls: type[ResultType]) -> ResultType:
 
 
 def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
-    found, options = hdf5.attributes(file, FIELDS), hdf5.attributes(file, OPTIONS)
-    if found["status"] not in MESSAGES:
-        raise ValueError(f"status = {found['status']!r}: must be one of {', '.join(map(str, MESSAGES))}")
-    if found["method"] not in SOLVERS:
-        raise ValueError(f"method = {found['method']!r}: {closest(found['method'], tuple(SOLVERS))}")
+    fields, options = hdf5.attributes(file, FIELDS), hdf5.attributes(file, OPTIONS)
+    if fields["status"] not in MESSAGES:
+        raise ValueError(f"status = {fields['status']!r}: must be one of {', '.join(map(str, MESSAGES))}")
+    if fields["method"] not in SOLVERS:
+        raise ValueError(f"method = {fields['method']!r}: {closest(fields['method'], tuple(SOLVERS))}")
     scene = _read_scenes(groups["scene_at_start"])
     of = hdf5.read_texts(file, "data_scenes") if "data_scenes" in file else [""] * len(groups["data"])
     data = tuple(read_group(group) for group in _numbered(groups["data"]))
@@ -313,7 +315,7 @@ def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
     estimated = tuple(None if np.isnan(scale) else scale for scale in scales)
     error = np.array(problem.targets.error)
     for scale, rows in zip(estimated, problem.order, strict=True):
-        error[rows] = error[rows] * found["error_scale"] if scale is None else scale
+        error[rows] = error[rows] * fields["error_scale"] if scale is None else scale
     if hdf5.read_texts(groups["parameters"], "names") != list(problem.names):
         raise ValueError("/parameters/names: must list the elements that are free according to /free")
     size, discrepancy = problem.variables.size, None
@@ -339,5 +341,5 @@ def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
         # Older files have no such attribute. There, an error equal to ASSUMED was assumed.
         "assumed": bool(file.attrs.get("assumed", ASSUMED in scales)),
         "uncertainty": _read_uncertainty(groups["uncertainty"], groups["parameters"], size),
-        **found,
+        **fields,
     }

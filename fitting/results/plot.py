@@ -68,6 +68,16 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
     Returns
     -------
     sequence of the axes, top to bottom
+
+    Examples
+    --------
+    >>> omega, scene = np.logspace(0, 4, 9), rf.load_scene("data/tread_on_asphalt.toml")
+    >>> scene = scene.replace("upper.material", rf.Prony(E_inf=2e6, E=[1e7], tau=[1e-2]))
+    >>> E = np.asarray(rf.complex_modulus(scene.upper.material, omega))
+    >>> data = fitting.ModulusData(omega, E.real, E.imag, relative=0.05, body="upper")
+    >>> axes = fitting.plot.plot_fit(fitting.fit(scene, data, {"upper.material.E": fitting.Positive()}))
+    >>> len(axes)  # E' and E'' above, residuals below
+    2
     """
     if not isinstance(result, FitRecord):
         raise ValueError(f"result is a {type(result).__name__}: must be of class FitResult")
@@ -90,7 +100,20 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
 
 
 def save_plot(path: StrPath, result: FitRecord, title: str = "") -> None:
-    """Write the plot of a fit to a file, completely or not at all."""
+    """Write the plot of a fit to a file, completely or not at all.
+
+    Examples
+    --------
+    >>> omega, scene = np.logspace(0, 4, 9), rf.load_scene("data/tread_on_asphalt.toml")
+    >>> scene = scene.replace("upper.material", rf.Prony(E_inf=2e6, E=[1e7], tau=[1e-2]))
+    >>> E = np.asarray(rf.complex_modulus(scene.upper.material, omega))
+    >>> data = fitting.ModulusData(omega, E.real, E.imag, relative=0.05, body="upper")
+    >>> result = fitting.fit(scene, data, {"upper.material.E": fitting.Positive()})
+    >>> fitting.plot.save_plot("fit.png", result, title="DMA of the tread")
+    >>> with open("fit.png", "rb") as file:
+    ...     print(file.read(4)[1:])
+    b'PNG'
+    """
     save_figure(path, plot_fit(result, _new_axes(_present(result), title))[0].figure)
 
 
@@ -321,13 +344,13 @@ def curve_looks(curves: list[PlottedCurve]) -> list[dict[str, Any]]:
 
 def _fitted_lines(result, quantity, points, curves):
     """Return a pair (x, Band) for every curve, as in `FitResult.band`, or None without conditions."""
-    found = {}
+    bands = {}
     for curve in curves:
-        if curve.conditions is not None and curve.conditions not in found:
+        if curve.conditions is not None and curve.conditions not in bands:
             low, high = points.x[curve.where][[0, -1]]
             x = np.geomspace(low, high, _POINTS)
-            found[curve.conditions] = x, _band(result, quantity, x, curve.conditions)
-    pairs = [found.get(curve.conditions) for curve in curves]
+            bands[curve.conditions] = x, _band(result, quantity, x, curve.conditions)
+    pairs = [bands.get(curve.conditions) for curve in curves]
     return [
         pair and (pair[0], Band(*(column[curve.part] for column in pair[1])))
         for curve, pair in zip(curves, pairs, strict=True)
@@ -339,14 +362,14 @@ def _band(result, quantity, x, key):
     values = {name: np.full(x.size, value) for name, value in key.others} | {key.abscissa: x}
     conditions = tuple(values.get(name) for name in KINDS[quantity].conditions)
     body, at = key.body or None, result.uncertainty.x
-    found = at_conditions(result.problem, (quantity, body, key.scene), conditions, at)
-    if found is None:  # the compiled function of the fit does not cover these conditions
+    values_and_slopes = at_conditions(result.problem, (quantity, body, key.scene), conditions, at)
+    if values_and_slopes is None:  # the compiled function of the fit does not cover these conditions
         parts = len(KINDS[quantity].values)
         block = Block(quantity, body, False, (0, x.size * parts), key.scene)
         structure = result.problem.structure._replace(blocks=(block,))
         numbers = result.problem.numbers._replace(conditions=(conditions,))
-        found = map(np.asarray, _value_and_slopes(structure, numbers, jnp.asarray(at)))
-    band = result.widened(*found, LEVEL, signed=quantity == "moment")
+        values_and_slopes = map(np.asarray, _value_and_slopes(structure, numbers, jnp.asarray(at)))
+    band = result.widened(*values_and_slopes, LEVEL, signed=quantity == "moment")
     return Band(*(column.reshape(-1, x.size) for column in band))
 
 

@@ -197,10 +197,10 @@ class FitRecord(SolvedProblem):
             return ""
         return self.sentence_on(contributions(solved_fit(self), Sizes(), only=(CONTACT, "stated"))[0])
 
-    def sentence_on(self, found: Sequence[Contribution]) -> str:
+    def sentence_on(self, rows: Sequence[Contribution]) -> str:
         """Return the sentence on the largest of some contributions. See `Budget.largest`."""
         is_linear, has = self.problem.structure.loss == "linear", self.discrepancy is not None
-        return largest_error(self.names, self.values, self.stderr, found, self.data, is_linear, has)
+        return largest_error(self.names, self.values, self.stderr, rows, self.data, is_linear, has)
 
     @functools.cached_property
     def valleys(self) -> tuple[Valley, ...]:

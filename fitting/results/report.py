@@ -137,14 +137,14 @@ def headlines(result: FitRecord) -> list[str]:
     """Return a list with a headline if the fit did not succeed or the verdict rejects the scene."""
     if not result.success:
         return [f"THE FIT DID NOT SUCCEED: {result.message}"]
-    found = result.verdict
-    return [f"{found.text}: {found.reasons[0]}"] if found.explains is False else []
+    verdict = result.verdict
+    return [f"{verdict.text}: {verdict.reasons[0]}"] if verdict.explains is False else []
 
 
 def _verdict(result):
-    found = result.verdict
+    verdict = result.verdict
     reached = "reached; " if result.success else "NOT REACHED; "
-    lines = {"minimum": reached + result.message, "scene": found.text}
+    lines = {"minimum": reached + result.message, "scene": verdict.text}
     further = [] if result.further is None else _further(result.further)
     open_, bare = len(result.unidentified), len(result.withheld)
     lines["left open"] = "nothing"
@@ -158,14 +158,14 @@ def _verdict(result):
     rows = _aligned(lines)
     if result.discrepancy is not None and result.discrepancy.remark:
         rows += [f"  {remark}" for remark in result.discrepancy.remark.split("; ")]
-    reasons = [f"  {reason}" for reason in found.reasons]
-    if found.explains is False and result.error_scale == 1 and np.isfinite(result.redchi):
+    reasons = [f"  {reason}" for reason in verdict.reasons]
+    if verdict.explains is False and result.error_scale == 1 and np.isfinite(result.redchi):
         reasons.append(
             "  the error bars below are valid if the scene explains the data; error bars in brackets are"
             " scaled by the scatter (scale_errors)"
         )
     once = result.further is None and sum(one.count for one in result.minima) == 1
-    if found.explains is False and result.success and once:
+    if verdict.explains is False and result.success and once:
         reasons.append("  reached from one start; starts=8 looks for a lower minimum")
     several = len(result.verdicts) > 1
     scenes = [f"  {name}: {one.text}" for name, one in result.verdicts.items() if several]
@@ -173,17 +173,17 @@ def _verdict(result):
     return [rows[0], *further, rows[1], *reasons, *_implausible(result), *scenes, rows[2], *bent, *rows[3:]]
 
 
-def _further(found):
+def _further(further):
     """Return lines on further starts: their result, and the reason for them."""
-    agreed = f", which {_count(found.agreed, 'start')} reached"
-    text = f"  {_count(found.count, 'further start')} found no lower minimum{agreed * (found.agreed > 0)}"
-    if found.after < found.before:
+    agreed = f", which {_count(further.agreed, 'start')} reached"
+    text = f"  {_count(further.count, 'further start')} found no lower minimum{agreed * (further.agreed > 0)}"
+    if further.after < further.before:
         text = (
-            f"  {_count(found.count, 'further start')} lowered the cost from {found.before:.4g} to"
-            f" {found.after:.4g}{agreed}"
+            f"  {_count(further.count, 'further start')} lowered the cost from {further.before:.4g} to"
+            f" {further.after:.4g}{agreed}"
         )
-    text += "; time ended (further_time)" * found.timed_out
-    first, more = found.reasons[0], len(found.reasons) - 1
+    text += "; time ended (further_time)" * further.timed_out
+    first, more = further.reasons[0], len(further.reasons) - 1
     why = f"  tried because at first {first}" + f" (and {_count(more, 'further reason')})" * (more > 0)
     return [text, why]
 
@@ -244,10 +244,10 @@ def _contact_model(result):
 
 
 def _contact_text(scene):
-    found = theory_error(scene)
-    if found is None:
+    ranges = theory_error(scene)
+    if ranges is None:
         return f"{contact_model_name(scene)}, of unknown error in such scenes"
-    low, high = (100 * ratio - 100 for ratio in found.friction)
+    low, high = (100 * ratio - 100 for ratio in ranges.friction)
     return f"{contact_model_name(scene)}, mu within {low:+.0f} ... {high:+.0f} % of boundary elements"
 
 

@@ -181,24 +181,24 @@ class Samples:
 
     def _warnings(self):
         """Return the reasons why the draws are unreliable, with advice, one line of text per reason."""
-        found, chains = [], self.x.shape[0]
+        warnings, chains = [], self.x.shape[0]
         worst = int(np.argmax(self.rhat))
         if not self.rhat[worst] < _RHAT:
-            found.append(
+            warnings.append(
                 f"chains disagree on {self.names[worst]}, R-hat {self.rhat[worst]:.3f}: draw more, or give"
                 " this parameter a prior"
             )
         least = int(np.argmin(self.ess))
         if not self.ess[least] > _ESS * chains:
-            found.append(
+            warnings.append(
                 f"{self.names[least]} has {self.ess[least]:.0f} effective draws, but needs"
                 f" {_ESS * chains:.0f}: draw more"
             )
         if count := int(self.diverging.sum()):
-            found.append(
+            warnings.append(
                 f"{count} trajectories diverged: draws may miss a narrow part of the posterior; give a prior"
             )
-        return found
+        return warnings
 
     def save(self, path: StrPath) -> None:
         """Write the fit and the draws to an HDF5 file (.h5), completely or not at all.
@@ -245,7 +245,7 @@ def drawn(
     check_options(n=n, warmup=warmup, chains=chains, key=key, callback=callback, flat=flat)
     began = time.perf_counter()
     key = jax.random.key(0) if key is None else key
-    found = run_chains(fit, flat, -(-n // chains), warmup, chains, key, callback)
-    rhat, ess = diagnosed(found["x"])
+    chains_result = run_chains(fit, flat, -(-n // chains), warmup, chains, key, callback)
+    rhat, ess = diagnosed(chains_result["x"])
     seconds = time.perf_counter() - began
-    return Samples(fit=fit, **found, rhat=rhat, ess=ess, flat=flat, warmup=warmup, seconds=seconds)
+    return Samples(fit=fit, **chains_result, rhat=rhat, ess=ess, flat=flat, warmup=warmup, seconds=seconds)

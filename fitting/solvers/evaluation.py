@@ -162,7 +162,7 @@ def at_conditions(
     if size > CALLS * length:
         return None
     first, last = block.rows
-    found = []
+    parts_of_calls = []
     for k in range(0, size, length):
         columns = [None if c is None else np.asarray(c)[k : k + length] for c in conditions]
         count = min(length, size - k)
@@ -177,6 +177,6 @@ def at_conditions(
         if block.logarithmic:
             values = np.exp(values)
             slopes = slopes * values[:, None]
-        found.append([p.reshape(-1, length, *p.shape[1:])[:, :count] for p in (values, slopes)])
-    values, slopes = (np.concatenate(part, 1) for part in zip(*found, strict=True))
+        parts_of_calls.append([p.reshape(-1, length, *p.shape[1:])[:, :count] for p in (values, slopes)])
+    values, slopes = (np.concatenate(part, 1) for part in zip(*parts_of_calls, strict=True))
     return values.reshape(-1), slopes.reshape(-1, slopes.shape[-1])

@@ -290,16 +290,16 @@ def edges(variables: Variables, constants: Constants, x: np.ndarray) -> list[Edg
     if not variables.order:
         return []
     leaves = jax.tree.leaves(to_scene(variables, constants, np.asarray(x)))
-    own, found = {}, []
+    own, edges_found = {}, []
     for group in variables.own:
         ends = (End(group.leaf, element) for element in group.elements or (None,))
         own |= dict(zip(ends, range(*group.slot), strict=True))
     for low, high in variables.order:
         below, above = (float(end.value(leaves)) for end in (low, high))
         if above - below <= AT_EDGE * abs(above):
-            found += [Edge(own[high], "lower", low)] if high in own else []
-            found += [Edge(own[low], "upper", high)] if low in own else []
-    return found
+            edges_found += [Edge(own[high], "lower", low)] if high in own else []
+            edges_found += [Edge(own[low], "upper", high)] if low in own else []
+    return edges_found
 
 
 def _put(x, elements):

@@ -243,8 +243,8 @@ def weighted_rows(problem: Problem, model: Linearised) -> tuple[np.ndarray, np.n
     See `fitting.solvers.objective.factors`. The factors are 1 for least squares.
     """
     of = padded(problem)
-    found = _weighted(of.structure, of.numbers, of.targets, model.inside, model.slopes)
-    plain, of_rows, jacobian = map(of.kept, map(np.asarray, found))
+    weighted = _weighted(of.structure, of.numbers, of.targets, model.inside, model.slopes)
+    plain, of_rows, jacobian = map(of.kept, map(np.asarray, weighted))
     return plain, of_rows, jacobian
 
 

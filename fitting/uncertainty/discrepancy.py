@@ -105,11 +105,11 @@ def model_covariance(
 ) -> np.ndarray:
     """Return the covariance of the model error in the data rows, in units of their errors, (rows, rows)."""
     scaled, x, curve = _places(problem, scenes, data)
-    found = scaled[:, None] * scaled * covariances(x, curve, discrepancy)
+    covariance = scaled[:, None] * scaled * covariances(x, curve, discrepancy)
     if discrepancy.law:
         known = _per_error(problem, data) * np.array(discrepancy.law)
-        found += known[:, None] * known
-    return found
+        covariance += known[:, None] * known
+    return covariance
 
 
 def median_amplitude(scenes: Sequence[rf.Scene], by_law: bool = False) -> float:
@@ -178,28 +178,28 @@ def averaged(
     everything = np.array([likelihood(squared_exponential, w, _AMPLITUDES) for w in WIDTHS])
     best = np.unravel_index(np.argmax(everything), everything.shape)
     if amplitude is None and width is None:
-        found, amplitudes, widths = everything, _AMPLITUDES, WIDTHS
+        likelihoods, amplitudes, widths = everything, _AMPLITUDES, WIDTHS
     else:
         amplitudes = _AMPLITUDES if amplitude is None else np.array([amplitude])
         widths, kernel = (WIDTHS, squared_exponential) if width is None else ((width,), rational_quadratic)
-        found = np.array([likelihood(kernel, w, amplitudes) for w in widths])
+        likelihoods = np.array([likelihood(kernel, w, amplitudes) for w in widths])
     remarks = []
-    gain = float(everything[best] - found.max())
+    gain = float(everything[best] - likelihoods.max())
     if gain > _AGAINST:
         decades = WIDTHS[best[0]] / math.log(10)
         remarks.append(
             f"the data are e^{gain:.0f} times as likely with an amplitude of"
             f" {100 * _AMPLITUDES[best[1]]:.2g} % over {decades:.2g} decades: see fitting.Discrepancy"
         )
-    posterior = found
+    posterior = likelihoods
     if amplitude is None:
         by_law = bool(law.any()) or all(scene.contact_model != "paper" for scene in scenes)
-        posterior = found + _log_prior(amplitudes, median_amplitude(scenes, by_law), by_law)
+        posterior = likelihoods + _log_prior(amplitudes, median_amplitude(scenes, by_law), by_law)
     weight = np.exp(posterior - posterior.max())
     weight /= weight.sum()
     variances, of_width = weight @ amplitudes**2, weight.sum(1)
-    found_law = tuple(law.tolist()) if law.any() else ()
-    level = dataclasses.replace(discrepancy, law=found_law).level
+    law_differences = tuple(law.tolist()) if law.any() else ()
+    level = dataclasses.replace(discrepancy, law=law_differences).level
     total = float(np.sqrt(variances.sum() + level**2))
     if width is None:
         remarks += _at_the_ends(of_width)
@@ -216,7 +216,7 @@ def averaged(
         width=float(np.exp(of_width @ np.log(widths))),
         estimated=amplitude is None,
         parts=parts,
-        law=found_law,
+        law=law_differences,
         remark="; ".join(remarks),
     )
 
@@ -300,7 +300,7 @@ def _places(problem, scenes, data):
     """Return 1 / relative error, ln(v a_T), and the number of the curve of all rows, 0 except of friction."""
     scaled, x, curve = (np.zeros(data_rows(problem.structure)) for _ in range(3))
     per_error = _per_error(problem, data)
-    found: dict[tuple, int] = {}
+    places: dict[tuple, int] = {}
     for number, (one, scene, rows) in enumerate(zip(data, scenes, problem.order, strict=True)):
         if not isinstance(one, FrictionData):
             continue
@@ -311,5 +311,5 @@ def _places(problem, scenes, data):
             x[rows] += np.asarray(moved[0].log_factor(one.temperature))
         warm = np.zeros_like(one.velocity) if one.temperature is None else one.temperature
         keys = [(number, p, T) for p, T in zip(one.pressure.tolist(), warm.tolist(), strict=True)]
-        curve[rows] = [found.setdefault(key, len(found)) for key in keys]
+        curve[rows] = [places.setdefault(key, len(places)) for key in keys]
     return scaled, x, curve

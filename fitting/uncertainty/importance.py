@@ -116,8 +116,8 @@ def _pareto_shape(excess):
     shape = np.mean(np.log1p(-theta[:, None] * excess), 1)
     likelihood = count * (np.log(-theta / shape) - shape - 1)
     best = np.sum(theta * scipy.special.softmax(likelihood))
-    found = np.mean(np.log1p(-best * excess))
-    return (count * found + 10 * 0.5) / (count + 10)
+    mean_log = np.mean(np.log1p(-best * excess))
+    return (count * mean_log + 10 * 0.5) / (count + 10)
 
 
 class Proposal(NamedTuple):
@@ -163,10 +163,10 @@ def guided(
     `targets` has a leading axis with one entry per fit or one for all. `centre` and `covariance`, of shapes
     (fits, size) and (fits, size, size), describe the minimum of each fit.
     """
-    found = Proposal.of(centre, covariance)
+    proposal = Proposal.of(centre, covariance)
     rows, pilot = np.arange(len(centre)), max(int(_PILOT * count), 10)
     for _ in range(_ROUNDS):
-        here = found.some(rows)
+        here = proposal.some(rows)
         x = here.draws(pilot, random)
         weight = log_weights(problem, _some(targets, rows), here, x)
         size = effective(weight)
@@ -187,8 +187,8 @@ def guided(
         before = axes @ np.swapaxes(axes, 1, 2) / (1 + 1 / x.shape[2])
         spread = part[..., None] * spread + (1 - part[..., None]) * before
         better = Proposal.of(centres, spread)
-        found.centre[rows], found.axes[rows] = better
-    return found
+        proposal.centre[rows], proposal.axes[rows] = better
+    return proposal
 
 
 def log_weights(
@@ -212,17 +212,17 @@ def log_weights(
 
     # The first call compiles. A call keeps one core busy and releases Python's lock; an accelerator takes
     # one call at a time.
-    found = [density(0)]
+    log_densities = [density(0)]
     with ThreadPoolExecutor(cores() if jax.default_backend() == "cpu" else 1) as pool:
         try:
             for values in pool.map(density, range(_POINTS, count, _POINTS)):
-                found.append(values)
+                log_densities.append(values)
                 if callback is not None:
-                    callback(min(len(found) * _POINTS, count) // rows, fits)
+                    callback(min(len(log_densities) * _POINTS, count) // rows, fits)
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-    values = np.concatenate(found).reshape(fits, rows) - proposal.log_density(x)
+    values = np.concatenate(log_densities).reshape(fits, rows) - proposal.log_density(x)
     return np.where(np.isfinite(values), values, -np.inf)
 
 

@@ -163,13 +163,13 @@ class SolvedProblem(WithUncertainty):
 
         x = jnp.asarray(self.uncertainty.x)
         shape = jax.eval_shape(predicted, x).shape  # checks the arguments without computing
-        found = None
+        value_and_slope = None
         if quantity in CURVE_QUANTITIES:
-            found = at_conditions(self.problem, (quantity, None, scene or ""), columns, x)
-        if found is None:
+            value_and_slope = at_conditions(self.problem, (quantity, None, scene or ""), columns, x)
+        if value_and_slope is None:
             value, slope = map(np.asarray, quick_jit()(lambda x: forward(predicted, x))(x))
         else:
-            value, slope = (part.reshape((*shape, *part.shape[1:])) for part in found)
+            value, slope = (part.reshape((*shape, *part.shape[1:])) for part in value_and_slope)
         return self.widened(value, slope, level)
 
     def widened(self, value: np.ndarray, slope: np.ndarray, level: float, signed: bool = False) -> Band:
@@ -215,10 +215,10 @@ class SolvedProblem(WithUncertainty):
         # Values that a user gives may lie far from the fit.
         solver = NEAR_MINIMUM if values is None else LevenbergMarquardt()
         runs = run_fits(solver, self.problem, starts, targets, callback=callback)
-        found = self.profile_of(name, level, runs, values is None, callback)
-        if found.warning:
-            warnings.warn(f"profile of {name!r}: {found.warning}", RuntimeWarning, stacklevel=2)
-        return found
+        result = self.profile_of(name, level, runs, values is None, callback)
+        if result.warning:
+            warnings.warn(f"profile of {name!r}: {result.warning}", RuntimeWarning, stacklevel=2)
+        return result
 
     def profile_fits(
         self, name: str, level: float, points: int, values: ArrayLike | None = None
@@ -372,10 +372,10 @@ def _refitted(solved, x, held):
     best, cost = x, np.full(len(x), np.inf)
     step = np.zeros_like(x)
     for _ in range(_STEPS + 1):
-        found = evaluate_rows(of.structure, of.numbers, x.astype(solved.problem.start.dtype), slopes=True)
+        evaluated = evaluate_rows(of.structure, of.numbers, x.astype(solved.problem.start.dtype), slopes=True)
         # One by one, with the shapes of the covariance: nothing is compiled.
-        rows = np.array([errors_of_rows(of, r) for r in found[0]])
-        slopes = [errors_of_slopes(of, s) for s in found[1]]
+        rows = np.array([errors_of_rows(of, r) for r in evaluated[0]])
+        slopes = [errors_of_slopes(of, s) for s in evaluated[1]]
         here = 0.5 * np.sum(rows**2, 1)
         better = here < cost  # False where not finite
         done = np.all(here > cost - _LITTLE)

@@ -83,8 +83,8 @@ def sensitivity(
     # `solve` checks its arguments; nothing is computed here.
     jax.eval_shape(lambda: rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity,)))
     quadrature = quadrature or rf.analysis.default_quadrature(scene, pressure)
-    found = (find(scene, path) for path in _paths(parameters))
-    rows = tuple((leaf, element) for leaf, elements in found for element in elements or (None,))
+    places = (find(scene, path) for path in _paths(parameters))
+    rows = tuple((leaf, element) for leaf, elements in places for element in elements or (None,))
     dtype = result_dtype(scene, *conditions)
     return _sensitivity(
         cast(scene, dtype), *cast(conditions, dtype), rows=rows, quantity=quantity, quadrature=quadrature
@@ -92,7 +92,15 @@ def sensitivity(
 
 
 def sensitivity_names(scene: rf.Scene, parameters: str | Iterable[str]) -> tuple[str, ...]:
-    """Return the key path of every row that `sensitivity` returns for the same `parameters`."""
+    """Return the key path of every row that `sensitivity` returns for the same `parameters`.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> names = fitting.sensitivity_names(scene, ["gamma", "upper.material.E"])
+    >>> names[:2], len(names)
+    (('gamma', 'upper.material.E[0]'), 18)
+    """
     return tuple(name for path in _paths(parameters) for name in leaf_names(path, find(scene, path)[1]))
 
 

@@ -85,7 +85,7 @@ def verdict(
     triples = zip(data, rows, estimated, strict=True)
     sets = [_Set(one, r, r.size * share, scale is None) for one, r, scale in triples]
     given, robust = [one for one in sets if one.given], loss != "linear"
-    orders = [found for one in sets for found in _order(one)]
+    orders = [order for one in sets for order in _order(one)]
     reasons = _size(given, robust) + [text for text, within in orders if not within]
     far = _far(sets)
     if not robust:
@@ -134,7 +134,7 @@ def _size(sets, robust):
         return []
     everything = ("", np.concatenate([one.rows for one in sets]), sum(one.freedom for one in sets))
     parts = [(f"data {one.data.label!r}: ", one.rows, one.freedom) for one in sets] * (len(sets) > 1)
-    by, found = "by the median " * robust, []
+    by, reasons = "by the median " * robust, []
     for where, rows, freedom in [everything, *parts]:
         ratio, squares = 1.0, float(np.sum(rows**2))
         if robust:
@@ -142,11 +142,11 @@ def _size(sets, robust):
         # scipy.special, because scipy.stats takes longer to import than a short fit.
         allowed = ratio * 2 * float(scipy.special.gammainccinv(freedom / ratio / 2, _SIGNIFICANCE))
         if squares > allowed:
-            found.append(
+            reasons.append(
                 f"{where}chi-square {by}{squares:.4g} for {freedom:.4g} degrees of freedom, where chance"
                 f" exceeds {allowed:.4g} once in {1 / _SIGNIFICANCE:.0f}"
             )
-    return found
+    return reasons
 
 
 def _squares_by_median(rows):
@@ -163,7 +163,7 @@ def _order(one):
     conditions = [getattr(data, name) for name in data.conditions]
     # lexsort takes its last key first: along the first condition, the others fixed.
     order = np.lexsort([values for values in conditions if values is not None])
-    found = []
+    reasons = []
     for name, rows in zip(data.values, np.split(one.rows, parts), strict=True):
         signs = np.sign(rows[order])
         signs = signs[signs != 0]
@@ -175,13 +175,13 @@ def _order(one):
                 f"data {data.label!r}: residuals{what} change their sign {changes} times in {signs.size}"
                 f" values along {data.conditions[0]}, chance gives so few changes once in {1 / chance:.2g}"
             )
-            found.append((text, one.given and float(np.mean(rows**2)) < 1.0))
-    return found
+            reasons.append((text, one.given and float(np.mean(rows**2)) < 1.0))
+    return reasons
 
 
 def _far(sets):
     """Return a tuple (|residual|, set, index) for each outlier, sorted by decreasing |residual|."""
-    found, count = [], sum(one.rows.size for one in sets)
+    outliers, count = [], sum(one.rows.size for one in sets)
     for one in sets:
         size = np.abs(one.rows)
         if one.given:
@@ -191,17 +191,17 @@ def _far(sets):
             # Studentised: scatter without the value's own contribution, inf if all scatter is its own.
             rest = np.maximum(freedom - size**2, 1e-12 * freedom)
             chance = 2 * count * scipy.special.stdtr(freedom - 1, -size * np.sqrt((freedom - 1) / rest))
-        found += [(float(size[k]), one, int(k)) for k in np.flatnonzero(chance < _SIGNIFICANCE)]
-    return sorted(found, key=lambda far: -far[0])
+        outliers += [(float(size[k]), one, int(k)) for k in np.flatnonzero(chance < _SIGNIFICANCE)]
+    return sorted(outliers, key=lambda far: -far[0])
 
 
 def _without(sets, far):
-    found = []
+    rest = []
     for one in sets:
         kept = np.delete(one.rows, [k for _, other, k in far if other is one])
         share = kept.size / one.rows.size
-        found.append(one._replace(rows=kept, freedom=one.freedom * share))
-    return found
+        rest.append(one._replace(rows=kept, freedom=one.freedom * share))
+    return rest
 
 
 def _named(size, one, k):
@@ -230,7 +230,7 @@ def rescaled_errors(
     error_scale : current factor of given errors
     """
     rows = data_residuals(problem, model)
-    error, found, factor = np.array(problem.targets.error), list(scales), 1.0
+    error, new_scales, factor = np.array(problem.targets.error), list(scales), 1.0
     # Noise-free data are fitted to rounding; their error must not become zero.
     if rescaled:
         pairs = zip(problem.order, scales, strict=True)
@@ -239,9 +239,9 @@ def rescaled_errors(
         error[given] *= factor
     for i, (scale, where) in enumerate(zip(scales, problem.order, strict=True)):
         if scale is not None:
-            found[i] = max(scale * _scatter(problem, known, rows[where]), 1e-10)
-            error[where] = found[i]
-    return problem._replace(targets=problem.targets._replace(error=error)), found, factor
+            new_scales[i] = max(scale * _scatter(problem, known, rows[where]), 1e-10)
+            error[where] = new_scales[i]
+    return problem._replace(targets=problem.targets._replace(error=error)), new_scales, factor
 
 
 def common_ratio(before: Problem, after: Problem) -> float | None:

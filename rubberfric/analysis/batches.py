@@ -161,10 +161,10 @@ def program_bytes(tiling: Tiling, task: Task) -> int:
     """Return the bytes that the compiled function holds on one device, with arguments and results."""
     arguments, static = _arguments(tiling, task, next(batches(tiling)))
     # JAX keeps the compiled function for the calls that follow.
-    found = _evaluate.lower(*arguments, **static).compile().memory_analysis()
-    if found is None:
+    memory = _evaluate.lower(*arguments, **static).compile().memory_analysis()
+    if memory is None:
         return 0  # the device does not say
-    return found.temp_size_in_bytes + found.argument_size_in_bytes + found.output_size_in_bytes
+    return memory.temp_size_in_bytes + memory.argument_size_in_bytes + memory.output_size_in_bytes
 
 
 def launch(tiling: Tiling, task: Task, batch: MapBatch) -> dict[str, jax.Array]:
@@ -218,11 +218,11 @@ def _evaluate(scene, velocity, pressure, temperature, *, mesh, group, quadrature
         ready = prepare(scene, quantities, quadrature)
         found_at = functools.partial(_heated if ready.thermal else _shared, ready, quantities, pressure)
         pairs = [None if x is None else x.reshape(-1, group) for x in (velocity, temperature)]
-        found = jax.lax.map(found_at, pairs)
-        found = {name: jnp.swapaxes(x, 0, 1).reshape(pressure.size, -1) for name, x in found.items()}
+        results = jax.lax.map(found_at, pairs)
+        results = {name: jnp.swapaxes(x, 0, 1).reshape(pressure.size, -1) for name, x in results.items()}
         # Every process checks all results, and the first one writes them.
         gather = functools.partial(jax.lax.all_gather, axis_name=_POINTS, axis=1, tiled=True)
-        return jax.tree.map(gather, found) if several else found
+        return jax.tree.map(gather, results) if several else results
 
     across = PartitionSpec(_POINTS)
     return jax.shard_map(
@@ -250,5 +250,5 @@ def _heated(ready, quantities, pressure, pairs):
     """Compute (pressures, pairs) with heating, where temperatures depend on the pressure."""
     shape = pressure.size, pairs[0].size
     conditions = (jnp.broadcast_to(x, shape).reshape(-1) for x in (pairs[0], pressure[:, None], pairs[1]))
-    found = evaluate(ready, quantities, list(conditions))
-    return {name: x.reshape(shape) for name, x in found.items()}
+    results = evaluate(ready, quantities, list(conditions))
+    return {name: x.reshape(shape) for name, x in results.items()}

@@ -132,6 +132,17 @@ def boundary_element(
     (notebooks/law_elements.csv). Surfaces of 4 periods differ by 2 % in slow and 10 % in fast sliding, so
     average over several keys. Modes with wavevectors across the sliding direction stay relaxed at any
     velocity; their share falls with the number of periods.
+
+    Examples
+    --------
+    The areas of one small surface and of the theory:
+
+    >>> import jax
+    >>> road = rf.Body(rf.Rigid(), rf.SelfAffine(q0=1e3, qr=1e3, q1=8e3, hurst=0.8, h_rms=50e-6))
+    >>> scene = rf.Scene(road, rf.Body(rf.Prony(E_inf=3e6, E=[10e6], tau=[1e-3])))
+    >>> contact = rf.analysis.boundary_element(scene, 0.5, 1e5, jax.random.key(0), grid=64, periods=2.0)
+    >>> contact.converged, round(contact.area, 2), round(float(rf.contact_area(scene, 0.5, 1e5)), 2)
+    (True, 0.14, 0.11)
     """
     bodies = _rough_first(scene)
     checked_arguments(scene, velocity, pressure, temperature, Quadrature())
@@ -165,6 +176,17 @@ def sliding_contact(
     length : length of the period along either axis [m]
     material : Elastic, Prony, PronyShear, TabulatedModulus or a user-defined one
     velocity, pressure, temperature, tolerance, most_steps : as in `boundary_element`, with the same errors
+
+    Examples
+    --------
+    Half of a wave is in contact at half the pressure of full contact [Westergaard]:
+
+    >>> x = np.arange(64) / 64
+    >>> heights = 10e-6 * np.cos(2 * np.pi * x)[:, None] * np.ones(64)
+    >>> full = np.pi * 3e6 / 0.75 * 10e-6 / 1e-3  # pi E_r amplitude / wavelength
+    >>> contact = rf.analysis.sliding_contact(heights, 1e-3, rf.Elastic(3e6, 0.5), 0.0, full / 2)
+    >>> round(contact.area, 1), round(float(contact.pressure.mean() / full), 3)
+    (0.5, 0.5)
     """
     bodies = Body(Rigid()), Body(material)
     return _contact([heights], length, bodies, velocity, pressure, temperature, tolerance, most_steps)
@@ -195,10 +217,10 @@ def _contact(surfaces, length, bodies, velocity, pressure, temperature, toleranc
     # The weights lie between those of heights and curvatures.
     stiff = np.log(np.abs(np.where(modes.q > 0, modes.stiffness, 1.0)))
     scale = math.exp(np.sum(power * stiff) / np.sum(power)) if power.any() else float(np.exp(stiff.max()))
-    found = solve_contact(
+    solution = solve_contact(
         jnp.asarray(heights * (scale / pressure)), jnp.asarray(modes.stiffness / scale), tolerance, most_steps
     )
-    return _result(lower, heights, length, modes, pressure, scale, tolerance, found)
+    return _result(lower, heights, length, modes, pressure, scale, tolerance, solution)
 
 
 class _Modes(NamedTuple):
@@ -245,13 +267,13 @@ def _modes(n, length, bodies, velocity, temperature, shape):
     return _Modes(unit * np.mean(signs, 0)[:, None], q, stiffness, loss, shares[0])
 
 
-def _result(lower, heights, length, modes, pressure, scale, tolerance, found):
+def _result(lower, heights, length, modes, pressure, scale, tolerance, solution):
     """Convert the result of `solve_contact` to a `SlidingContact`.
 
     `found` has pressures in units of `pressure`, and gaps in units of `pressure / scale`.
     """
     n = lower.shape[0]
-    p, gap = pressure * np.asarray(found.pressure), pressure / scale * np.asarray(found.gap)
+    p, gap = pressure * np.asarray(solution.pressure), pressure / scale * np.asarray(solution.gap)
     count = np.where(np.arange(n // 2 + 1) % (n // 2) == 0, 1, 2)  # rfftn has half of the modes
     moved = np.fft.rfftn(gap + heights, norm="forward")
     heat = count * modes.loss * np.abs(moved) ** 2 / pressure
@@ -281,9 +303,9 @@ def _result(lower, heights, length, modes, pressure, scale, tolerance, found):
         friction_by_wavevector=by_ring(heat),
         displacement=by_ring(count * np.abs(moved) ** 2),
         roughness=by_ring(count * np.abs(np.fft.rfftn(heights, norm="forward")) ** 2),
-        iterations=int(found.iterations),
-        residual=float(found.residual),
-        converged=bool(found.residual <= tolerance),
+        iterations=int(solution.iterations),
+        residual=float(solution.residual),
+        converged=bool(solution.residual <= tolerance),
     )
 
 

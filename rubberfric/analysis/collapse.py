@@ -125,17 +125,17 @@ class Interpolant(NamedTuple):
             name: one[:, :-1].reshape(log_pressure.size, -1, _NODES) @ chebyshev_transform(_NODES).T
             for name, one in values.items()
         }
-        found = {name: np.empty((log_pressure.size, x.size)) for name in values}
+        arrays = {name: np.empty((log_pressure.size, x.size)) for name in values}
         for k, (first, last) in enumerate(itertools.pairwise(ends)):
             for begin in range(first, last, _AT_ONCE):
                 some = order[begin : min(begin + _AT_ONCE, last)]
                 basis = chebvander(place[some], _NODES - 1).T
-                for name, array in found.items():
+                for name, array in arrays.items():
                     array[:, some] = coefficients[name][:, k] @ basis
-        for name, array in found.items():
+        for name, array in arrays.items():
             array[:, np.isneginf(flat)] = values[name][:, -1:]
         shape = log_pressure.size, *log_speed.shape
-        return {name: np.moveaxis(array.reshape(shape), 0, 1) for name, array in found.items()}
+        return {name: np.moveaxis(array.reshape(shape), 0, 1) for name, array in arrays.items()}
 
 
 class CollapsedMap(NamedTuple):
@@ -164,15 +164,15 @@ def collapse(
     unshifted = abs(conditions.velocity[moving[0]]) / np.exp(log_speed[0, moving[0]])
 
     def evaluate(speed: np.ndarray, pressure: np.ndarray) -> Quantities:
-        found = model(names, Conditions(speed * unshifted, pressure, one))
-        return {name: values[0] for name, values in found.items()}
+        collapsed = model(names, Conditions(speed * unshifted, pressure, one))
+        return {name: values[0] for name, values in collapsed.items()}
 
     series = interpolant(log_speed, np.log(conditions.pressure), evaluate)
     if series is None:
         return None
     some = Conditions(*(None if x is None else _a_few(x) for x in conditions))  # pyright: ignore[reportArgumentType]
-    found = CollapsedMap(scene, names, series, Interpolation(series.evaluations, 0.0))
-    error = _difference(whole(found, some), model(names, some))
+    collapsed = CollapsedMap(scene, names, series, Interpolation(series.evaluations, 0.0))
+    error = _difference(whole(collapsed, some), model(names, some))
     if not error <= _AGREEMENT:
         return None
     evaluations = series.evaluations + math.prod(result_shape(some))
@@ -198,49 +198,49 @@ def log_speeds(scene: Scene, conditions: Conditions) -> np.ndarray | None:
 @quick_jit()
 def _log_factors(scene, temperature):
     """Return ln a_T for each surface that is not static; None if temperature changes more than a_T."""
-    found = []
+    factors = []
     for surface in rough_surfaces_of(scene):
         if surface.static:
             continue
         shift = surface.strained.material.shift
         if surface.method is MeansMethod.AT_POINTS or (shift is not None and shift.vertical is not None):
             return None
-        found.append(jnp.zeros(temperature.shape) if shift is None else shift.log_factor(temperature))
-    return found
+        factors.append(jnp.zeros(temperature.shape) if shift is None else shift.log_factor(temperature))
+    return factors
 
 
-def whole(found: CollapsedMap, conditions: Conditions) -> Quantities:
+def whole(collapsed: CollapsedMap, conditions: Conditions) -> Quantities:
     """Return the quantities at conditions of the map, as arrays [temperature, pressure, velocity]."""
-    values = {name: np.empty(result_shape(conditions)) for name in found.quantities}
-    for T, p, piece in pieces(found, conditions):
+    values = {name: np.empty(result_shape(conditions)) for name in collapsed.quantities}
+    for T, p, piece in pieces(collapsed, conditions):
         for name, array in piece.items():
             values[name][T, p] = array
     return values
 
 
-def pieces(found: CollapsedMap, conditions: Conditions) -> Iterator[tuple[slice, slice, Quantities]]:
+def pieces(collapsed: CollapsedMap, conditions: Conditions) -> Iterator[tuple[slice, slice, Quantities]]:
     """Yield (slice of temperatures, slice of pressures, arrays [temperature, pressure, velocity])."""
-    log_speed = log_speeds(found.scene, conditions)
+    log_speed = log_speeds(collapsed.scene, conditions)
     assert log_speed is not None
     v, p, T = conditions
     columns = max(1, _PIECE // v.size)
     rows = max(1, columns // p.size)
-    parts = quantity_parts(found.quantities)
+    parts = quantity_parts(collapsed.quantities)
     for low, begin in itertools.product(range(0, p.size, columns), range(0, len(log_speed), rows)):
         block = slice(begin, min(begin + rows, len(log_speed)))
         some = slice(low, min(low + columns, p.size))
-        values = found.series.at(log_speed[block], np.log(p[some]))
+        values = collapsed.series.at(log_speed[block], np.log(p[some]))
         for name in set(_ODD) & set(values):
             values[name] = values[name] * np.sign(v)
         if "shear_friction" in parts:
             shear = np.zeros(())
-            if found.scene.shear is not None:
-                shear = np.asarray(_shear(found.scene.shear, v, None if T is None else T[block, None]))
+            if collapsed.scene.shear is not None:
+                shear = np.asarray(_shear(collapsed.scene.shear, v, None if T is None else T[block, None]))
                 shear = shear[:, None] * values["area"] / p[some, None]
             values["shear_friction"] = shear
-        if "friction" in found.quantities:
+        if "friction" in collapsed.quantities:
             values["friction"] = values["viscoelastic_friction"] + values["shear_friction"]
-        yield block, some, {name: values[name] for name in found.quantities}
+        yield block, some, {name: values[name] for name in collapsed.quantities}
 
 
 def _on_curve(scene, quantities):
@@ -256,8 +256,8 @@ def _on_curve(scene, quantities):
 def _shear(shear, velocity, temperature):
     """Return mu of the contact shear at A/A0 = 1 and 1 Pa, of shape (temperatures, velocities)."""
     one = jnp.ones((), velocity.dtype)
-    found = shear_friction(shear, one, velocity, one, temperature)
-    return jnp.broadcast_to(found, (1 if temperature is None else temperature.size, velocity.size))
+    friction = shear_friction(shear, one, velocity, one, temperature)
+    return jnp.broadcast_to(friction, (1 if temperature is None else temperature.size, velocity.size))
 
 
 # --- interpolation
@@ -301,15 +301,15 @@ def _over_panels(waiting, nodes, in_series, budget, evaluate):
         evaluations += (x.size + 1) * nodes.size
         if evaluations > budget:
             return None
-        found = evaluate(np.append(np.exp(x), 0.0), np.exp(nodes))
-        if not all(np.isfinite(values).all() for values in found.values()):
+        arrays = evaluate(np.append(np.exp(x), 0.0), np.exp(nodes))
+        if not all(np.isfinite(values).all() for values in arrays.values()):
             return None  # the map itself reports the point
         if in_series:
-            series = (PressureSeries.of(nodes, values).values for values in found.values())
+            series = (PressureSeries.of(nodes, values).values for values in arrays.values())
             if any(np.max(_last_coefficients(values.T)) > _PRESSURE_TAIL for values in series):
                 return None
-        rest = {name: values[:, -1:] for name, values in found.items()}
-        panels = {name: values[:, :-1].reshape(-1, len(waiting), _NODES) for name, values in found.items()}
+        rest = {name: values[:, -1:] for name, values in arrays.items()}
+        panels = {name: values[:, :-1].reshape(-1, len(waiting), _NODES) for name, values in arrays.items()}
         good = np.all([np.max(_last_coefficients(values), 0) <= _TAIL for values in panels.values()], 0)
         halves = []
         for k, (start, width) in enumerate(waiting):
@@ -341,7 +341,7 @@ def _pressure_nodes(log_pressure):
     return low + 0.5 * (high - low) * (1 + chebpts1(count))
 
 
-def _difference(found, exact):
+def _difference(interpolated, exact):
     """Return the largest difference of quantities relative to their values, inf for a NaN.
 
     Differences of a quantity that changes sign are divided by its largest absolute value.
@@ -350,7 +350,7 @@ def _difference(found, exact):
     for name, values in exact.items():
         changes = values.min() < 0 < values.max()
         scale = np.max(np.abs(values)) if changes else np.abs(values)
-        off = np.abs(found[name] - values)
+        off = np.abs(interpolated[name] - values)
         ratio = off / np.where(scale > 0, scale, 1.0)
         ratio = np.where((scale > 0) | (off == 0), ratio, np.inf)
         worst = max(worst, float(np.max(np.where(np.isnan(ratio), np.inf, ratio))))

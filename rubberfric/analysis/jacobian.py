@@ -107,6 +107,13 @@ def uses_forward_mode(scene: Scene) -> bool:
     """Return True if `value_and_jacobian` uses forward mode, because F is not a Prony series.
 
     In reverse mode each point would keep derivatives with respect to a whole table of means.
+
+    Examples
+    --------
+    >>> series = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> table = rf.load_scene("data/tabulated_tread.toml")
+    >>> rf.analysis.uses_forward_mode(series), rf.analysis.uses_forward_mode(table)
+    (False, True)
     """
     return bool({*means_methods(scene)} - {MeansMethod.CONSTANT, MeansMethod.CLOSED_FORM})
 
@@ -133,6 +140,20 @@ def value_and_jacobian(
     -------
     (values, jacobian), shapes (points,) and (points, size). Values are NaN where the temperatures of a
     heated scene did not converge.
+
+    Examples
+    --------
+    At light load mu hardly depends on a common factor of all moduli, here e^x:
+
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> def scaled(x):
+    ...     rubber = scene.upper.material
+    ...     moduli = {"E_inf": rubber.E_inf * np.e**x[0], "E": rubber.E * np.e**x[0]}
+    ...     return scene.replace("upper.material", rubber.replace(**moduli))
+    >>> at = np.array([0.01]), np.array([0.15e6]), None
+    >>> mu, slope = rf.analysis.value_and_jacobian(scaled, np.zeros(1), at, "friction", rf.Quadrature())
+    >>> round(float(mu[0]), 3), round(float(slope[0, 0] / mu[0]), 3)
+    (0.083, -0.006)
     """
     scene, fixed = scene_of(x), not callable(conditions)
     conditions_of = conditions if callable(conditions) else lambda _: conditions
@@ -156,8 +177,8 @@ def value_and_jacobian(
 
     def at(leaves, point):
         ready = first.tree(dict(zip(moving, leaves, strict=True)))
-        found = evaluate(ready, (quantity, *heated), [c[None] for c in point])
-        return _or_nan(found[quantity], found.get("converged"))[0]
+        results = evaluate(ready, (quantity, *heated), [c[None] for c in point])
+        return _or_nan(results[quantity], results.get("converged"))[0]
 
     def block(points):
         leaves = [first.leaves[i] for i in moving]
@@ -253,25 +274,25 @@ def _forward_heated(scene_of, x, conditions, quantity, quadrature):
     velocity, pressure, background = (jnp.broadcast_to(jnp.asarray(c, x.dtype), shape) for c in conditions)
     points = velocity, pressure, background
     prepared = ready.tree({})
-    found = solve_rises(prepared.thermal, prepared.roughness, points)
+    solution = solve_rises(prepared.thermal, prepared.roughness, points)
 
     def at(moving, rises):
         here = ready.tree(dict(zip(ready.moving, moving, strict=True)))
         thermal, roughness = here.thermal, here.roughness
-        hot = temperatures_of(thermal, roughness, rises, background, found.converged)
+        hot = temperatures_of(thermal, roughness, rises, background, solution.converged)
         contact = roughness.contact(velocity, pressure, hot.inside)
         left = heat_of(thermal, roughness, contact, points, hot.surface) - rises
         return left, evaluate(here, (quantity,), points, (contact, hot))[quantity]
 
-    (_, values), push = jax.linearize(at, [ready.leaves[i] for i in ready.moving], found.rises)
-    inverse = preconditioner(prepared.thermal, found)
+    (_, values), push = jax.linearize(at, [ready.leaves[i] for i in ready.moving], solution.rises)
+    inverse = preconditioner(prepared.thermal, solution)
 
     def slope(tangents):
-        start, also = jnp.zeros_like(found.rises), jnp.zeros_like(values)
+        start, also = jnp.zeros_like(solution.rises), jnp.zeros_like(values)
         return linear_fixed_point(lambda rises: push(tangents, rises), start, also, inverse)
 
     slopes = jax.lax.map(slope, jax.vmap(ready.push)(jnp.eye(x.size, dtype=x.dtype)))
-    return _or_nan(values, found.converged), _or_nan(slopes, found.converged).T
+    return _or_nan(values, solution.converged), _or_nan(slopes, solution.converged).T
 
 
 def _or_nan(values, converged):

@@ -122,7 +122,7 @@ def friction_map(
     )
     check_heated(scene, quantities)
     dtypes = {name: np.dtype(bool) if name == "converged" else dtype for name in quantities}
-    found = FrictionMap(scene, conditions, Solution(), quadrature, title)
+    empty_map = FrictionMap(scene, conditions, Solution(), quadrature, title)
     shape = result_shape(conditions)
     size = math.prod(shape) * sum(x.itemsize for x in dtypes.values())
     if path is None and size > MOST_IN_MEMORY:
@@ -136,15 +136,15 @@ def friction_map(
         values = {name: np.empty(shape, dtypes[name]) for name in quantities}
         interpolation = work(values, progress)
     else:
-        with _file(path, found, dtypes) as data:
+        with _file(path, empty_map, dtypes) as data:
             interpolation = work(data, progress)
             write_interpolation(data, interpolation)
         if jax.process_index() > 0:
-            return found
+            return empty_map
         values = mapped_quantities(path)
         if size <= MOST_IN_MEMORY:
             values = {name: np.array(x) for name, x in values.items()}
-    return found._replace(solution=Solution(**values), interpolation=interpolation)
+    return empty_map._replace(solution=Solution(**values), interpolation=interpolation)
 
 
 @contextlib.contextmanager
@@ -171,15 +171,15 @@ def _fill(data: _Values, progress, task, devices, block, interpolate) -> Interpo
     tell = progress or (lambda *_: None)
     # Series need double precision, and one process.
     if interpolate and task.conditions.velocity.dtype == np.float64 and jax.process_count() == 1:
-        found = collapse.collapse(task.scene, task.conditions, task.quantities, _model(task, devices))
-        if found is not None:
+        collapsed = collapse.collapse(task.scene, task.conditions, task.quantities, _model(task, devices))
+        if collapsed is not None:
             tell(0, points)
-            for T, p, piece in collapse.pieces(found, task.conditions):
+            for T, p, piece in collapse.pieces(collapsed, task.conditions):
                 for name, array in data.items():
                     array[T, p] = piece[name]
                 done += (T.stop - T.start) * (p.stop - p.start) * shape[2]
                 tell(done, points)
-            return found.interpolation
+            return collapsed.interpolation
     shared = task.scene.heating is None
     tiling = batches.plan(shape[0] * shape[2], shape[1], shared=shared, block=block, devices=devices)
     task = task._replace(scene=batches.on_all(tiling.mesh, task.scene))
@@ -209,8 +209,8 @@ def _model(task: batches.Task, devices) -> collapse.MapModel:
             tiling = batches.fitted(tiling._replace(pairs=shape[0] * shape[2]), here)
         at = tiling._replace(pairs=shape[0] * shape[2], pressures=shape[1])
         values = {name: np.empty(shape) for name in quantities}
-        for batch, found in _computed(at, here):
-            _place(values, conditions, batch, found)
+        for batch, results in _computed(at, here):
+            _place(values, conditions, batch, results)
         return values
 
     return model

@@ -24,8 +24,8 @@ from jax.stages import Compiled
 from rubberfric.analysis.jacobian import uses_forward_mode
 from rubberfric.base.checks import ArrayLike
 from rubberfric.base.quadrature import Quadrature
+from rubberfric.roughness.mesh.nodes import build_mesh
 from rubberfric.roughness.moments import moment
-from rubberfric.roughness.radial_mesh import build_mesh
 from rubberfric.scene.scene import Scene, cast, rough_surfaces
 from rubberfric.theory.model import solve
 from rubberfric.theory.structure import QUANTITIES, rough_surfaces_of
@@ -211,14 +211,14 @@ def reference(case: Case, gradients: bool = True) -> Reference:
     return Reference(function, exact, compare_outcomes(other, exact, case))
 
 
-def compare_outcomes(found: Outcome, exact: Outcome, case: Case) -> Errors:
+def compare_outcomes(outcome: Outcome, exact: Outcome, case: Case) -> Errors:
     """Return the errors of an outcome, without gradients if an outcome has no sensitivities."""
     scale = np.abs(exact.values)
     scale[QUANTITIES.index("separation")] += _NEGLIGIBLE * case.height
-    worst = _relative(np.abs(found.values - exact.values), scale)
-    if found.sensitivities is None or exact.sensitivities is None:
+    worst = _relative(np.abs(outcome.values - exact.values), scale)
+    if outcome.sensitivities is None or exact.sensitivities is None:
         return Errors(*worst)
-    difference = np.max(np.abs(found.sensitivities - exact.sensitivities), -1)
+    difference = np.max(np.abs(outcome.sensitivities - exact.sensitivities), -1)
     largest = np.max(np.abs(exact.sensitivities), -1) + _NEGLIGIBLE * scale[:, case.differentiated]
     return Errors(*worst, *_relative(difference, largest))
 
@@ -251,6 +251,15 @@ def node_count(scene: Scene, quadrature: Quadrature) -> int:
         return 0
     mesh = jax.eval_shape(lambda: build_mesh(laws, quadrature))
     return mesh.q.size + mesh.angular_q.size
+
+
+def with_automatic(scene: Scene, automatic: Quadrature) -> tuple[Quadrature, ...]:
+    """Insert the automatic setting into `SETTINGS`, in the order of increasing work."""
+    if automatic in SETTINGS:
+        return SETTINGS
+    work = node_count(scene, automatic)
+    place = sum(node_count(scene, setting) < work for setting in SETTINGS)
+    return (*SETTINGS[:place], automatic, *SETTINGS[place:])
 
 
 def check_error(error: float) -> None:
@@ -289,6 +298,14 @@ def quadrature_for(
     ------
     ValueError : as `solve`; no setting meets the error, or the reference is not accurate enough;
         double precision is switched off.
+
+    Examples
+    --------
+    >>> road = rf.Body(rf.Rigid(), rf.SelfAffine(q0=1e3, qr=1e3, q1=1e4, hurst=0.8, h_rms=20e-6))
+    >>> scene = rf.Scene(road, rf.Body(rf.Prony(E_inf=3e6, E=[3e6], tau=[1e-3])))
+    >>> setting = rf.analysis.quadrature_for(scene, 1e-4, 0.1, 1e5, gradients=False)
+    >>> setting.order, setting.panels
+    (4, 3)
     """
     check_error(error)
     velocity = np.logspace(-8, 2, 11)[:, None] if velocity is None else velocity
@@ -304,8 +321,8 @@ def quadrature_for(
     reached = {}
 
     def meets(setting: Quadrature) -> bool:
-        found, _ = measured(case, setting, gradients)
-        reached[setting] = compare_outcomes(found, exact.exact, case).worst
+        outcome, _ = measured(case, setting, gradients)
+        reached[setting] = compare_outcomes(outcome, exact.exact, case).worst
         return reached[setting] <= error
 
     # Bisect, because each setting is compiled.

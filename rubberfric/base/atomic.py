@@ -125,21 +125,21 @@ def check_readable(path: StrPath, largest: int | None = None) -> None:
     wait forever or fill the memory.
     """
     try:
-        found = os.stat(path)
-        if stat.S_ISREG(found.st_mode):
+        status = os.stat(path)
+        if stat.S_ISREG(status.st_mode):
             with open(path, "rb"):
                 pass
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError as error:  # a path with a NUL byte
         raise ValueError(f"{path}: cannot be read: {error}") from None
-    if stat.S_ISDIR(found.st_mode):
+    if stat.S_ISDIR(status.st_mode):
         raise ValueError(f"{path}: cannot be read: Is a directory; must be a file")
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(status.st_mode):
         raise ValueError(f"{path}: cannot be read: is a pipe or a device; must be a file")
-    if largest is not None and found.st_size > largest:
+    if largest is not None and status.st_size > largest:
         raise ValueError(
-            f"{path}: cannot be read: has {found.st_size / 2**20:.0f} MiB; must have at most "
+            f"{path}: cannot be read: has {status.st_size / 2**20:.0f} MiB; must have at most "
             f"{largest / 2**20:.0f}"
         )
 

@@ -121,8 +121,8 @@ def _processor() -> str:
 def _is_own(folder: Path) -> bool:
     if not hasattr(os, "getuid"):  # on Windows it lies in the user's profile
         return True
-    found = folder.stat()
-    return found.st_uid == os.getuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    status = folder.stat()
+    return status.st_uid == os.getuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
 def _remove_oldest(root: Path) -> None:
@@ -163,13 +163,13 @@ def _known() -> dict[str, bool | int]:
     import jax
     import jax.numpy as jnp
 
-    found = {}
+    accepted = {}
     for name, value in _QUICK.items():
         # Compile ahead of time: the caller may be traced, and a jitted call would join its trace.
         with contextlib.suppress(ValueError, RuntimeError):
             jax.jit(lambda: jnp.zeros(())).lower().compile({name: value})
-            found[name] = value
-    return found
+            accepted[name] = value
+    return accepted
 
 
 def quick_jit(**options: Any) -> Callable[[Callable[_Given, _Found]], Callable[_Given, _Found]]:

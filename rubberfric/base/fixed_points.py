@@ -108,9 +108,9 @@ def linear_fixed_point(
     also : zeros with the shape (points,) and the dtype of the derivative of the quantity
     inverse : as in `fixed_point`
     """
-    found = _iterate(residual, start, _LINEAR_TOLERANCE, inverse, also)[2]
-    assert found is not None
-    return found
+    state = _iterate(residual, start, _LINEAR_TOLERANCE, inverse, also)[2]
+    assert state is not None
+    return state
 
 
 def _tangent_solve(inverse, tolerance, linear, right):
@@ -181,8 +181,8 @@ def anderson(
         if also is None:
             z = residual(y)
         else:
-            z, found = residual(y)
-            also = jnp.where(ended, also, found)
+            z, latest = residual(y)
+            also = jnp.where(ended, also, latest)
         z = z if inverse is None else inverse(z)
         # Far from a solution the residual may be NaN; then half of the step is tried.
         fine = jnp.all(jnp.isfinite(z), -1, keepdims=True)

@@ -77,10 +77,10 @@ def splines(values: jax.Array) -> jax.Array:
     values = jnp.pad(values, ((0, 0), (0, blocks * length - count))).reshape(functions, blocks, length)
     which = np.arange(length)[:, None] - np.arange(2 * length) + 2 * MARGIN
     matrix = np.where((which >= 0) & (which <= 2 * MARGIN), weights[np.clip(which, 0, 2 * MARGIN)], 0.0)
-    found = jnp.einsum("fbj,ij->fbi", with_neighbours(values, MARGIN, MARGIN), typed(matrix, values))
-    found = found.reshape(functions, -1)[:, MARGIN : count - MARGIN]
-    cells = found.shape[1] - _DEGREE
-    beside = jnp.stack([found[:, k : k + cells] for k in range(_DEGREE + 1)])
+    coefficients = jnp.einsum("fbj,ij->fbi", with_neighbours(values, MARGIN, MARGIN), typed(matrix, values))
+    coefficients = coefficients.reshape(functions, -1)[:, MARGIN : count - MARGIN]
+    cells = coefficients.shape[1] - _DEGREE
+    beside = jnp.stack([coefficients[:, k : k + cells] for k in range(_DEGREE + 1)])
     return jnp.tensordot(typed(polynomials.T, values), beside, 1)
 
 

@@ -39,8 +39,8 @@ def run_grip(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSErro
     points = itertools.product(arguments.speed, arguments.load, arguments.slip)
     speed, load, slip = np.array(list(points)).T
     show(f"compiling and computing {slip.size} points")
-    found = grip(scene, patch, slip, speed, load, arguments.temperature, arguments.kind)
-    columns = {"speed": speed, "load": load, "slip": slip} | found._asdict()
+    forces = grip(scene, patch, slip, speed, load, arguments.temperature, arguments.kind)
+    columns = {"speed": speed, "load": load, "slip": slip} | forces._asdict()
     unit = "rad" if arguments.kind == "angle" else "-"
     lines = [f"slip stiffness {float(slip_stiffness(patch)):.6g} N per {'rad' if unit == 'rad' else 'slip'}"]
     return _shown(arguments, show, title, columns, lines, unit)
@@ -89,8 +89,8 @@ def _patch(arguments: argparse.Namespace, of_scene: Patch | None) -> Patch:
 
 def _read(arguments, show):
     show(f"reading {arguments.scene}")
-    found = read_scene_file(arguments.scene)
-    return found.scene, found.title
+    content = read_scene_file(arguments.scene)
+    return content.scene, content.title
 
 
 def _shown(arguments, show, title, columns, lines, unit_of_slip=""):

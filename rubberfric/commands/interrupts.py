@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
@@ -23,20 +22,14 @@ if TYPE_CHECKING:
 
 LOST = "incomplete files are not written"
 LATE = "all files are complete"
-DELAYED = "interrupted; stopping after this import or compilation"
 WAIT = "interrupted; stopping after this step (a second signal stops at once)"
 
 # Windows has no SIGHUP, which a terminal sends when it closes.
 SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
-# Functions in which an exception would do damage. JAX waits for XLA's compiler in the first one: the compiler
-# would keep running, and the process would end with a segmentation fault. A partly imported extension module
-# cannot be imported again. Python ignores exceptions in callbacks of the garbage collector and of weak
-# references. JAX starts a thread while it starts its backends. An exception would leave this thread waiting,
-# and the process would end 60 s later.
-_DELAYING = ("backend_compile_and_load", "_find_and_load", "_xla_gc_callback", "__del__")
-_DELAYING_MODULES = ("weakref", "_weakrefset", "jax._src.xla_bridge")
-_AGAIN = 0.02  # seconds after which a signal in these functions is raised again
+# Seconds after which KeyboardInterrupt is raised again if the command still runs: Python ignores exceptions
+# in callbacks of the garbage collector and of weak references.
+_AGAIN = 0.2
 
 
 def leave_at_once(program: str) -> None:
@@ -70,7 +63,7 @@ class Interrupts:
     program : beginning of the message
     process : bool
         True if the command is a separate process, which a signal may end. Otherwise it was called from
-        Python, and a signal raises KeyboardInterrupt.
+        Python, and a signal raises KeyboardInterrupt, as in any program that uses JAX.
 
     Attributes
     ----------
@@ -91,7 +84,6 @@ class Interrupts:
         import socket  # imported late: a signal must be answered before
         import threading
 
-        self._entry = sys._getframe(1)
         if threading.current_thread() is threading.main_thread():  # others cannot set handlers
             if self.process:
                 hear, self._tell = socket.socketpair()  # Windows does not accept a pipe here
@@ -115,26 +107,16 @@ class Interrupts:
             self._tell.close()
             self._thread.join()  # if a signal came before, it ends the process
 
-    def _arrived(self, which: int, frame: FrameType | None) -> None:
+    def _arrived(self, which: int, _frame: FrameType | None) -> None:
         first, self.asked, self.which = not self.asked, True, which
         if self.process or (self.holding and first):
             return
-        if not self._is_delayed(frame):
-            raise KeyboardInterrupt
         import threading
 
-        if first:
-            say(self.program, DELAYED)
         self._again = threading.Timer(_AGAIN, _raise_in_main, (threading.get_ident(), which))
+        self._again.daemon = True
         self._again.start()
-
-    def _is_delayed(self, frame: FrameType | None) -> bool:
-        """Return True if a frame or one of its callers in the command must not be interrupted."""
-        while frame is not None and frame is not self._entry:
-            if frame.f_code.co_name in _DELAYING or frame.f_globals.get("__name__") in _DELAYING_MODULES:
-                return True
-            frame = frame.f_back
-        return False
+        raise KeyboardInterrupt
 
     def _wait(self, hear: Any) -> None:
         """End the process at the first signal that is not held back.

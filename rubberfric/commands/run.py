@@ -86,8 +86,8 @@ def compute(scene: Scene, conditions: Conditions, quadrature: Quadrature | None 
         compiler_options=quick_options(),
     )
     shape = result_shape(conditions)
-    found = {name: np.broadcast_to(np.asarray(getattr(solution, name)), shape) for name in quantities}
-    for name, values in found.items():
+    columns = {name: np.broadcast_to(np.asarray(getattr(solution, name)), shape) for name in quantities}
+    for name, values in columns.items():
         bad = np.argwhere(~np.isfinite(values))
         if bad.size:
             _, j, k = bad[0]
@@ -95,7 +95,7 @@ def compute(scene: Scene, conditions: Conditions, quadrature: Quadrature | None 
             raise FloatingPointError(
                 f"{name} = {values[tuple(bad[0])]} at v = {v:g} m/s, p = {p:g} Pa: not finite"
             )
-    return Solution(**found)
+    return Solution(**columns)
 
 
 def result_lines(result: Result) -> Iterator[str]:
@@ -147,15 +147,15 @@ def extrapolation_line(result: Result) -> str:
 
 def model_error_line(result: Result) -> str:
     """Return lines that state the contact model and the expected error of this model."""
-    found = theory_error(result.scene, np.asarray(result.solution.area))
-    if found is None:
+    ranges = theory_error(result.scene, np.asarray(result.solution.area))
+    if ranges is None:
         return f"contact model: {contact_model_name(result.scene)}. Its error in such scenes is unknown"
-    area, friction = (f"{100 * low - 100:+.0f} ... {100 * high - 100:+.0f} %" for low, high in found[:2])
+    area, friction = (f"{100 * low - 100:+.0f} ... {100 * high - 100:+.0f} %" for low, high in ranges[:2])
     mu = "mu" if result.scene.shear is None else "viscoelastic mu"
-    low, high = found.contact
+    low, high = ranges.contact
     beyond = (
-        f"\nq1/q0 is {10**found.extrapolated:.3g} times larger than in any case; the range includes this"
-        if found.extrapolated
+        f"\nq1/q0 is {10**ranges.extrapolated:.3g} times larger than in any case; the range includes this"
+        if ranges.extrapolated
         else ""
     )
     return (
@@ -234,10 +234,10 @@ def make_devices(count: int | None) -> None:
     try:
         jax.config.update("jax_num_cpu_devices", count or cores())
     except RuntimeError:  # JAX was started by a caller from Python
-        found = jax.local_device_count("cpu")
-        if count not in (None, found):
+        there = jax.local_device_count("cpu")
+        if count not in (None, there):
             raise ValueError(
-                f"--devices {count}: JAX has already started with {found} devices; use this number"
+                f"--devices {count}: JAX has already started with {there} devices; use this number"
             ) from None
 
 
@@ -297,16 +297,16 @@ def run_accuracy(arguments: argparse.Namespace, show: Progress) -> tuple[str, OS
         left = (time.monotonic() - begin) / k * (of - k)
         show.line(f"{k} of {of}: {row.summary()}; about {left:.0f} s left")
 
-    found = accuracy(scene, *at, error=arguments.error, progress=show, report=report)
+    result = accuracy(scene, *at, error=arguments.error, progress=show, report=report)
     failure = write_outputs(
         show,
-        ("writing", arguments.out, found.write),
-        ("drawing", arguments.plot, lambda path: save_accuracy_plot(path, found, title)),
+        ("writing", arguments.out, result.write),
+        ("drawing", arguments.plot, lambda path: save_accuracy_plot(path, result, title)),
     )
     lines = [title] * bool(title)
     if velocity.size < conditions.velocity.size:
         lines.append(f"{velocity.size} of {conditions.velocity.size} velocities, equally spread")
-    return "\n".join([*lines, found.report()]), failure
+    return "\n".join([*lines, result.report()]), failure
 
 
 def thinned(conditions: Conditions) -> np.ndarray:

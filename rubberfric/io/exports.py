@@ -196,10 +196,10 @@ def suggested_columns(text: str) -> str:
 
     An unknown name or unit is shown as "?". The result is "" for a text without rows of numbers.
     """
-    found = above_numbers(text) or above_numbers(text, lambda cells: sum(map(is_number, cells)) > 1)
-    if found is None:
+    table = above_numbers(text) or above_numbers(text, lambda cells: sum(map(is_number, cells)) > 1)
+    if table is None:
         return ""
-    above, numbers = found
+    above, numbers = table
     titles, *below = above or [numbers]
     suggestions = []
     titles = titles + [""] * (len(numbers) - len(titles))
@@ -223,14 +223,14 @@ def pick(table: TextTable, quantities: tuple[str, ...]) -> TextTable:
     If a quantity has measured values, its set values are left out, and `PREFERRED` columns replace others. A
     ValueError is raised if two columns disagree about a quantity.
     """
-    found: dict[str, list[tuple[int, str]]] = {}
+    by_quantity: dict[str, list[tuple[int, str]]] = {}
     measured = {COLUMNS[name].name for name in table.names if name in COLUMNS}
     for place, name in enumerate(table.names):
         if name in SET_VALUES and COLUMNS[SET_VALUES[name]].name not in measured:
             name = SET_VALUES[name]
         if name in COLUMNS and COLUMNS[name].name in quantities:
-            found.setdefault(COLUMNS[name].name, []).append((place, name))
-    for quantity, places in found.items():
+            by_quantity.setdefault(COLUMNS[name].name, []).append((place, name))
+    for quantity, places in by_quantity.items():
         places[:] = [(place, name) for place, name in places if name in PREFERRED] or places
         if len(places) > 1 and not _agree(table, places):
             both = " and ".join(shown(table.titles[place]) for place, _ in places[:5])
@@ -240,7 +240,9 @@ def pick(table: TextTable, quantities: tuple[str, ...]) -> TextTable:
                 f"{table.where}: columns {both}: both hold {quantity}: must be only one; remove the other,"
                 f" or write what differs, such as 20 °C or run 1, above the columns of each block{choice}"
             )
-    places, names = zip(*(columns[0] for columns in found.values()), strict=True) if found else ((), ())
+    places, names = (
+        zip(*(columns[0] for columns in by_quantity.values()), strict=True) if by_quantity else ((), ())
+    )
     return table.with_columns(places)._replace(names=list(names))
 
 

@@ -17,7 +17,6 @@ over named coordinates. A missing temperature is a dimension without values, mar
 """
 
 import contextlib
-import dataclasses
 import math
 import os
 from collections.abc import Iterator, Mapping
@@ -28,16 +27,17 @@ import numpy as np
 
 from rubberfric.base.atomic import StrPath, as_path, check_suffix, check_writable, replacing, write_text
 from rubberfric.base.objects.physical import fields_of, parts_of
-from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.hdf5 import (
     check_names,
     creating,
     plain,
     read_object,
+    read_quadrature,
     read_values,
     reading,
     subgroup,
     write_object,
+    write_quadrature,
     write_values,
 )
 from rubberfric.io.results import (
@@ -119,6 +119,14 @@ def save_scene(path: StrPath, scene: Scene, like: StrPath | None = None) -> None
     ------
     ValueError : another suffix, a missing folder, a value of the scene that a constructor refuses, or
         conditions of `like` that are not valid for the scene
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> smoother = scene.replace("lower.spectrum.h_rms", 0.2e-3)
+    >>> rf.save_scene("smoother.toml", smoother, like="data/tread_on_asphalt.toml")
+    >>> rf.same(rf.load_scene("smoother.toml"), smoother)
+    True
     """
     check_writable(path, (".h5", ".toml"))
     if not isinstance(scene, Scene):
@@ -176,23 +184,23 @@ def read_computable(
     `default` is True, a file without conditions gives the `default_conditions`, and the title states these
     conditions.
     """
-    found = read_scene_file(path, table)
-    if found.conditions is None:
+    content = read_scene_file(path, table)
+    if content.conditions is None:
         if not default:
             raise ValueError(f"{path}: {table}: is missing; must hold velocity and pressure")
-        conditions = default_conditions(found.scene)
-        check_conditions(f"{path}: {table}", conditions, found.scene)
+        conditions = default_conditions(content.scene)
+        check_conditions(f"{path}: {table}", conditions, content.scene)
         stated = f"default conditions: {conditions_text(conditions)}"
-        return found.scene, conditions, "; ".join([found.title] * bool(found.title) + [stated])
-    for name, values in found.conditions._asdict().items():
+        return content.scene, conditions, "; ".join([content.title] * bool(content.title) + [stated])
+    for name, values in content.conditions._asdict().items():
         if values is not None and values.size > MOST_CONDITIONS:
             raise ValueError(f"{path}: {name} has {values.size} values: must have at most {MOST_CONDITIONS}")
-    points = math.prod(result_shape(found.conditions))
+    points = math.prod(result_shape(content.conditions))
     if points > most:
         raise ValueError(
             f"{path}: {table} has {points} points: must have at most {most}; see `rubberfric map`"
         )
-    return found.scene, found.conditions, found.title
+    return content.scene, content.conditions, content.title
 
 
 def _read_scene(file: h5py.File) -> SceneFile:
@@ -227,11 +235,20 @@ def _is_bare(file: h5py.File, condition: str) -> bool:
 
 
 def save_result(path: StrPath, result: Result) -> None:
-    """Save a result as an HDF5 file, completely or not at all."""
-    found = {name: np.asarray(x) for name, x in result.solution._asdict().items() if x is not None}
+    """Save a result as an HDF5 file, completely or not at all.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> result = rf.friction_map(scene, [1e-3, 1e-2], 0.15e6)
+    >>> rf.io.save_result("result.h5", result)
+    >>> bool(np.all(rf.io.load_result("result.h5").solution.friction == np.asarray(result.solution.friction)))
+    True
+    """
+    columns = {name: np.asarray(x) for name, x in result.solution._asdict().items() if x is not None}
     with replacing(path) as temporary, creating(temporary, _FORMAT) as file:
-        data = _begin(file, result, {name: values.dtype for name, values in found.items()})
-        for name, values in found.items():
+        data = _begin(file, result, {name: values.dtype for name, values in columns.items()})
+        for name, values in columns.items():
             data[name][...] = values
         write_interpolation(data, result.interpolation)
 
@@ -240,6 +257,14 @@ def load_result(path: StrPath) -> Result:
     """Load a result file, with the quantities as NumPy arrays.
 
     A ValueError is raised if the file is not a result file.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> rf.io.save_result("result.h5", rf.friction_map(scene, [1e-3, 1e-2], 0.15e6))
+    >>> result = rf.io.load_result("result.h5")
+    >>> result.conditions.velocity, rf.same(result.scene, scene)
+    (array([0.001, 0.01 ]), True)
     """
     with reading(path, _FORMAT) as file:
         scene, conditions, title = _read_scene(file)
@@ -300,9 +325,9 @@ def filling_result(
 def mapped_quantities(path: StrPath) -> dict[str, np.memmap]:
     """Return read-only memory maps of the quantities in a file that `filling_result` wrote."""
     with reading(path, _FORMAT) as file:
-        found = {name: _dataset(file, name) for name in QUANTITY_FORMATS if name in file}
+        datasets = {name: _dataset(file, name) for name in QUANTITY_FORMATS if name in file}
         # A dataset without chunks is contiguous.
-        places = {name: (data.dtype, data.id.get_offset(), data.shape) for name, data in found.items()}
+        places = {name: (data.dtype, data.id.get_offset(), data.shape) for name, data in datasets.items()}
     return {name: np.memmap(path, at[0], "r", *at[1:]) for name, at in places.items()}
 
 
@@ -350,24 +375,6 @@ def _begin(file: h5py.File, result: Result, dtypes: Mapping[str, np.dtype]) -> d
             data.dims[axis].label = dimension
             data.dims[axis].attach_scale(file[dimension])
     return {name: _dataset(file, name) for name in dtypes}
-
-
-def write_quadrature(file: h5py.File, quadrature: Quadrature) -> None:
-    """Write the accuracy settings as attributes of the group /quadrature."""
-    group = file.create_group("quadrature")
-    for field in dataclasses.fields(Quadrature):
-        group.attrs[field.name] = getattr(quadrature, field.name)
-
-
-def read_quadrature(file: h5py.File) -> Quadrature:
-    """Read the accuracy settings that `write_quadrature` wrote."""
-    group = subgroup(file, "quadrature")
-    names = [field.name for field in dataclasses.fields(Quadrature)]
-    check_names(group, (), names)
-    for name in names:
-        if name not in group.attrs:
-            raise ValueError(f"{group.name}: attribute {name} is missing; must be given")
-    return Quadrature(**{name: plain(group.attrs[name]) for name in names})
 
 
 def _dataset(file: h5py.File, name: str) -> h5py.Dataset:

@@ -22,7 +22,8 @@ from rubberfric.io.cards.text import (
 )
 from rubberfric.io.columns import COLUMNS
 from rubberfric.io.results import AXES, FrictionTable, as_friction_table
-from rubberfric.io.tables import read_names, read_table, table_text
+from rubberfric.io.tables import read_names, read_table
+from rubberfric.io.text_tables.writing import table_text
 
 _SPEED = COLUMNS["v"].units
 _JSON = "rubberfric friction table"  # format
@@ -84,6 +85,18 @@ def write_friction(
     Raises
     ------
     ValueError : unknown program or unit, mu < 0, or a grid that the format cannot represent
+
+    Examples
+    --------
+    >>> table = rf.io.FrictionTable(np.array([0.01, 0.02]), np.array([2e5]), None, np.array([[[0.5, 0.6]]]))
+    >>> print(rf.io.write_friction("road.inp", table, unit_pressure="MPa"), end="")
+    ** Friction coefficient: 2 velocities x 1 pressures
+    ** Between the points linear in v, p and T; beyond the ends the value of the end
+    ** Units: m/s, MPa
+    *SURFACE INTERACTION, NAME=RUBBER
+    *FRICTION
+    0.5, 0.01, 0.2
+    0.6, 0.02, 0.2
     """
     path = as_path(path)
     form = PROGRAMS[program := _program(path, program)]
@@ -118,6 +131,14 @@ def read_friction(
     Raises
     ------
     ValueError : the file is invalid. The message names the file and the fault.
+
+    Examples
+    --------
+    >>> table = rf.io.FrictionTable(np.array([0.01, 0.02]), np.array([2e5]), None, np.array([[[0.5, 0.6]]]))
+    >>> text = rf.io.write_friction("road.inp", table, unit_velocity="mm/s", unit_pressure="MPa")
+    >>> again = rf.io.read_friction("road.inp")
+    >>> again.velocity, again.pressure, again.friction[0, 0]  # in m/s and Pa
+    (array([0.01, 0.02]), array([200000.]), array([0.5, 0.6]))
     """
     path = as_path(path)
     form = PROGRAMS[_program(path, program)]
@@ -164,8 +185,8 @@ def _head(table: FrictionTable, units: TableUnits) -> list[str]:
 
 def _units(text: str, velocity: str | None, pressure: str | None, temperature: str | None) -> TableUnits:
     """Return the units of velocity, pressure and temperature: as given, or from the comment of a file."""
-    found = re.search(r"Units: (\S+), (\S+?)(?:, (K|C))?\s*$", text, re.M)
-    v, p, T = found.groups() if found else (None, None, None)
+    line = re.search(r"Units: (\S+), (\S+?)(?:, (K|C))?\s*$", text, re.M)
+    v, p, T = line.groups() if line else (None, None, None)
     given = (velocity or v, pressure or p, temperature or T or "K")
     for name, unit, known in zip(AXES, given, (_SPEED, STRESS, TEMPERATURE), strict=True):
         message = f"unit_{name} is missing: must be given because the file does not name it"
@@ -231,8 +252,8 @@ def _write_lsdyna(table: FrictionTable, units: TableUnits, _name: str) -> Iterat
 
 
 def _read_lsdyna(text: str, units: TableUnits) -> FrictionTable:
-    found = re.findall(r"^\$ Table (\d+) is at (\S+) (?:K|C)\b", text, re.M)
-    temperatures = {int(number): float(T) for number, T in found}
+    numbered = re.findall(r"^\$ Table (\d+) is at (\S+) (?:K|C)\b", text, re.M)
+    temperatures = {int(number): float(T) for number, T in numbered}
     tables, curves = {}, {}
     kinds = {"*DEFINE_TABLE_2D": tables, "*DEFINE_CURVE": curves}
     for keyword, cards in keyword_blocks(text, r"\$|\s*$", r"\*"):
@@ -320,8 +341,8 @@ def _read_json(text: str, _units: TableUnits) -> FrictionTable:
     shape = tuple(1 if axis is None else axis.size for axis in axes)
     for name in ("friction", "sigma", "area"):
         if name in values:
-            found = values[name].shape
-            need(found == shape, f"{name} has shape {found}: must be {shape} for these axes")
+            own = values[name].shape
+            need(own == shape, f"{name} has shape {own}: must be {shape} for these axes")
     return table
 
 

@@ -111,11 +111,11 @@ def read_prony(
     text = read_text(path)
     try:
         if program is None:
-            found = [name for name, form in FORMATS.items() if re.search(form.sign, text, re.I | re.M)]
-            need(found, f"is not recognised: must have a Prony series of {', '.join(FORMATS)}")
-            message = f"has keywords of {' and '.join(found)}: program must be given"
-            need(len(found) == 1 or found[1:] == ["pyvisco"], message)
-            program = found[0]
+            programs = [name for name, form in FORMATS.items() if re.search(form.sign, text, re.I | re.M)]
+            need(programs, f"is not recognised: must have a Prony series of {', '.join(FORMATS)}")
+            message = f"has keywords of {' and '.join(programs)}: program must be given"
+            need(len(programs) == 1 or programs[1:] == ["pyvisco"], message)
+            program = programs[0]
         check_choice("program", program, FORMATS)
         if unit_stress is not None:
             check_choice("unit_stress", unit_stress, STRESS)
@@ -185,6 +185,18 @@ def write_prony(
     Raises
     ------
     ValueError : the material is not a Prony series, or the cards of the program cannot represent the material
+
+    Examples
+    --------
+    >>> rubber = rf.Prony(E_inf=1e6, E=[2e6, 1e6], tau=[1e-3, 1e-1], poisson=0.5)
+    >>> print(rf.io.write_prony(None, rubber, "abaqus", unit_stress="MPa"), end="")
+    ** Prony series of 2 terms. Units: MPa, s
+    *MATERIAL, NAME=RUBBER
+    *ELASTIC, MODULI=INSTANTANEOUS
+    4.0, 0.5
+    *VISCOELASTIC, TIME=PRONY
+    0.5, 0.0, 1E-3
+    0.25, 0.0, 0.1
     """
     check_choice("program", program, FORMATS)
     check_choice("unit_stress", unit_stress, STRESS)
@@ -247,13 +259,14 @@ def _selected(materials: list[CardMaterial], name: str | int | None, program: st
         )
         return materials[0]
     wanted = str(name).strip().casefold()
-    found = [one for one in materials if wanted in map(str.casefold, one.names)]
-    need(found, f"name = {shown(name)}: must be one of {listed}")
+    same_name = [one for one in materials if wanted in map(str.casefold, one.names)]
+    need(same_name, f"name = {shown(name)}: must be one of {listed}")
     need(
-        len(found) == 1,
-        f"name = {shown(name)}: {len(found)} materials with a Prony series have this name: must be unique",
+        len(same_name) == 1,
+        f"name = {shown(name)}: {len(same_name)} materials with a Prony series have"
+        " this name: must be unique",
     )
-    return found[0]
+    return same_name[0]
 
 
 def _material(cards: Cards, options: CardOptions) -> Prony | PronyShear:

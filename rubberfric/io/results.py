@@ -100,7 +100,20 @@ class Interpolation(NamedTuple):
 
 
 class Curves(NamedTuple):
-    """Quantities with the conditions at which they were computed, for plots and tables."""
+    """Quantities with the conditions at which they were computed, for plots and tables.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> v = np.array([1e-3, 1e-2])
+    >>> curves = rf.io.curves_of(rf.solve(scene, v, 0.15e6, quantities=("friction",)), v, 0.15e6)
+    >>> curves.to_dataframe().round(3)
+       velocity [m/s]  pressure [Pa]  friction [-]
+    0           0.001       150000.0         0.071
+    1           0.010       150000.0         0.083
+    >>> dict(curves.to_xarray().sizes)
+    {'temperature': 1, 'pressure': 1, 'velocity': 2}
+    """
 
     conditions: Conditions
     solution: Solution  # arrays [temperature, pressure, velocity]; None: not computed
@@ -116,7 +129,19 @@ class Curves(NamedTuple):
 
 
 class Result(NamedTuple):
-    """Contents of a result file."""
+    """Contents of a result file.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> table = rf.friction_map(scene, [1e-3, 1e-2, 1e-1], [0.15e6, 0.3e6])
+    >>> table.solution.friction.shape  # temperature, pressure, velocity
+    (1, 2, 3)
+    >>> table.to_dataframe().shape, list(table.to_dataframe())
+    ((6, 4), ['velocity [m/s]', 'pressure [Pa]', 'area [-]', 'friction [-]'])
+    >>> dict(table.to_xarray().sizes)
+    {'temperature': 1, 'pressure': 2, 'velocity': 3}
+    """
 
     scene: Scene
     conditions: Conditions
@@ -188,7 +213,7 @@ def check_plausible(where: str, doubts: Iterable[str]) -> None:
 
 
 def curves_of(
-    found: object,
+    result: object,
     velocity: ArrayLike | None = None,
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
@@ -207,23 +232,31 @@ def curves_of(
     ------
     ValueError : conditions are missing or superfluous, do not broadcast to the shape of the quantities, or do
         not contain every combination of their values once
+
+    Examples
+    --------
+    >>> v, T = np.array([1e-3, 1e-2, 1e-1]), np.array([[273.15], [293.15]])
+    >>> mu = np.array([[0.9, 1.1, 1.0], [0.7, 0.9, 1.1]])
+    >>> curves = rf.io.curves_of(mu, v, 2e5, T)
+    >>> curves.solution.friction.shape, curves.conditions.temperature  # temperature, pressure, velocity
+    ((2, 1, 3), array([273.15, 293.15]))
     """
     given = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
-    if isinstance(found, Result | Curves):
+    if isinstance(result, Result | Curves):
         for name, values in given.items():
             if values is not None:
                 raise ValueError(f"{name} = {shown(values)}: must not be given because the result has it")
-        return Curves(found.conditions, found.solution, found.title)
-    if not isinstance(found, Solution):
+        return Curves(result.conditions, result.solution, result.title)
+    if not isinstance(result, Solution):
         try:
-            found = Solution(**{quantity: np.asarray(found, float)})
+            result = Solution(**{quantity: np.asarray(result, float)})
         except (TypeError, ValueError):
-            kind = type(found).__name__
+            kind = type(result).__name__
             raise ValueError(f"result must come from friction_map, solve or friction, got {kind}") from None
     for name in ("velocity", "pressure"):
         if given[name] is None:
             raise ValueError(f"{name} is missing: must be given as to solve and friction")
-    return _on_a_grid(found, given)
+    return _on_a_grid(result, given)
 
 
 def _on_a_grid(solution: Solution, given: dict[str, ArrayLike | None]) -> Curves:
@@ -277,7 +310,14 @@ def _range(values: np.ndarray, name: str) -> str:
 
 
 class FrictionTable(NamedTuple):
-    """Friction coefficient mu at every combination of velocity, pressure and temperature."""
+    """Friction coefficient mu at every combination of velocity, pressure and temperature.
+
+    Examples
+    --------
+    >>> table = rf.io.FrictionTable(np.array([0.01, 0.02]), np.array([2e5]), None, np.array([[[0.5, 0.6]]]))
+    >>> table.at([0.015, 0.1], 2e5).round(6)
+    array([0.55, 0.6 ])
+    """
 
     velocity: np.ndarray  # [m/s], increasing, shape (n,)
     pressure: np.ndarray  # [Pa], increasing, shape (m,)
@@ -335,7 +375,7 @@ def _from_curves(result: Curves) -> FrictionTable:
         raise ValueError("result must have friction; compute it first")
     v, p, T = result.conditions
     at = v, p[None, :, None], None if T is None else T[:, None, None]
-    found = curves_of(Solution(area=result.solution.area, friction=result.solution.friction), *at)  # sorted
-    area = None if found.solution.area is None else np.asarray(found.solution.area, float)
-    friction = np.asarray(found.solution.friction, float)
-    return FrictionTable(*found.conditions, friction, area=area, title=result.title)
+    curves = curves_of(Solution(area=result.solution.area, friction=result.solution.friction), *at)  # sorted
+    area = None if curves.solution.area is None else np.asarray(curves.solution.area, float)
+    friction = np.asarray(curves.solution.friction, float)
+    return FrictionTable(*curves.conditions, friction, area=area, title=result.title)

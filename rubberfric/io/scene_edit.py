@@ -30,13 +30,8 @@ from rubberfric.io.toml import (
     scene_texts,
     string,
 )
-from rubberfric.scene.scene import (
-    Scene,
-    check_background,
-    doubts_of_conditions,
-    doubts_of_scene,
-    takes_temperature,
-)
+from rubberfric.scene.plausible import doubts_of_conditions, doubts_of_scene
+from rubberfric.scene.scene import Scene, check_background, takes_temperature
 
 KeyPath = tuple[str, ...]
 # Strings, comments, brackets and line ends of a TOML text.
@@ -151,19 +146,19 @@ def _changed(old: Any, new: Any, raw: dict[str, Any], path: KeyPath, moved: bool
 
     An object that must be written as a whole is yielded instead of its fields.
     """
-    found: list[KeyPath] = []
+    paths: list[KeyPath] = []
     for name, field in fields_of(type(new)).items():
         a, b, below = getattr(old, name), getattr(new, name), (*path, name)
         if isinstance(field, Child) and type(a) is type(b) and isinstance(b, PhysicalObject):
-            found += _changed(a, b, raw.get(name, {}), below, moved)
+            paths += _changed(a, b, raw.get(name, {}), below, moved)
         elif isinstance(field, Child):
-            found += [below] * (a is not b)
+            paths += [below] * (a is not b)
         elif not _equal(a, b):
-            found.append(below)
+            paths.append(below)
     # These keys of a file stand for several fields.
     indirect = {"file", *type(new).alternatives} & set(raw)
-    whole = indirect and any(each[len(path)] not in raw or type(new).alternatives for each in found)
-    yield from [path] if whole or (moved and "file" in raw) else found
+    whole = indirect and any(each[len(path)] not in raw or type(new).alternatives for each in paths)
+    yield from [path] if whole or (moved and "file" in raw) else paths
 
 
 def _equal(a: Any, b: Any) -> bool:

@@ -45,14 +45,9 @@ from rubberfric.base.checks import UnitWarning, closest, shown
 from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import Kind, PhysicalObject, fields_of, kinds, leaves_of
 from rubberfric.io.prony_cards import read_prony
-from rubberfric.io.results import (
-    CONDITION_UNITS,
-    Conditions,
-    SceneFile,
-    check_conditions,
-    check_plausible,
-)
-from rubberfric.io.tables import read_density, read_directions, read_table, table_text
+from rubberfric.io.results import CONDITION_UNITS, Conditions, SceneFile, check_conditions, check_plausible
+from rubberfric.io.tables import read_density, read_directions, read_table
+from rubberfric.io.text_tables.writing import table_text
 from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.roughness.normalisation import (
     NORMALISATION_RULE,
@@ -60,7 +55,8 @@ from rubberfric.roughness.normalisation import (
     density_column,
     spectrum_from,
 )
-from rubberfric.scene.scene import Scene, doubts_of_conditions, doubts_of_scene
+from rubberfric.scene.plausible import doubts_of_conditions, doubts_of_scene
+from rubberfric.scene.scene import Scene
 
 # Tables of a scene file that hold conditions.
 TABLES = ("run", "map")
@@ -138,16 +134,25 @@ def read_scene_toml(path: StrPath, table: str = "run") -> SceneFile:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnitWarning)  # an error below unless accepted
         scene = _build(path, "", Scene, content)
-    conditions = {name: read_conditions(path, name, found, scene) for name, found in tables.items()}
+    conditions = {name: read_conditions(path, name, values, scene) for name, values in tables.items()}
     if plausible:
         check_plausible(f"{path}: ", doubts_of_scene(scene))
-        for name, found in conditions.items():
-            check_plausible(f"{path}: {name}.", doubts_of_conditions(**found._asdict()))
+        for name, values in conditions.items():
+            check_plausible(f"{path}: {name}.", doubts_of_conditions(**values._asdict()))
     return SceneFile(scene, conditions.get(table, conditions.get("run")), title)
 
 
 def read_conditions(path: Path, table: str, content: Any, scene: Scene) -> Conditions:
-    """Read and check the conditions in the TOML table named `table` of the file `path`."""
+    """Read and check the conditions in the TOML table named `table` of the file `path`.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> content = {"velocity": {"from": 1e-3, "to": 0.1, "points": 3}, "pressure": 0.15e6}
+    >>> rf.io.read_conditions(Path("scene.toml"), "run", content, scene).velocity
+    array([0.001, 0.01 , 0.1  ])
+    """
     check_keys(path, table, content, Conditions._fields, needed=("velocity", "pressure"))
     values: dict[str, Any] = dict.fromkeys(Conditions._fields)
     for name, value in content.items():
@@ -265,8 +270,8 @@ def _read_curves(path, key, cls, content):
         raise ValueError(f"{path}: {key}.file {value}: must be the name of a CSV file")
     directions = _has_directions(cls)
     if directions and density_column(content.get("normalisation")) != "C":
-        found = shown(content["normalisation"])
-        raise ValueError(f'{path}: {key}.normalisation = {found}: must be "C" or "C_iso" for directions')
+        stated = shown(content["normalisation"])
+        raise ValueError(f'{path}: {key}.normalisation = {stated}: must be "C" or "C_iso" for directions')
     normalisation = _normalisation(path, key, content) if "C" in curves.values() else None
     file = path.parent / name
     try:

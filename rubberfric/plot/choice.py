@@ -7,15 +7,17 @@ from typing import Any
 import jax
 import numpy as np
 
-from rubberfric.analysis.profiles import Profile
+from rubberfric.analysis.scales.profiles import Profile
 from rubberfric.analysis.sweep import Accuracy
 from rubberfric.base.atomic import StrPath, replacing
 from rubberfric.base.checks import ArrayLike
 from rubberfric.io.results import Conditions, Curves, FrictionTable, Result, curves_of
 from rubberfric.materials.material import Material
-from rubberfric.plot.curves import plot_accuracy, plot_profile, plot_result
+from rubberfric.plot.curves import plot_result
+from rubberfric.plot.errors import plot_accuracy
 from rubberfric.plot.ingredients import plot_modulus, plot_spectrum
 from rubberfric.plot.maps import plot_map
+from rubberfric.plot.over_wavevectors import plot_profile
 from rubberfric.plot.style import Axes, FigureBase, Panels
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.model import solve
@@ -25,7 +27,7 @@ _LINES = 10  # more lines are drawn as a map
 
 
 def auto(
-    found: Any,
+    drawn: Any,
     *,
     velocity: ArrayLike | None = None,
     pressure: ArrayLike | None = None,
@@ -54,40 +56,48 @@ def auto(
     Raises
     ------
     ValueError : if the object cannot be drawn, or if the function `plot_...` raises ValueError.
+
+    Examples
+    --------
+    A material is drawn as its modulus. The highest point is the glassy modulus:
+
+    >>> ax = rf.plot.auto(rf.Prony(E_inf=1e6, E=[1e7], tau=[1e-3]))
+    >>> f"{max(ax.lines[0].get_ydata()):.2g}"
+    '1.1e+07'
     """
     at = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
-    if isinstance(found, Scene):
-        found, at["velocity"] = _solved(found, at)
-    if isinstance(found, FrictionTable):
-        conditions = Conditions(found.velocity, found.pressure, found.temperature)
-        found = Curves(conditions, Solution(area=found.area, friction=found.friction), found.title)
-    if isinstance(found, Result | Curves | Solution | np.ndarray | jax.Array):
-        curves = curves_of(found, at["velocity"], at["pressure"], at["temperature"])
+    if isinstance(drawn, Scene):
+        drawn, at["velocity"] = _solved(drawn, at)
+    if isinstance(drawn, FrictionTable):
+        conditions = Conditions(drawn.velocity, drawn.pressure, drawn.temperature)
+        drawn = Curves(conditions, Solution(area=drawn.area, friction=drawn.friction), drawn.title)
+    if isinstance(drawn, Result | Curves | Solution | np.ndarray | jax.Array):
+        curves = curves_of(drawn, at["velocity"], at["pressure"], at["temperature"])
         T = curves.conditions.temperature
         lines = curves.conditions.pressure.size * (1 if T is None else T.size)
         return (plot_result if lines <= _LINES else plot_map)(curves, ax=ax, **options)
-    if isinstance(found, Material):
+    if isinstance(drawn, Material):
         options["temperature"] = at.pop("temperature")
     given = next((name for name, values in at.items() if values is not None), None)
     if given is not None:
         raise ValueError(
-            f"{given} is given, but {type(found).__name__} has its own or needs none; omit {given}"
+            f"{given} is given, but {type(drawn).__name__} has its own or needs none; omit {given}"
         )
-    return _drawing(found)(ax=ax, **options)
+    return _drawing(drawn)(ax=ax, **options)
 
 
-def _drawing(found):
+def _drawing(drawn):
     draws = {Material: plot_modulus, Profile: plot_profile, Accuracy: plot_accuracy}
     for kind, draw in draws.items():
-        if isinstance(found, kind):
-            return functools.partial(draw, found)
-    if callable(getattr(found, "plot", None)):
-        return found.plot
-    if isinstance(found, Mapping) or hasattr(found, "power_law") or hasattr(found, "C"):
-        return functools.partial(plot_spectrum, found)
+        if isinstance(drawn, kind):
+            return functools.partial(draw, drawn)
+    if callable(getattr(drawn, "plot", None)):
+        return drawn.plot
+    if isinstance(drawn, Mapping) or hasattr(drawn, "power_law") or hasattr(drawn, "C"):
+        return functools.partial(plot_spectrum, drawn)
     raise ValueError(
         "found must be a scene, a result of solve, friction_map or a fit, a FrictionTable, a material, a"
-        f" spectrum, a Profile or an Accuracy, got {type(found).__name__}"
+        f" spectrum, a Profile or an Accuracy, got {type(drawn).__name__}"
     )
 
 
@@ -103,6 +113,14 @@ def save_figure(path: StrPath, figure: FigureBase | Axes | Panels) -> None:
     """Write a figure to a file, where `figure` may also be axes or a sequence of axes in the figure.
 
     The file is written completely or not at all.
+
+    Examples
+    --------
+    >>> ax = rf.plot.plot_curve([1e-3, 1e-2], [0.8, 1.0])
+    >>> rf.plot.save_figure("friction.png", ax)
+    >>> with open("friction.png", "rb") as file:
+    ...     print(file.read(4)[1:])
+    b'PNG'
     """
     if isinstance(figure, Sequence | np.ndarray):
         figure = figure[0]
@@ -112,7 +130,16 @@ def save_figure(path: StrPath, figure: FigureBase | Axes | Panels) -> None:
 
 
 def save_plot(path: StrPath, result: Result) -> None:
-    """Plot a result, and save the figure to a file."""
+    """Plot a result, and save the figure to a file.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> rf.plot.save_plot("friction.png", rf.friction_map(scene, [1e-3, 1e-2, 1e-1], 0.15e6))
+    >>> with open("friction.png", "rb") as file:
+    ...     print(file.read(4)[1:])
+    b'PNG'
+    """
     save_figure(path, plot_result(result)[0].figure)
 
 

@@ -140,6 +140,13 @@ def areal_spectrum(
     change of the weights with the data. A roll-off in bins of less than about five modes may be missed; C is
     then too large below it, by more than its standard errors. The C_1D of finite profiles also contains the
     window and the detrending, which `MeasuredSpectrum.areal` takes into account.
+
+    Examples
+    --------
+    >>> q = np.geomspace(1e3, 1e5, 5)
+    >>> areal = rf.roughness.areal_spectrum(q, np.pi / 200 * q**-3)
+    >>> (100 * np.asarray(areal.C) * q**4).round(4)
+    array([1., 1., 1., 1., 1.])
     """
     q, C_1D = (as_leaf(name, value, 1) for name, value in (("q", q), ("C_1D", C_1D)))
     check_lengths("areal_spectrum", q=q, C_1D=C_1D)
@@ -225,8 +232,8 @@ def _scatter(log_C):
     if log_C.shape[0] < 4:
         return jnp.asarray(rounding, log_C.dtype)
     # sqrt(1 + 9 + 9 + 1) standard errors; the median of |x| is 0.6745 of one
-    found = jnp.median(jnp.abs(jnp.diff(jax.lax.stop_gradient(log_C), n=3))) / (0.6745 * math.sqrt(20))
-    return jnp.maximum(found, rounding)
+    scatter = jnp.median(jnp.abs(jnp.diff(jax.lax.stop_gradient(log_C), n=3))) / (0.6745 * math.sqrt(20))
+    return jnp.maximum(scatter, rounding)
 
 
 def _step(problem, log_C, penalty):

@@ -72,6 +72,12 @@ def moment(spectrum: Spectrum, order: float) -> jax.Array:
 
     The moments of order 0, 2 and 4 are h_rms^2 [m^2], the mean square slope [-] and the mean square curvature
     [1/m^2].
+
+    Examples
+    --------
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
+    >>> f"{float(np.sqrt(rf.roughness.moment(road, 4))):.4g}"
+    '7.662e+04'
     """
     check_kind("spectrum", spectrum, Spectrum)
     return _moment(spectrum, order)
@@ -186,13 +192,19 @@ def cutoff(
     Limits: the result is differentiable (a closed form for "C"), and `rms_slope` at the result has an error
     of 1e-13. If the squared slope grows like ln q (H = 1), the result may exceed the floating-point range and
     is then infinite.
+
+    Examples
+    --------
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
+    >>> round(float(rf.roughness.cutoff(road, 1.3)), -1)  # in 1/m
+    30570.0
     """
     check_kind("spectrum", spectrum, Spectrum)
     rms_slope = as_numbers("rms_slope", rms_slope, POSITIVE)
     if keep not in ("C", "h_rms"):
         raise ValueError(f'keep = {shown(keep)}: must be "C" or "h_rms"')
     at_height = keep == "h_rms" and spectrum.endless
-    found, reachable = (_cutoff_at_height if at_height else _cutoff_below)(spectrum, rms_slope)
+    wavevector, reachable = (_cutoff_at_height if at_height else _cutoff_below)(spectrum, rms_slope)
     if is_concrete(reachable) and not np.all(reachable):
         wrong = float(np.asarray(rms_slope)[~np.asarray(reachable)].flat[0])
         if at_height:
@@ -203,7 +215,7 @@ def cutoff(
         whole = cumulative_moment(unscaled(spectrum.uncut_law()), 2, jnp.inf)
         has = float(spectrum.height_scale() * jnp.sqrt(whole))
         raise ValueError(f"rms_slope = {wrong!r}: must be at most {has:.6g}, the slope of the whole spectrum")
-    return found
+    return wavevector
 
 
 @jax.jit

@@ -152,6 +152,12 @@ def spectrum_from(
     order of q_r/q. Within a factor 2 of a cutoff C is too small. The rms height is 1.09 to 1.40 times too
     large if there is a roll-off. A UserWarning says so if a table along a line begins with a slope of less
     than half of -(1 + 2 H). `areal_spectrum` makes no such assumption.
+
+    Examples
+    --------
+    >>> C = rf.roughness.spectrum_from("C_iso", np.array([1e3, 1e4]), np.array([4e-13, 1e-16]))
+    >>> [f"{float(x):.4g}" for x in C]  # in m^4
+    ['1.013e-14', '2.533e-18']
     """
     if np.ma.is_masked(values) or np.ma.is_masked(q):
         raise ValueError("q or values has masked entries; leave them out, q[~values.mask]")
@@ -180,7 +186,13 @@ def _warn_of_rolloff(q, values, hurst):
 
 
 def density_column(normalisation: str) -> str:
-    """Return the column of a table with a spectrum in this normalisation: C [m^4] or C_1D [m^3]."""
+    """Return the column of a table with a spectrum in this normalisation: C [m^4] or C_1D [m^3].
+
+    Examples
+    --------
+    >>> rf.roughness.density_column("C_iso"), rf.roughness.density_column("ISO_8608")
+    ('C', 'C_1D')
+    """
     about = NORMALISATIONS.get(normalisation)
     return "C_1D" if about is not None and (about.line or about.radial) else "C"
 
@@ -195,6 +207,12 @@ def spectrum_as(normalisation: str, q: ArrayLike, C: ArrayLike, hurst: ArrayLike
     Raises
     ------
     ValueError : as in `spectrum_from`. Along a line without H, q must be a table that increases.
+
+    Examples
+    --------
+    >>> C_1D = rf.roughness.spectrum_as("C_1D", 1e4, 1e-17, hurst=0.8)
+    >>> f"{float(C_1D):.4g}"  # in m^3
+    '1.708e-13'
     """
     if normalisation in LINES and hurst is None and len(shape_of(q)) == len(shape_of(C)) == 1:
         return NORMALISATIONS[normalisation].factor * projected_table(q, C)
@@ -302,31 +320,36 @@ def find_normalisation(
     Raises
     ------
     ValueError : the normalisation is missing, contradicts the title, or is over another axis than the table.
+
+    Examples
+    --------
+    >>> rf.roughness.find_normalisation("road.csv", ["n", "G_d"])
+    'ISO_8608'
     """
     titles = [name for name in names if name in _NAMED]
     own = _NAMED[titles[0]] if titles else None
     above = next((name for pattern, name in _HEADERS if pattern.search(header)), None)
-    found = next((name for name in (normalisation, own, above) if name is not None), None)
-    if found is None:
+    chosen = next((name for name in (normalisation, own, above) if name is not None), None)
+    if chosen is None:
         raise ValueError(f"{path}: normalisation is missing: {NORMALISATION_RULE}")
-    if own is not None and found not in _EQUAL.get(own, (own,)):
+    if own is not None and chosen not in _EQUAL.get(own, (own,)):
         raise ValueError(
-            f'{path}: normalisation = "{found}": the column {titles[0]} is in the normalisation "{own}";'
+            f'{path}: normalisation = "{chosen}": the column {titles[0]} is in the normalisation "{own}";'
             " leave the argument out, or rename the column C_1D"
         )
-    if "n" in names and found in _ANGULAR:
+    if "n" in names and chosen in _ANGULAR:
         raise ValueError(
-            f'{path}: normalisation = "{found}": is over q = 2 pi / wavelength, but the table is over'
-            f" cycles/m; must be {_ANGULAR[found]}, or convert both columns to q"
+            f'{path}: normalisation = "{chosen}": is over q = 2 pi / wavelength, but the table is over'
+            f" cycles/m; must be {_ANGULAR[chosen]}, or convert both columns to q"
         )
     angular = {"q", "k", "log10_q"} & set(names)
-    if found == "ISO_8608" and angular:
+    if chosen == "ISO_8608" and angular:
         raise ValueError(
             f'{path}: normalisation = "ISO_8608": is over n in cycles/m, but the column {angular.pop()} is in'
             ' rad/m; must be "C_1D_one_sided" if the density is over rad/m, otherwise convert the column to'
             " n [cycles/m]"
         )
-    return found
+    return chosen
 
 
 def check_normalisation(

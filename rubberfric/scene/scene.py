@@ -1,11 +1,6 @@
-"""A scene: two bodies, their interface, and the version of the theory.
+"""A scene: two bodies, their interface, and the version of the theory."""
 
-A scene gives a `UnitWarning` about implausible numbers, which are probably in a wrong unit, when it is
-created and when it is computed. A scene in a TOML file gives an error. Traced numbers are not checked.
-Nothing is changed, so extreme and dimensionless scenes can be computed.
-"""
-
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, Literal, TypeVar
 
 import jax
@@ -13,21 +8,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.checks import (
-    PLAUSIBLE_TEMPERATURE,
-    UnitWarning,
     as_array,
     between,
     check_kind,
     is_concrete,
-    warn_caller,
 )
 from rubberfric.base.objects.fields import Number, child, leaf, setting, static
 from rubberfric.base.objects.physical import (
     PhysicalObject,
     fields_of,
     is_known,
-    leaves_of,
-    parts_of,
     physical,
 )
 from rubberfric.base.quadrature import Quadrature
@@ -39,29 +29,15 @@ from rubberfric.roughness.spectra import Spectrum
 from rubberfric.scene.heating import Heating, ThermalProperties
 from rubberfric.scene.interface import Adhesion, Correlation, ShearLaw
 from rubberfric.scene.patch import Patch
+from rubberfric.scene.plausible import warn_of_scene
 from rubberfric.scene.softening import Softening
 
 _Tree = TypeVar("_Tree")
 
-# Likely other units of a number.
-_QUESTIONS = {
-    "Pa": "is it in MPa or GPa?",
-    "K": "is it in °C? then add 273.15",
-    "m/s": "is it in mm/s or um/s?",
-    "1/m": "is it in 1/mm or 1/um?",
-    "m": "is it in mm or um?",
-}
-# Conditions: lowest and highest plausible magnitude, and unit.
-_CONDITIONS = {
-    "velocity": (0.0, 500.0, "m/s"),
-    "pressure": (1.0, 1e10, "Pa"),
-    "temperature": (*PLAUSIBLE_TEMPERATURE, "K"),
-}
 # Ratio of the stiffness of a slab and of a half-space up to which notebooks/law_table.md confirms the law.
 _STIFFEST_SLAB = 4.0
 # Ratio of the rms slopes across and along the grooves up to which that page confirms the law.
 _MOST_ANISOTROPIC = 1.9
-_OFF = 'warnings.simplefilter("ignore", rubberfric.UnitWarning) silences this warning'
 
 
 @physical
@@ -178,7 +154,7 @@ class Scene(PhysicalObject):
                 "Scene: lower.material and upper.material are both Rigid; one of the solids must deform"
             )
         if is_known(self):
-            _warn(doubts_of_scene(self))
+            warn_of_scene(self)
         parts = optional_parts(self)
         _check_apart("adhesion", ("heating",), parts)
         self._check_correlation(parts)
@@ -296,14 +272,14 @@ def same(one: Scene, other: Scene) -> bool:
 def optional_parts(scene: Scene) -> set[str]:
     """Return the names of the optional parts and non-default options that a scene and its bodies have."""
     names = ("shear", "heating", "softening", "adhesion", "correlation")
-    found = {name for name in names if getattr(scene, name) is not None}
+    present = {name for name in names if getattr(scene, name) is not None}
     if scene.area_correction:
-        found.add("area_correction")
+        present.add("area_correction")
     if scene.contact_model != "paper":
-        found.add(scene.contact_model)
+        present.add(scene.contact_model)
     if any(body.softening is not None for body in (scene.lower, scene.upper)):
-        found.add("softening")
-    return found
+        present.add("softening")
+    return present
 
 
 def shifts(scene: Scene) -> list[Shift]:
@@ -313,14 +289,14 @@ def shifts(scene: Scene) -> list[Shift]:
     """
     bodies = scene.lower, scene.upper
     parts = *(body.material for body in bodies), *(body.layer for body in bodies), scene.shear
-    found = (getattr(part, "shift", None) for part in parts)
-    return [shift for shift in found if shift is not None]
+    all_shifts = (getattr(part, "shift", None) for part in parts)
+    return [shift for shift in all_shifts if shift is not None]
 
 
 def body_shifts(body: Body) -> list[Shift]:
     """Return the shifts of a body's material and of the base of its layer, as far as they exist."""
-    found = body.material.shift, None if body.layer is None else body.layer.shift
-    return [shift for shift in found if shift is not None]
+    both = body.material.shift, None if body.layer is None else body.layer.shift
+    return [shift for shift in both if shift is not None]
 
 
 def takes_temperature(scene: Scene) -> bool:
@@ -392,46 +368,3 @@ def result_dtype(*values: Any) -> jnp.dtype:
 def cast(tree: _Tree, dtype: str | type | np.dtype) -> _Tree:
     """Convert all leaves to strongly typed arrays of one dtype."""
     return jax.tree_util.tree_map(lambda x: as_array(x, dtype), tree)
-
-
-def doubts_of_scene(scene: PhysicalObject) -> Iterator[str]:
-    """Yield a message, beginning with its key path, for each implausible number of an object."""
-    for key, part in parts_of(scene):
-        for name, field in leaves_of(type(part)).items():
-            values = getattr(part, name)
-            if field.plausible is None or values is None:
-                continue
-            if field.plus is not None:
-                # NumPy arrays, because a sum of JAX arrays within jit would be traced.
-                added = np.sum(np.asarray(getattr(part, field.plus)))
-                name, values = f"{name} + sum({field.plus})", np.asarray(values) + added
-            yield from _doubts(f"{key}.{name}" if key else name, values, *field.plausible, field.unit)
-        yield from (f"{key}: {text}" if key else text for text in part.doubts())
-
-
-def doubts_of_conditions(**conditions: Any) -> Iterator[str]:
-    """Yield a message for each condition (velocity, pressure, temperature) with implausible values."""
-    for name, values in conditions.items():
-        if values is not None and is_concrete(values):
-            yield from _doubts(name, values, *_CONDITIONS[name])
-
-
-def warn_of_conditions(**conditions: Any) -> None:
-    """Give a UnitWarning for the first implausible condition (velocity, pressure or temperature)."""
-    _warn(doubts_of_conditions(**conditions))
-
-
-def _warn(doubts):
-    for text in doubts:
-        warn_caller(f"{text} {_OFF}", UnitWarning)
-        return
-
-
-def _doubts(where, values, low, high, unit):
-    values = np.abs(np.atleast_1d(np.asarray(values, float)))
-    bad = np.argwhere((values < low) | (values > high))
-    if bad.size:
-        index = "".join(f"[{i}]" for i in bad[0]) if values.size > 1 else ""
-        rule = f"{low:g} ... {high:g}" if low else f"at most {high:g}"
-        question = _QUESTIONS.get(unit, "is it in SI?")
-        yield f"{where}{index} = {values[tuple(bad[0])]:g} {unit}: must be {rule} {unit}; {question}"

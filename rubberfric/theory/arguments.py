@@ -28,15 +28,8 @@ from rubberfric.base.checks import (
 )
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.shifts import largest_log_factor
-from rubberfric.scene.scene import (
-    Scene,
-    check_background,
-    relaxes,
-    result_dtype,
-    shifts,
-    takes_temperature,
-    warn_of_conditions,
-)
+from rubberfric.scene.plausible import warn_of_conditions
+from rubberfric.scene.scene import Scene, check_background, relaxes, result_dtype, shifts, takes_temperature
 from rubberfric.scene.settings import ROBUST, default_quadrature
 from rubberfric.theory.structure import MeansMethod, Values, iterated, iterates, means_methods
 

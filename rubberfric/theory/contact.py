@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.roughness.radial_mesh import Mesh
+from rubberfric.roughness.mesh.nodes import Mesh
 from rubberfric.scene.interface import Correlation
 from rubberfric.theory.area.area_correction import UniformTable, correct_argument
 from rubberfric.theory.area.partial_contact import (

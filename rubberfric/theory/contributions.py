@@ -18,7 +18,7 @@ import numpy as np
 
 from rubberfric.base.quadrature import cumulative, typed, weights_between
 from rubberfric.materials.tabulated_modulus import log_floored
-from rubberfric.roughness.radial_mesh import Mesh
+from rubberfric.roughness.mesh.nodes import Mesh
 from rubberfric.theory.stiffness.closed_form import Means
 from rubberfric.theory.stiffness.means import StiffnessMeans, factors_at, stiffness_means
 from rubberfric.theory.stiffness.table import MeansTable

@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeVar
 import jax
 import jax.numpy as jnp
 
-from rubberfric.roughness.radial_mesh import Mesh
+from rubberfric.roughness.mesh.nodes import Mesh
 from rubberfric.scene.heating import (
     Diffusion,
     Heating,
@@ -116,13 +116,13 @@ def prepare_thermal(
     if coarse is None:
         return thermal
     linear = _linear(jnp.log(unknowns(mesh)), jnp.log(unknowns(coarse.mesh)))
-    found = Coarse(
+    coarse_balance = Coarse(
         coarse,
         _diffusion(coarse.mesh, unknowns(coarse.mesh), coarse_count),
         _diffusion(coarse.mesh, unknowns(mesh), coarse_count),
         jnp.kron(jnp.eye(len(solids), dtype=linear.dtype), linear),
     )
-    return thermal._replace(coarse=without_derivatives(found))
+    return thermal._replace(coarse=without_derivatives(coarse_balance))
 
 
 def _index(values, one):
@@ -165,11 +165,11 @@ def inner_temperatures(
     rises = jnp.where(rises < 0, 0.0, rises).reshape(rises.shape[0], solids, -1)
     inside = rises[..., :-1].reshape(-1, solids, *mesh.angular_q.shape)
     T = background[:, None] + jnp.moveaxis(inside, 0, 2)  # solids, panels, points, order
-    found = [
+    inner = [
         SurfaceTemperatures(*(background if solid is None else T[solid] for solid in pair))
         for pair in thermal.solids
     ]
-    return found, background + jnp.mean(rises[..., -1], 1)
+    return inner, background + jnp.mean(rises[..., -1], 1)
 
 
 def heat_balance(
@@ -198,8 +198,8 @@ def heat_balance(
         inside, flash = inner_temperatures(thermal, roughness.mesh, rises, background)
         contact = roughness.contact(velocity, pressure, inside)
         surface = shear_temperature(thermal.heating, flash, background)
-        found = _rises(thermal, roughness, spread, contact, (velocity, pressure, surface))
-        return found.reshape(velocity.shape[0], -1)
+        new_rises = _rises(thermal, roughness, spread, contact, (velocity, pressure, surface))
+        return new_rises.reshape(velocity.shape[0], -1)
 
     return caused
 
@@ -214,8 +214,8 @@ def heat_of(
     """
     velocity, pressure, _ = points
     spread = _heat_kernels(thermal, thermal.diffusion, velocity)
-    found = _rises(thermal, roughness, spread, contact, (velocity, pressure, surface))
-    return found.reshape(velocity.shape[0], -1)
+    rises = _rises(thermal, roughness, spread, contact, (velocity, pressure, surface))
+    return rises.reshape(velocity.shape[0], -1)
 
 
 def temperature_at(
@@ -264,11 +264,13 @@ def _heat_kernels(thermal: Thermal, ready: Diffusion, velocity: jax.Array) -> li
 
     Two solids share one kernel if they share one `Heating` object.
     """
-    found: list[HeatKernel] = []
+    kernels: list[HeatKernel] = []
     for i, heating in enumerate(thermal.bodies):
         same = i > 0 and heating is thermal.bodies[0]
-        found.append(found[0] if same else heat_kernel(heating, ready, velocity, thermal.shear is not None))
-    return found
+        kernels.append(
+            kernels[0] if same else heat_kernel(heating, ready, velocity, thermal.shear is not None)
+        )
+    return kernels
 
 
 def _rises(thermal, roughness, spread, contact, points):
@@ -286,7 +288,7 @@ def _rises(thermal, roughness, spread, contact, points):
     sheared = None
     if thermal.shear is not None:
         sheared = shear_friction(thermal.shear, contact.area(), *points) * stress
-    found = []
+    rises = []
     for exciting, share, own in zip(thermal.exciting, thermal.shares, spread, strict=True):
         rise = jnp.zeros((count, own.diffusion.wavevector.shape[0]), pressure.dtype)
         if sheared is not None:
@@ -294,5 +296,5 @@ def _rises(thermal, roughness, spread, contact, points):
         if exciting in terms:
             power = jnp.moveaxis(terms[exciting], 0, 1).reshape(count, -1) * stress[:, None]
             rise = rise + rise_inside(own, power)
-        found.append(rise)
-    return jnp.stack(found, 1)
+        rises.append(rise)
+    return jnp.stack(rises, 1)

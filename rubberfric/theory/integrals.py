@@ -14,8 +14,8 @@ import jax.numpy as jnp
 
 from rubberfric.base.compilation import exact_products
 from rubberfric.base.quadrature import Quadrature
+from rubberfric.roughness.mesh.nodes import build_mesh
 from rubberfric.roughness.moments import unscaled
-from rubberfric.roughness.radial_mesh import build_mesh
 from rubberfric.scene.interface import Adhesion, ShearLaw, difference, shear_friction
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.softening import knots
@@ -166,7 +166,7 @@ def _tables_of(roughness, needs):
 
     An entry is None if the contribution has no table with the needed means.
     """
-    found = [one.stiffness for one in roughness.contributions]
+    stiffnesses = [one.stiffness for one in roughness.contributions]
     return tuple(
         one.prepared
         if one is not None
@@ -174,7 +174,7 @@ def _tables_of(roughness, needs):
         and one.harmonics is None
         and one.needs.kinds == needs.kinds
         else None
-        for one in found
+        for one in stiffnesses
     )
 
 
@@ -210,8 +210,8 @@ def solved(
         return roughness.contact(velocity, pressure, temperatures), None
     if temperature is None:
         raise ValueError("temperature is missing: a scene with heating requires it, far from the contact [K]")
-    found = solve_temperatures(thermal, roughness, velocity, pressure, temperature)
-    return roughness.contact(velocity, pressure, found.inside), found
+    surfaces = solve_temperatures(thermal, roughness, velocity, pressure, temperature)
+    return roughness.contact(velocity, pressure, surfaces.inside), surfaces
 
 
 @exact_products
@@ -238,44 +238,44 @@ def evaluate(
     parts = quantity_parts(quantities)
     sheared = prepared.shear is not None and "shear_friction" in parts
     # Smooth surfaces: flash temperature = background.
-    found = {} if temperature is None else {"flash_temperature": temperature}
+    results = {} if temperature is None else {"flash_temperature": temperature}
     surface = temperature
     wanted = parts | {"area"} if sheared else parts
     if prepared.law is not None:
         by_law = solve_law(prepared.law, velocity, pressure, temperature)
-        found |= {"area": by_law.area, "viscoelastic_friction": by_law.mu, "converged": by_law.converged}
+        results |= {"area": by_law.area, "viscoelastic_friction": by_law.mu, "converged": by_law.converged}
         if by_law.across:
-            found["transverse_friction"] = by_law.across[0]
+            results["transverse_friction"] = by_law.across[0]
         wanted = wanted & {"separation"}
     if prepared.integrated is not None:
         contact, temperatures = known or solved(prepared, velocity, pressure, temperature)
-        found |= _integrated(contact, wanted)
+        results |= _integrated(contact, wanted)
         if contact.converged is not None:
-            found["converged"] = contact.converged
+            results["converged"] = contact.converged
         if temperatures is not None:
-            found |= {"flash_temperature": temperatures.flash, "converged": temperatures.converged}
+            results |= {"flash_temperature": temperatures.flash, "converged": temperatures.converged}
             surface = temperatures.surface
 
     def value(name):
-        return found[name] if name in found else _constant(name, pressure)
+        return results[name] if name in results else _constant(name, pressure)
 
     if prepared.shear is not None and sheared:
-        found["shear_friction"] = shear_friction(prepared.shear, value("area"), velocity, pressure, surface)
+        results["shear_friction"] = shear_friction(prepared.shear, value("area"), velocity, pressure, surface)
     if "friction" in quantities:
-        found["friction"] = value("viscoelastic_friction")
+        results["friction"] = value("viscoelastic_friction")
         if sheared:
-            found["friction"] = found["friction"] + found["shear_friction"]
+            results["friction"] = results["friction"] + results["shear_friction"]
     return {name: jnp.broadcast_to(value(name), velocity.shape) for name in quantities}
 
 
 def _integrated(contact, parts):
-    found = {"area": contact.area()} if "area" in parts else {}
+    results = {"area": contact.area()} if "area" in parts else {}
     for name, kind in (("viscoelastic_friction", "mean_cos_loss"), ("transverse_friction", "mean_sin_loss")):
         if name in parts and (terms := contact.friction_terms(kind)):
-            found[name] = total(jnp.sum(values, (0, 2)) for values in terms.values())
+            results[name] = total(jnp.sum(values, (0, 2)) for values in terms.values())
     if "separation" in parts:
-        found["separation"] = contact.separation()
-    return found
+        results["separation"] = contact.separation()
+    return results
 
 
 def _constant(name, pressure):

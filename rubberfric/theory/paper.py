@@ -119,8 +119,8 @@ def solve(
     given = [jnp.asarray(x, float) for x in (velocity, pressure, temperature) if x is not None]
     given = jnp.broadcast_arrays(*given)
     points = tuple(x.reshape(-1) for x in given)
-    found = jax.lax.map(lambda point: _at_point(scene, nodes or gauss_nodes(), *point), points)
-    return jax.tree.map(lambda x: x.reshape(given[0].shape), found)
+    solutions = jax.lax.map(lambda point: _at_point(scene, nodes or gauss_nodes(), *point), points)
+    return jax.tree.map(lambda x: x.reshape(given[0].shape), solutions)
 
 
 def _at_point(scene, nodes, v, sigma_0, T=None):

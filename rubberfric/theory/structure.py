@@ -37,7 +37,22 @@ Values = jax.Array | np.ndarray
 
 
 class Solution(NamedTuple):
-    """Results of `solve`. Quantities that were not requested are None."""
+    """Results of `solve`. Quantities that were not requested are None.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/sheared_tread_on_asphalt.toml")
+    >>> v, p = np.array([1e-4, 1e-2]), 0.15e6
+    >>> solution = rf.solve(scene, v, p, quantities=("friction", "shear_friction"))
+    >>> (solution.shear_friction / solution.friction).round(3)
+    Array([0.918, 0.895], dtype=float64)
+    >>> solution.area is None
+    True
+    >>> list(solution.to_dataframe(v, p))
+    ['velocity [m/s]', 'pressure [Pa]', 'friction [-]', 'shear_friction [-]']
+    >>> dict(solution.to_xarray(v, p).sizes)
+    {'velocity': 2}
+    """
 
     # Any, because a type checker does not know which quantities were requested.
     area: Values | Any = None  # A/A0 [-]
@@ -66,12 +81,6 @@ class Solution(NamedTuple):
         ------
         ImportError : pandas is not installed
         ValueError : the conditions do not broadcast to the quantities
-
-        Examples
-        --------
-        >>> solution = rf.solve(scene, [0.1, 1.0], 2e5)  # doctest: +SKIP
-        >>> list(solution.to_dataframe([0.1, 1.0], 2e5))  # doctest: +SKIP
-        ['velocity [m/s]', 'pressure [Pa]', 'area [-]', 'friction [-]', 'separation [m]']
         """
         return self.labelled(velocity, pressure, temperature).to_dataframe()
 
@@ -292,17 +301,17 @@ class Structure:
 
 def rough_surfaces_of(scene: Scene) -> tuple[RoughSurface, ...]:
     """Return the rough surfaces of a scene. The roughness of the lower solid comes first."""
-    found: list[tuple[Body, Body, str, Spectrum, BrokenPowerLaw]] = []
+    sides: list[tuple[Body, Body, str, Spectrum, BrokenPowerLaw]] = []
     for side, rough, strained in (("upper", scene.lower, scene.upper), ("lower", scene.upper, scene.lower)):
         if rough.spectrum is not None:
-            found.append((rough, strained, side, rough.spectrum, rough.spectrum.power_law()))
-    laws = tuple(law for *_, law in found)
+            sides.append((rough, strained, side, rough.spectrum, rough.spectrum.power_law()))
+    laws = tuple(law for *_, law in sides)
 
     def softened(body):
         softening = softening_of(scene, body)
         return None if softening is None else Softened(softening, laws)
 
-    return tuple(_surface(*one, softened(one[1]), softened(one[0])) for one in found)
+    return tuple(_surface(*one, softened(one[1]), softened(one[0])) for one in sides)
 
 
 def means_methods(scene: Scene) -> list[MeansMethod]:

@@ -73,16 +73,16 @@ def solve_temperatures(
         nothing = jnp.zeros((velocity.shape[0], _size(thermal, roughness)), velocity.dtype)
         rises, converged = heat(nothing), jnp.ones_like(velocity, bool)
     else:
-        found = solve_rises(thermal, roughness, points)
-        inverse = preconditioner(thermal, found)
-        rises, converged = implicit(heat, found.rises, inverse), found.converged
+        solution = solve_rises(thermal, roughness, points)
+        inverse = preconditioner(thermal, solution)
+        rises, converged = implicit(heat, solution.rises, inverse), solution.converged
     return temperatures_of(thermal, roughness, rises, background, converged)
 
 
-def preconditioner(thermal: Thermal, found: Rises) -> Inverse:
+def preconditioner(thermal: Thermal, rises: Rises) -> Inverse:
     """Return the `Inverse` that preconditions the heat balance near given `Rises`."""
     assert thermal.coarse is not None
-    return Inverse(found.left, _hats(thermal, thermal.coarse)[0])
+    return Inverse(rises.left, _hats(thermal, thermal.coarse)[0])
 
 
 def temperatures_of(
@@ -216,10 +216,10 @@ def _refined(thermal, roughness, points, guess, arrived):
     left = jnp.einsum("pfc,pcd->pfd", J, jnp.linalg.inv(matrix))
     start = rises + jnp.einsum("pfc,pc->pf", left, rises @ restrict.T - guess[:, at])
     heat = heat_balance(thermal, roughness, thermal.diffusion, points)
-    found, reached = fixed_point(heat, start, Inverse(left, restrict))
+    refined, reached = fixed_point(heat, start, Inverse(left, restrict))
     close = _CLOSE * jnp.clip(jnp.linalg.det(matrix), 0.0, 1.0)
-    near = jnp.max(jnp.abs(found - start), -1) <= close
-    return Rises(found, left, arrived & reached & near)
+    near = jnp.max(jnp.abs(refined - start), -1) <= close
+    return Rises(refined, left, arrived & reached & near)
 
 
 def _hats(thermal, coarse):

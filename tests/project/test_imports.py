@@ -28,7 +28,7 @@ FLOORS = {
         {"commands", "fitting"},
     ),
     "fitting": (
-        *({"data", "parameters"}, {"solvers"}, {"uncertainty"}, {"budget"}, {"results"}, {"fit"}),
+        *({"data", "parameters"}, {"solvers"}, {"uncertainty"}, {"budget"}, {"results"}, {"stages"}, {"fit"}),
         *({"ensemble", "characterise"}, {"commands"}),
     ),
 }

@@ -16,9 +16,9 @@ from support.oracles import oracle, oracle_heating
 
 import fitting
 import rubberfric as rf
-from fitting.fit import _not_finite
 from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.problem import make_problem
+from fitting.stages import why_not_finite
 from rubberfric.analysis import jacobian
 from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.base import fixed_points
@@ -241,7 +241,7 @@ def test_no_last_iterate_reaches_a_fit(monkeypatch):
 
     monkeypatch.setattr(rf, "solve", left)
     assert np.isnan(residual_rows(problem, problem.start)).tolist() == [False, True, False]
-    assert "not finite at the start at 1 of 3 values, first at velocity = 1 m/s" in _not_finite(
+    assert "not finite at the start at 1 of 3 values, first at velocity = 1 m/s" in why_not_finite(
         problem, [data]
     )
 

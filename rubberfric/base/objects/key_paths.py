@@ -49,14 +49,14 @@ class KeyPath(NamedTuple):
         first, colon, last = self.index
         if colon:
             chosen = slice(*(int(end) if end else None for end in (first, last)))
-            found = tuple(range(size)[chosen])
+            positions = tuple(range(size)[chosen])
         else:
-            found = (int(first) % size,) if first and not last and -size <= int(first) < size else ()
-        if not found:
+            positions = (int(first) % size,) if first and not last and -size <= int(first) < size else ()
+        if not positions:
             raise ValueError(
                 f"{self.text!r}: {self.name} has the elements [0] ... [{size - 1}]; must name one of them"
             )
-        return found
+        return positions
 
 
 def parse_key_path(path: str) -> KeyPath:

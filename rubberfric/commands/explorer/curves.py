@@ -25,7 +25,8 @@ from rubberfric.commands.explorer.sliders import changes, moved, sliders_of, wit
 from rubberfric.io.results import Conditions, check_conditions, check_plausible
 from rubberfric.io.tables import read_table
 from rubberfric.materials.material import Material, complex_modulus
-from rubberfric.scene.scene import Scene, cast, dissipates, doubts_of_conditions, takes_temperature
+from rubberfric.scene.plausible import doubts_of_conditions
+from rubberfric.scene.scene import Scene, cast, dissipates, takes_temperature
 from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import solve
 from rubberfric.theory.structure import quantities_of
@@ -154,12 +155,12 @@ class Explorer:
         quadrature = DRAFT if draft else self.quadrature
         found_all = self._curves(scene, v, p, T, quadrature=quadrature)
         curves, others, moduli, spectra = jax.device_get(found_all)
-        found: dict[str, Any] = {"curves": curves, "moduli": moduli, "spectra": spectra}
+        content: dict[str, Any] = {"curves": curves, "moduli": moduli, "spectra": spectra}
         if self.measured is not None:
             end = self._end - self.at.size
-            found["beside"] = others[:end].reshape(len(self.curves_of_points), -1)
-            found["misfit"] = _misfit(others[end:], self.measured.friction)
-        return found
+            content["beside"] = others[:end].reshape(len(self.curves_of_points), -1)
+            content["misfit"] = _misfit(others[end:], self.measured.friction)
+        return content
 
     def sensitivities(self, values: CurveValues) -> dict[str, np.ndarray]:
         """Return d ln Q / d ln x at the points `at[::EVERY]` by name of the slider, where x is its value.
@@ -181,9 +182,9 @@ class Explorer:
         """
         if dict(values) != self._differences[0]:
             self._differences = dict(values), {}
-        found, begin, count = self._differences[1], time.perf_counter(), 0
+        by_name, begin, count = self._differences[1], time.perf_counter(), 0
         for one in self.sliders:
-            if one.name in found:
+            if one.name in by_name:
                 continue
             if count and time.perf_counter() - begin > _TURN:
                 break
@@ -193,8 +194,8 @@ class Explorer:
             ends = [min(max(x + sign * step, one.low), one.high) for sign in (-1, 1)]
             low, high = (self._at_slopes({**values, one.name: end}) for end in ends)
             with np.errstate(divide="ignore", invalid="ignore"):
-                found[one.name] = x * (high - low) / (ends[1] - ends[0]) * 2 / (high + low)
-        return dict(found)
+                by_name[one.name] = x * (high - low) / (ends[1] - ends[0]) * 2 / (high + low)
+        return dict(by_name)
 
     def _at_slopes(self, values):
         """Return the `sensitive` quantity at the points of the sensitivities."""
@@ -249,8 +250,8 @@ class Explorer:
         def at(points, quantities):
             temperature = None if T is None else T[points]
             options = {"quadrature": quadrature, "quantities": quantities}
-            found = solve(scene, v[points], p[points], temperature, **options)
-            return {name: getattr(found, name) for name in quantities}
+            solution = solve(scene, v[points], p[points], temperature, **options)
+            return {name: getattr(solution, name) for name in quantities}
 
         curves = at(slice(count), self.quantities)
         others = None
@@ -315,14 +316,14 @@ def _axis(conditions: Conditions, count: int) -> tuple[str, np.ndarray]:
 
 def _materials(scene: Scene) -> dict[str, Material]:
     """Return a dict of all materials that deform, with names such as "upper" and "upper, base"."""
-    found = {}
+    materials = {}
     for name, body in (("upper", scene.upper), ("lower", scene.lower)):
         if body.material.deforms:
-            found[name] = body.material
+            materials[name] = body.material
         below = None if body.layer is None else body.layer.below
         if below is not None:
-            found[f"{name}, base"] = below
-    return found
+            materials[f"{name}, base"] = below
+    return materials
 
 
 def _frequencies(material: Material) -> np.ndarray:

@@ -184,7 +184,7 @@ class Handler(BaseHTTPRequestHandler):
         try:
             if self._only("Host") not in self.server.hosts:
                 raise Refused(HTTPStatus.FORBIDDEN, "the header Host must name this server")
-            found = work()
+            answer = work()
         except Refused as error:
             self._refuse(error.status, str(error))
         except ValueError as error:
@@ -192,7 +192,7 @@ class Handler(BaseHTTPRequestHandler):
         except (FloatingPointError, MemoryError, RuntimeError) as error:  # JAX's are the last
             self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, " ".join(str(error).split()))
         else:
-            self._send(found.status, found)
+            self._send(answer.status, answer)
 
     def _refuse(self, code: int, why: str) -> None:
         self._send(code, Answer("text/plain; charset=utf-8", why.encode()))
@@ -228,9 +228,9 @@ class Handler(BaseHTTPRequestHandler):
         content = _read_json(self._body())
         with self.server.turn:
             begin = time.perf_counter()
-            found = work(content)
+            answer = work(content)
             spent = 1e3 * (time.perf_counter() - begin)
-        return found._replace(headers=found.headers | {"Server-Timing": f"total;dur={spent:.1f}"})
+        return answer._replace(headers=answer.headers | {"Server-Timing": f"total;dur={spent:.1f}"})
 
     def _route(self) -> str:
         """Return the part of the path after the token ("" for the page), or refuse a wrong token."""
@@ -242,8 +242,8 @@ class Handler(BaseHTTPRequestHandler):
 
     def _only(self, name: str) -> str | None:
         """Return the value of a header, or None if the header is missing or repeated."""
-        found = self.headers.get_all(name) or []
-        return found[0] if len(found) == 1 else None
+        values = self.headers.get_all(name) or []
+        return values[0] if len(values) == 1 else None
 
     def _body(self) -> bytes:
         text = self._only("Content-Length") or ""

@@ -71,14 +71,14 @@ def sliders_of(scene: Scene, conditions: Conditions, axis: str = "velocity") -> 
     conditions are start values. `axis` is the condition on the abscissa, which has no slider. Constructors
     accept the ends of each slider, while all other sliders have their start values.
     """
-    found = [one for one in _of_conditions(scene, conditions) if one.name != axis]
+    sliders = [one for one in _of_conditions(scene, conditions) if one.name != axis]
 
     def try_value(one, value):
         scene.replace(changes(scene, [one], {one.name: value}, np))
 
     for path, part in parts_of(scene):
-        found += [_within(one, try_value) for one in _of_object(path, part)]
-    return [one for one in found if one.low < one.high]
+        sliders += [_within(one, try_value) for one in _of_object(path, part)]
+    return [one for one in sliders if one.low < one.high]
 
 
 def with_cutoffs(scene: Scene) -> Scene:
@@ -119,27 +119,27 @@ def changes(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, Any], 
 
     `scene` has the start values. `array` is numpy, or jax.numpy for traced values.
     """
-    found: dict[str, Any] = {}
+    changed: dict[str, Any] = {}
     for one in sliders:
         value = values[one.name]
         for path, elements, power in one.targets:
             if power is None:
-                found[path] = value
+                changed[path] = value
                 continue
-            old = found[path] if path in found else array.asarray(operator.attrgetter(path)(scene))
+            old = changed[path] if path in changed else array.asarray(operator.attrgetter(path)(scene))
             factor = value if power == 1 else value**power
             if elements is not None:
                 chosen = np.isin(np.arange(old.shape[0]), elements)
                 factor = array.where(chosen, factor, 1.0)
-            found[path] = old * factor
-    return found
+            changed[path] = old * factor
+    return changed
 
 
 def moved(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, float]) -> Scene:
     """Return the scene at the sliders' values, or raise ValueError if the scene refuses them."""
     away = [one for one in sliders if values[one.name] != one.start]
-    found = changes(scene, away, values, np)
-    return scene.replace(found) if found else scene
+    changed = changes(scene, away, values, np)
+    return scene.replace(changed) if changed else scene
 
 
 def _of_conditions(scene: Scene, conditions: Conditions) -> Iterator[Slider]:

@@ -52,7 +52,7 @@ class _Block(NamedTuple):
 
         Names and values may be abbreviated. A name whose tuple of values is empty allows all values.
         """
-        found: dict[str, str] = {}
+        options: dict[str, str] = {}
         for given, value in self.options:
             name = _squeezed(given)
             names = [one for one in allowed if _squeezed(one).startswith(name)]
@@ -63,9 +63,9 @@ class _Block(NamedTuple):
             listed = ", ".join(f"{a}={b}" if b else a for a, bs in allowed.items() for b in bs or ("",))
             message = f"{self.keyword}, {text} is not supported: must be {listed}{hint}"
             need(len(names) == 1 and (fits or not values or (not value and "" in values)), message)
-            need(names[0] not in found, f"{self.keyword} has {names[0]} twice: must be given once")
-            found[names[0]] = fits[0] if fits else value
-        return found
+            need(names[0] not in options, f"{self.keyword} has {names[0]} twice: must be given once")
+            options[names[0]] = fits[0] if fits else value
+        return options
 
 
 def read(text: str, options: CardOptions) -> list[CardMaterial]:
@@ -150,22 +150,22 @@ def _material(blocks, options):
 
 def _one(blocks, keyword):
     """Return the only block with data of a keyword, or raise ValueError."""
-    found = [block for block in blocks if block.keyword == keyword and block.data]
-    need(found, f"{keyword} with data is missing: must be given")
-    need(len(found) == 1, f"{keyword} is given {len(found)} times in a material: must be given once")
-    return found[0]
+    same = [block for block in blocks if block.keyword == keyword and block.data]
+    need(same, f"{keyword} with data is missing: must be given")
+    need(len(same) == 1, f"{keyword} is given {len(same)} times in a material: must be given once")
+    return same[0]
 
 
 def _wlf(blocks, needed):
     """Return reference temperature, C1 and C2 of *TRS, or () if there is no WLF shift."""
-    found = [block for block in blocks if block.keyword == "*TRS"]
-    if not found:
+    shifts = [block for block in blocks if block.keyword == "*TRS"]
+    if not shifts:
         return ()
     leave = "; shift=False leaves the shift out"
     try:
-        need(len(found) == 1, f"*TRS is given {len(found)} times in a material: must be given once")
-        found[0].taken({"DEFINITION": ("WLF",)}, leave)
-        rows = [comma_numbers(line) for line in found[0].data]
+        need(len(shifts) == 1, f"*TRS is given {len(shifts)} times in a material: must be given once")
+        shifts[0].taken({"DEFINITION": ("WLF",)}, leave)
+        rows = [comma_numbers(line) for line in shifts[0].data]
         need(rows, "*TRS with data is missing: must be given")
         fits = len(rows) == 1 and len(rows[0]) == 3
         need(fits, f"*TRS has {sum(map(len, rows))} numbers: must have T_ref, C1 and C2{leave}")

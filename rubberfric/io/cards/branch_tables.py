@@ -25,8 +25,8 @@ def read_comsol(text: str, options: CardOptions) -> list[CardMaterial]:
 
 
 def _comsol(text, options):
-    found = re.findall(r"^% (\w+) = (\S+) (\S+)", text, re.M)
-    constants = {name: (parse_number(value), unit) for name, value, unit in found}
+    lines = re.findall(r"^% (\w+) = (\S+) (\S+)", text, re.M)
+    constants = {name: (parse_number(value), unit) for name, value, unit in lines}
     rows = [line.split() for line in text.splitlines() if line.strip() and not line.startswith("%")]
     complete = rows and all(len(row) == 3 for row in rows)
     need(complete, "rows must have a branch, a shear modulus and a relaxation time")

@@ -144,10 +144,10 @@ def plan_for(wanted: Iterable[str], given: Collection[str], area: bool = False) 
     relations: dict[Relation, None] = {}
     usable = [relation for relation in RELATIONS if relation.constant != "area" or area]
     for quantity in wanted:
-        found = _steps(quantity, given, usable, ())
-        if found is not None:
-            columns |= dict.fromkeys(found.columns)
-            relations |= dict.fromkeys(found.relations)
+        steps = _steps(quantity, given, usable, ())
+        if steps is not None:
+            columns |= dict.fromkeys(steps.columns)
+            relations |= dict.fromkeys(steps.relations)
     return Plan(tuple(columns), tuple(relations))
 
 
@@ -158,7 +158,7 @@ def _steps(quantity, given, usable, above) -> Plan | None:
     """
     if quantity in given:
         return Plan((quantity,), ())
-    found = []
+    possible = []
     for relation in usable:
         if relation.result != quantity or quantity in above:
             continue
@@ -167,8 +167,8 @@ def _steps(quantity, given, usable, above) -> Plan | None:
         if len(plans) == len(parts):
             columns = dict.fromkeys(column for plan in plans for column in plan.columns)
             before = dict.fromkeys(step for plan in plans for step in plan.relations)
-            found.append(Plan(tuple(columns), (*before, relation)))
-    return min(found, key=lambda plan: len(plan.relations), default=None)
+            possible.append(Plan(tuple(columns), (*before, relation)))
+    return min(possible, key=lambda plan: len(plan.relations), default=None)
 
 
 def with_wheel_names(names: list[str | None], titles: list[str]) -> list[str | None]:
@@ -220,7 +220,8 @@ def with_derived(
     if any(relation.constant == "poisson" for relation in plan.relations):
         if poisson is None:
             raise ValueError(
-                f"{where}: {', '.join(shear)} are of shear: poisson must be given, E = 2 (1 + poisson) G"
+                f"{where}: {', '.join(shear)} are of shear: poisson must be given (0.5 for rubber), because"
+                " E = 2 (1 + poisson) G"
             )
         check_values(f"{where}: poisson", as_leaf(f"{where}: poisson", poisson, 0), between(0.0, 0.5))
         constants["poisson"] = poisson

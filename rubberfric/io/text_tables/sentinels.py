@@ -35,12 +35,12 @@ def without_sentinels(path: StrPath, heights: np.ndarray) -> np.ndarray:
     heights : any shape, in the unit of the file
     """
     huge = np.abs(heights) >= _NO_HEIGHT
-    found = {float(heights[huge][0]): int(huge.sum())} if huge.any() else {}
+    counts = {float(heights[huge][0]): int(huge.sum())} if huge.any() else {}
     heights = np.where(huge, np.nan, heights)
     while (value := _sentinel(heights[np.isfinite(heights)])) is not None:
-        found[value] = int(np.sum(heights == value))
+        counts[value] = int(np.sum(heights == value))
         heights[heights == value] = np.nan
-    for value, count in found.items():
+    for value, count in counts.items():
         warn_caller(f"{path}: {count} heights {value:g} are taken as holes", UserWarning)
     return heights
 

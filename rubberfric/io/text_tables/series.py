@@ -31,7 +31,7 @@ def series_of(text: str) -> list[Series]:
     """Return all series of a text; [] for a text of another program."""
     if "Columns:" not in text:
         return []
-    found, lines = [], text.splitlines()
+    all_series, lines = [], text.splitlines()
     for i, line in enumerate(lines):
         columns = _COLUMNS.fullmatch(line.strip())
         if columns and i > 1 and set(lines[i - 1].strip("# ")) == {"-"}:
@@ -42,8 +42,8 @@ def series_of(text: str) -> list[Series]:
                 if not row.strip() or row.lstrip().startswith("#"):
                     break
                 rows.append(row)
-            found.append(Series(name, (columns[1], f"{name} {unit[1] if unit else ''}".strip()), rows))
-    return found
+            all_series.append(Series(name, (columns[1], f"{name} {unit[1] if unit else ''}".strip()), rows))
+    return all_series
 
 
 def first_series(path: StrPath, text: str) -> str:

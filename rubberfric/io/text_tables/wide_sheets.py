@@ -57,9 +57,9 @@ def read_title(title: str, generic: str = "E") -> LabelledTitle:
     name, unit = known_name(title, generic)
     if name is None or known_unit(unit, name) not in getattr(COLUMNS.get(name), "units", ()):
         rest, label = _split_label(title)
-        found, own = known_name(rest, generic) if label is not None else (None, None)
-        if found in COLUMNS and label is not None and COLUMNS[found].name != label.name:
-            return LabelledTitle(found, own, label)
+        quantity, own = known_name(rest, generic) if label is not None else (None, None)
+        if quantity in COLUMNS and label is not None and COLUMNS[quantity].name != label.name:
+            return LabelledTitle(quantity, own, label)
     return LabelledTitle(name, unit)
 
 

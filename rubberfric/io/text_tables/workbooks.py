@@ -181,9 +181,9 @@ def _with_formulas(values: tuple[Any, ...], formulas: tuple[Any, ...]) -> tuple[
 
 def _rows(sheets: Iterable[Any]) -> dict[str, Rows]:
     """Return the rows of each sheet of a workbook, or raise ValueError beyond `MOST_CELLS` cells."""
-    found, cells = {}, 0
+    by_title, cells = {}, 0
     for sheet in sheets:
-        found[sheet.title] = []
+        by_title[sheet.title] = []
         for row in sheet.iter_rows(values_only=True):
             cells += len(row)
             if cells > MOST_CELLS:
@@ -191,8 +191,8 @@ def _rows(sheets: Iterable[Any]) -> dict[str, Rows]:
                     f"the workbook has more than {MOST_CELLS} cells up to sheet {sheet.title!r}, including "
                     "empty cells; delete distant cells, or save the sheet as .csv"
                 )
-            found[sheet.title].append(row)
-    return found
+            by_title[sheet.title].append(row)
+    return by_title
 
 
 def _cell(value: object) -> str:

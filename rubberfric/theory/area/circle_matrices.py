@@ -99,8 +99,8 @@ def circle_matrices(
     at_zero = at_zero @ to_angles
     # Entries of the grid, from the high to the low frequencies, relative to the position of the integral.
     later = np.arange(count) - np.arange(count)[:, None] + _POINTS
-    found = to_nodes @ jnp.where(later >= 0, at_zero[:, np.maximum(later, 0)], 0.0)
-    mean, along, across = jnp.split(found, [len(even), 2 * len(even)])
+    matrices = to_nodes @ jnp.where(later >= 0, at_zero[:, np.maximum(later, 0)], 0.0)
+    mean, along, across = jnp.split(matrices, [len(even), 2 * len(even)])
     return CircleMatrices(jnp.exp(top + step * (_POINTS - np.arange(count))), mean, along, across)
 
 

@@ -94,9 +94,9 @@ def solve_energy_criterion(unloading: Unloading) -> AdhesiveLoad:
     solution, full, converged = jax.vmap(_solved, (_POINTS,))(still)
 
     def balance(z):
-        found = jax.vmap(_excess, (_POINTS, 0))(unloading, z[:, 0])
+        excess = jax.vmap(_excess, (_POINTS, 0))(unloading, z[:, 0])
         # Full contact: a sufficiently large load, with zero derivative.
-        return jnp.where(full, solution, z[:, 0] - found)[:, None]
+        return jnp.where(full, solution, z[:, 0] - excess)[:, None]
 
     z = implicit(balance, solution[:, None])[:, 0]
     fall = jax.vmap(lambda point, z: _slopes(point, z)[1], (_POINTS, 0))(unloading, z)
@@ -113,9 +113,9 @@ def _solved(point):
     lumped = _lumped(point)
     near = first(lambda z: _excess(lumped, z), top, _LOADS)
     near = zero(lambda z: _excess(lumped, z), near, top)[2]
-    found, converged, _ = zero(lambda z: _excess(point, z), near, top)
-    full = ~converged & (found >= top)
-    return found, full, converged | full
+    solution, converged, _ = zero(lambda z: _excess(point, z), near, top)
+    full = ~converged & (solution >= top)
+    return solution, full, converged | full
 
 
 def _lumped(point):

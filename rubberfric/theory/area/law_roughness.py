@@ -15,8 +15,8 @@ import numpy as np
 from rubberfric.base.quadrature import Quadrature, gauss, typed
 from rubberfric.materials.material import poisson_of
 from rubberfric.roughness.anisotropy import slope_anisotropy
+from rubberfric.roughness.mesh.nodes import Mesh, build_mesh
 from rubberfric.roughness.moments import cumulative_moment
-from rubberfric.roughness.radial_mesh import Mesh, build_mesh
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio
 from rubberfric.scene.scene import Body
 from rubberfric.theory.area.circle_matrices import CircleMatrices, Directions, circle_matrices

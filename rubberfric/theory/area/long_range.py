@@ -186,9 +186,9 @@ def _share(gaps, nodes, z):
         lost = energy_factor(contact_fraction(corrected), gaps.gamma) * (corrected / X) ** 2
     # -dP / d ln g
     lost = lost * 0.5 * TWO_OVER_ROOT_PI * corrected * jnp.exp(-corrected * corrected)
-    found = contact_fraction(last) + jnp.sum(nodes.weight * lost * spread(u1, nodes.width, gaps.reach))
+    share = contact_fraction(last) + jnp.sum(nodes.weight * lost * spread(u1, nodes.width, gaps.reach))
     # Errors of the quadrature must not make p_ad exceed its bound, beyond which no load is tried.
-    return jnp.minimum(found, 1.0)
+    return jnp.minimum(share, 1.0)
 
 
 def _mean_separation(gaps, nodes, stiffness, X):

@@ -140,7 +140,7 @@ def _loss_tables():
     log_x = _LOWEST + _STEP * np.arange(_ENTRIES)
     x = np.exp(log_x)
     node, weight = gauss(12)
-    found = []
+    tables = []
     for gamma in (0.0, 1.0):
         one, two, three = _energy_slopes(x, gamma)
         between = np.exp(log_x[:-1, None] + _STEP * node)
@@ -152,8 +152,8 @@ def _loss_tables():
         without = -(gap + two), -(fall + turn)
         times_c = -(4 * one + two - 3 * gap), -(4 * (one + two) + turn - 3 * fall)
         times_c = x**2 * times_c[0], x**2 * (2 * times_c[0] + times_c[1])
-        found.append(np.stack([without, times_c], 1) * np.array([1.0, _STEP])[:, None, None])
-    return np.stack(found)
+        tables.append(np.stack([without, times_c], 1) * np.array([1.0, _STEP])[:, None, None])
+    return np.stack(tables)
 
 
 def _energy_slopes(x, gamma):

@@ -92,15 +92,15 @@ def _interpolated(step: float, harmonics: int) -> tuple[np.ndarray, np.ndarray, 
     """
     at = np.arange(_POINTS) - _BEFORE - 0.5
     lagrange = [np.poly(np.delete(at, i))[::-1] / np.prod(at[i] - np.delete(at, i)) for i in range(_POINTS)]
-    found = []
+    interpolated = []
     for rows in full_weights(step, harmonics):
         band = _band(step)
         ascending = rows[:, band - 1 :: -1]
         mixed_rows = np.zeros((len(rows), band + _POINTS - 1, _POINTS))
         for k, polynomial in enumerate(lagrange):
             mixed_rows[:, k : k + band] += ascending[..., None] * polynomial
-        found.append(mixed_rows)
-    return tuple(found)
+        interpolated.append(mixed_rows)
+    return tuple(interpolated)
 
 
 def on_grid(

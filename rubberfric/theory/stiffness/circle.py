@@ -81,12 +81,12 @@ def full_weights(step: float, harmonics: int) -> tuple[np.ndarray, np.ndarray, n
     basis = _lagrange(share) * ((right - left)[:, None] * weight * (2 / np.pi))[..., None]
 
     def rows(kernels):
-        found = np.zeros((len(kernels), count + _POINTS))
-        for row, kernel in zip(found, kernels, strict=True):
+        weights = np.zeros((len(kernels), count + _POINTS))
+        for row, kernel in zip(weights, kernels, strict=True):
             for point, values in enumerate(np.einsum("co,cop->pc", kernel, basis)):
                 row[point : point + count] += values
-        found.setflags(write=False)
-        return found
+        weights.setflags(write=False)
+        return weights
 
     even, across = (
         [start * np.ones_like(psi), *(harmonic(m, psi)[i] for m in range(1, harmonics + 1))]
@@ -119,8 +119,8 @@ def _powers(weights, step, first, parity, harmonics):
     # count.
     degree = min(14 + harmonics // 3, math.ceil(18 / s[0]))
     fit = Chebyshev.fit(y, weights * np.exp(parity * s), degree, domain=[0, y[0]])
-    found = fit.convert(kind=Polynomial, domain=[-1, 1], window=[-1, 1]).coef
-    return np.pad(found, (0, degree + 1 - found.size))
+    coefficients = fit.convert(kind=Polynomial, domain=[-1, 1], window=[-1, 1]).coef
+    return np.pad(coefficients, (0, degree + 1 - coefficients.size))
 
 
 def harmonic(m: int, psi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -132,12 +132,12 @@ def harmonic(m: int, psi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _lagrange(share):
     """Return Lagrange weights of the points -LEAD ... _POINTS - 1 - LEAD at positions 0 <= share <= 1."""
     points = np.arange(_POINTS) - LEAD
-    found = np.ones((*share.shape, _POINTS))
+    polynomials = np.ones((*share.shape, _POINTS))
     for i, own in enumerate(points):
         for j, other in enumerate(points):
             if i != j:
-                found[..., i] *= (share - other) / (own - other)
-    return found
+                polynomials[..., i] *= (share - other) / (own - other)
+    return polynomials
 
 
 def circle_means(
@@ -172,7 +172,7 @@ def circle_means(
     inside = (which >= 0) & (which < 2 * block + LEAD)
     numpy = np if isinstance(weights.near, np.ndarray) else jnp
     near = numpy.where(inside, weights.near[:, :, np.where(inside, which, 0)], 0.0)
-    found = jnp.einsum("fbj,frij->frbi", with_neighbours(values, block, LEAD), typed(near, values))
+    means = jnp.einsum("fbj,frij->frbi", with_neighbours(values, block, LEAD), typed(near, values))
     # Earlier entries: moments of the blocks.
     rate = step * power[..., None]
     moment = jnp.einsum("fbj,fpj->fpb", values, typed(np.exp(-rate * (block - np.arange(block))), values))
@@ -181,8 +181,8 @@ def circle_means(
     moment = jnp.einsum("fpbc,fpc->fpb", typed(passed, values), moment)
     moment = moment + before[..., None] * typed(np.exp(-rate * block * np.arange(blocks)), values)
     spread = weights.far[..., None] * np.exp(-rate * np.arange(block))[:, None]
-    found = found + jnp.einsum("fpb,frpi->frbi", moment, typed(spread, values))
-    return found.reshape(*found.shape[:2], -1)[..., block : count - LEAD]
+    means = means + jnp.einsum("fpb,frpi->frbi", moment, typed(spread, values))
+    return means.reshape(*means.shape[:2], -1)[..., block : count - LEAD]
 
 
 def lead_in(step: float, harmonics: int) -> int:
@@ -199,11 +199,11 @@ def _moments_before(first, second, begin, power, step, block):
     begin = typed(begin, first)
     growth = math.exp(2 * step * block)  # a NumPy scalar would widen float32
     upper = (second * jnp.exp(-step * block * begin) - first) / (growth - 1)
-    found = 0.0
+    moments = 0.0
     for share, rate in ((first - upper, begin), (upper, begin + 2)):
         ratio = jnp.exp(-step * (rate[:, None] + power))
-        found = found + share[:, None] * ratio / (1 - ratio)
-    return found
+        moments = moments + share[:, None] * ratio / (1 - ratio)
+    return moments
 
 
 @functools.lru_cache(maxsize=64)
@@ -220,7 +220,7 @@ def circle_rule(step: float, growth: float = 15.0) -> tuple[np.ndarray, np.ndarr
     # cos(phi) = 1 / cosh t, psi = pi/2 - phi.
     psi = 2 * np.arctan(np.exp(-t))
     psi[0] = 0.5 * np.pi
-    found = psi, weight / weight.sum()
-    for one in found:
+    rule = psi, weight / weight.sum()
+    for one in rule:
         one.setflags(write=False)
-    return found
+    return rule

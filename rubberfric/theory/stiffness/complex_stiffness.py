@@ -160,8 +160,8 @@ def frequency_range(surface: RoughSurface) -> FrequencyRange:
         resting = surface.rough.material.static_reduced()
     solids = [one for one in (strained.material, strained.below) if one is not None and one.relaxes]
     low, high, rest = zip(*(_range_of(one, resting) for one in solids), strict=True)
-    found = jnp.min(jnp.stack(low)), jnp.max(jnp.stack(high)), jnp.min(jnp.stack(rest))
-    return FrequencyRange(*jax.lax.stop_gradient(found))
+    ends = jnp.min(jnp.stack(low)), jnp.max(jnp.stack(high)), jnp.min(jnp.stack(rest))
+    return FrequencyRange(*jax.lax.stop_gradient(ends))
 
 
 def _range_of(material, resting):

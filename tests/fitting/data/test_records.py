@@ -213,7 +213,7 @@ def test_the_position_gives_the_velocity(tmp_path, noise):
     data = fitting.read(put(tmp_path, run), area=AREA, zero=True, discard="2 mm", fold=True, average=True)
     np.testing.assert_allclose(data.velocity, [0.01], rtol=0.02 if noise else 1e-9)
     np.testing.assert_allclose(data.friction, [0.8], rtol=0.01 if noise else 1e-9)
-    assert data.history[0] == "v = median of dx / dt in each of 6 strokes"
+    assert data.history[1] == "v = median of dx / dt in each of 6 strokes"
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,8 @@ from support.scenes.common import ROAD
 
 import rubberfric as rf
 from rubberfric.base.quadrature import gauss
+from rubberfric.roughness.mesh.nodes import build_mesh
 from rubberfric.roughness.moments import cumulative_moment
-from rubberfric.roughness.radial_mesh import build_mesh
 
 WORN = rf.SelfAffine(2e3, 5e3, 1e6, 0.6, 1e-6)
 TABLE = rf.TabulatedSpectrum([150.0, 400.0, 700.0, 5e3, 2e5], [3e-11, 1e-11, 2e-12, 1e-15, 1e-20])

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.base.quadrature import Quadrature, gauss, typed
-from rubberfric.roughness.radial_mesh import interpolation, locate
+from rubberfric.roughness.mesh.nodes import interpolation, locate
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_shape
 from rubberfric.theory.area.boundary_elements_law import State, solve_law
 from rubberfric.theory.area.law_roughness import END, Law, prepare_law, roughness_density

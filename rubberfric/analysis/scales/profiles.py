@@ -1,4 +1,4 @@
-"""Profiles over the wavevector: contact, friction, roughness and separations at each length scale.
+"""Profiles over the wavevector: contact, friction and roughness at each length scale.
 
 The wavevectors are borders of radial panels, so that G(q) and mu(q) are sums over whole panels. The density
 is evaluated at q itself, without interpolation over q.
@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.analysis.law_profile import last_wavevector, over_wavevectors
+from rubberfric.analysis.scales.law_profile import last_wavevector, over_wavevectors
 from rubberfric.base.blocks import check_count, over_points
 from rubberfric.base.checks import POSITIVE, ArrayLike, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
@@ -20,7 +20,6 @@ from rubberfric.roughness.moments import cumulative_moment, safe_root
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio, log_shape
 from rubberfric.scene.scene import Scene, check_without, result_dtype, rough_surfaces
 from rubberfric.theory.area.partial_contact import (
-    TWO_OVER_ROOT_PI,
     contact_argument,
     contact_fraction,
     energy_factor,
@@ -29,7 +28,7 @@ from rubberfric.theory.arguments import validate, warn_of_last_iterates
 from rubberfric.theory.contact import Contact
 from rubberfric.theory.contributions import density_of_K, total
 from rubberfric.theory.heat_balance import temperature_at
-from rubberfric.theory.integrals import Prepared, evaluate, prepare, solved
+from rubberfric.theory.integrals import Prepared, prepare, solved
 from rubberfric.theory.stiffness.means import factors_at, stiffness_means
 from rubberfric.theory.structure import RequiredMeans, RoughSurface, SurfaceTemperatures, rough_surfaces_of
 
@@ -37,10 +36,6 @@ from rubberfric.theory.structure import RequiredMeans, RoughSurface, SurfaceTemp
 _COUNT = 200
 # Points of a profile evaluated at once. Each keeps the nodes of some hundred panels in memory.
 _BLOCK = 32
-# Default number of wavevectors of a separation profile, which has a mesh for every wavevector.
-_SEPARATION_COUNT = 100
-# Points of a separation profile evaluated at once. Each keeps the nodes of all meshes in memory.
-_SEPARATION_BLOCK = 8
 
 
 class Profile(NamedTuple):
@@ -118,17 +113,17 @@ def profile(
     Examples
     --------
     >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
-    >>> found = rf.analysis.profile(scene, 0.01, 0.15e6)
-    >>> bool(found.area[0] > found.area[-1])  # the contact area decreases with q
+    >>> profile = rf.analysis.profile(scene, 0.01, 0.15e6)
+    >>> bool(profile.area[0] > profile.area[-1])  # the contact area decreases with q
     True
     """
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
     if scene.contact_model == "paper":
         check_without(scene, ("adhesion", "correlation"), "profile")
     q = checked_wavevectors(q, 1, conditions, scene)
-    found, converged = _profile(scene, *conditions, q, quadrature=quadrature)
+    result, converged = _profile(scene, *conditions, q, quadrature=quadrature)
     warn_of_last_iterates(scene, converged, conditions)
-    return found
+    return result
 
 
 def checked_wavevectors(
@@ -159,8 +154,8 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
     if by_law:
 
         def block(points):
-            found = over_wavevectors(surfaces[0], quadrature, q, *points)
-            return {"fluctuation": None, "energy_factor": None, **found._asdict()}
+            result = over_wavevectors(surfaces[0], quadrature, q, *points)
+            return {"fluctuation": None, "energy_factor": None, **result._asdict()}
     else:
         prepared = prepare(scene, ("area", "friction"), quadrature, surfaces=surfaces, borders=q)
         densities = []
@@ -174,7 +169,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
         total(cumulative_moment(law, order, log_ratio(jnp.maximum(q, law.q[0]), law.q[0])) for law in laws)
         for order in (2, 0)
     )
-    found = Profile(
+    result = Profile(
         q=q,
         magnification=q / first,
         rms_slope=safe_root(slope2),
@@ -184,7 +179,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
         else None,
         **results,
     )
-    return found, converged
+    return result, converged
 
 
 def default_wavevectors(
@@ -231,12 +226,14 @@ def _over_wavevectors(prepared, densities, q, points):
     background = points[2] if len(points) > 2 else None
     inside = [SurfaceTemperatures(background, background)] * len(densities)
     if temperatures is not None:
-        found = temperature_at(prepared.roughness, contact, temperatures, points, q)
+        inner_temperature = temperature_at(prepared.roughness, contact, temperatures, points, q)
         inside = [
-            SurfaceTemperatures(*(background if solid is None else found[:, solid] for solid in surface))
+            SurfaceTemperatures(
+                *(background if solid is None else inner_temperature[:, solid] for solid in surface)
+            )
             for surface in temperatures.thermal.solids
         ]
-        results |= {"temperature": jnp.mean(found, 1), "converged": temperatures.converged}
+        results |= {"temperature": jnp.mean(inner_temperature, 1), "converged": temperatures.converged}
     if not prepared.needs.mean_cos_loss:
         return results | dict.fromkeys(("friction_density", "friction"), jnp.zeros_like(G))
     terms = total(jnp.sum(values, -1) for values in contact.friction_terms().values())
@@ -284,123 +281,3 @@ def _without_roughness(q, shape):
     one, none = jnp.ones((*shape, q.shape[0]), q.dtype), jnp.zeros_like(q)
     nothing = jnp.zeros_like(one)
     return Profile(q, q / q[0], one, nothing, one, nothing, nothing, none, none)
-
-
-class SeparationProfile(NamedTuple):
-    """Results of `separation_profile`.
-
-    `q` has the shape [q]. The other fields have the shape [conditions..., q].
-    """
-
-    q: jax.Array  # wavevectors [1/m]
-    area: jax.Array  # P(q), of the plain G [-]
-    contact_separation: jax.Array  # u_bar(q), mean over the contact area at resolution q [m]
-    separation: jax.Array  # u1(q), of the area that leaves contact at q [m]
-
-
-def separation_profile(
-    scene: Scene,
-    velocity: ArrayLike,
-    pressure: ArrayLike,
-    temperature: ArrayLike | None = None,
-    *,
-    q: ArrayLike | None = None,
-    quadrature: Quadrature | None = None,
-) -> SeparationProfile:
-    r"""Compute the separation of the area that leaves contact at scale q.
-
-    .. math:: u_1(q) = \frac{d[\bar u(q) P(q)]}{dP}, \qquad
-              \int u_1 (-dP) + P(q_1)\, \bar u(q_1) = \bar u
-
-    [Yang & Persson, J. Phys.: Condens. Matter 20, 215214 (2008)]. At resolution q the solids are in contact
-    over P(q) A0, under the mean pressure sigma_0 / P(q). Roughness beyond q opens gaps with the mean
-
-    .. math:: \bar u(q) = \int_{q}^{q_1} d^2q' \sum_j C_j\,\mathrm{Re}K_j\,\frac{x}{2p}\Psi(x),\qquad
-              x = \frac{p}{2\sigma_0\sqrt{G(q') - G(q)}},\quad p = \frac{\sigma_0}{P(q)}
-
-    which is `separation` of a scene with roughness beyond q only. Between q and q + dq the area -dP A0 leaves
-    contact and the volume of gaps below P A0 falls by d(u_bar P). The mean separation of this area is u1.
-    Because u_bar(q1) = 0, the sum over all area is u_bar(q0).
-
-    Parameters are as for `profile`. If `q` is None, there are 100 wavevectors over the roughness.
-
-    Returns
-    -------
-    SeparationProfile. The share of area with a separation above u1(q) is 1 - P(q) where u1 falls with q. u1
-    is 0 beyond the roughness. It is infinite where P = 1 to the last bit, because no area leaves contact
-    there.
-
-    Raises
-    ------
-    ValueError : as `profile`; a heated scene.
-
-    Limits: velocity and temperature are the same at every q. G does not contain S, as in `separation`. The
-    computation takes a thousand times the work of `separation`, with one mesh for every q. Smooth solids have
-    u1 = u_bar = 0.
-    """
-    scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
-    check_without(scene, ("adhesion", "correlation"), "the separation")
-    q = checked_wavevectors(q, 1, conditions, scene)
-    if scene.heating is not None:
-        raise ValueError(
-            "scene.heating must be None: the separation at a scale q is not defined for a heated scene"
-        )
-    return _separation_profile(scene, *conditions, q, quadrature=quadrature)
-
-
-@functools.partial(jax.jit, static_argnames=("quadrature",))
-def _separation_profile(scene, velocity, pressure, temperature, q, *, quadrature):
-    surfaces = rough_surfaces_of(scene)
-    if not surfaces:
-        shape = (*jnp.broadcast_shapes(velocity.shape, pressure.shape), q.shape[0])
-        one = jnp.ones(shape, q.dtype)
-        return SeparationProfile(q, one, 0 * one, 0 * one)
-    q = default_wavevectors([surface.law for surface in surfaces], _SEPARATION_COUNT) if q is None else q
-    prepared = prepare(scene, ("area",), quadrature, surfaces=surfaces, borders=q)
-    densities = [density_of(surface, prepared.roughness.scale, "mean_abs2", q) for surface in surfaces]
-    block = functools.partial(_separations, scene, prepared, surfaces, densities, q, quadrature)
-    return SeparationProfile(q, **over_points(block, (velocity, pressure, temperature), _SEPARATION_BLOCK))
-
-
-def _separations(scene, prepared, surfaces, densities, q, quadrature, points):
-    velocity, pressure, *temperature = points
-    contact, _ = solved(prepared, *points)
-    ratio = contact.modulus_over_pressure[:, None]
-    G = fluctuation_at_borders(prepared, contact, q.shape[0])
-    x = contact_argument(G)
-    P = contact_fraction(x)
-    both = SurfaceTemperatures(*temperature * 2)
-    density = sum(one(velocity, both) for one in densities)
-    # dP / d ln q from the exact density of G. G may be 0; x^2 = 1 / (4 G) is clipped at 27^2.
-    slope = -TWO_OVER_ROOT_PI * jnp.exp(-x * x) * 2 * x**3 * (0.5 * ratio**2 * density)
-
-    def beyond(log_step, load_step, q, mean_pressure):
-        cut = [surface._replace(law=_beyond(surface.law, q * jnp.exp(log_step))) for surface in surfaces]
-        ready = prepare(scene, ("separation",), quadrature, surfaces=cut)
-        at = (velocity, mean_pressure * jnp.exp(load_step), *temperature)
-        return evaluate(ready, ("separation",), at)["separation"]
-
-    def one(q, mean_pressure):
-        zero = jnp.zeros_like(q)
-        steps = functools.partial(beyond, q=q, mean_pressure=mean_pressure)
-        gap, by_log_q = jax.jvp(lambda step: steps(step, zero), (zero,), (zero + 1,))
-        _, by_log_load = jax.jvp(lambda step: steps(zero, step), (zero,), (zero + 1,))
-        return gap, by_log_q, by_log_load
-
-    gap, by_log_q, by_log_load = (y.T for y in jax.vmap(one)(q, (pressure[:, None] / P).T))
-    leaving = slope < 0
-    rate = P * by_log_q / jnp.where(leaving, slope, -1.0)
-    u1 = jnp.where(leaving, gap - by_log_load + rate, jnp.where(gap > 0, jnp.inf, 0.0))
-    return {"area": P, "contact_separation": gap, "separation": u1}
-
-
-def _beyond(law, q):
-    """Remove the roughness below q from a power law. The pieces of the power law below q get zero width."""
-    # At a kink the derivative with respect to q is taken from the piece above.
-    q = jnp.where(q < law.q[-1], q, law.q[-1])
-    above = law.q > q
-    log_value = jnp.where(above, law.log_value, log_shape(law, q) + 2 * jnp.log(q))
-    inside = q >= law.q[0]
-    return law._replace(
-        q=jnp.where(inside & ~above, q, law.q), log_value=jnp.where(inside, log_value, law.log_value)
-    )

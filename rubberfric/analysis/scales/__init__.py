@@ -1,0 +1,1 @@
+"""Contact, friction, roughness and separations at each length scale."""

@@ -1,0 +1,1 @@
+"""Radial meshes: nodes of the integrals over wavevectors."""
