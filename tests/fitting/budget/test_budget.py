@@ -214,6 +214,7 @@ def test_words_for_the_largest_error():
         ([default], ""),
         ([contact._replace(shift=np.array([0.1, 0.1]))], ""),
         ([contact._replace(shift=np.array([18.0, 0.1]))], "moves a.E by a factor of about 10 (90 standard"),
+        ([contact._replace(shift=np.array([-1.9, 0.1]))], "moves a.E by a factor of about 0.05 (9.5"),
         (
             [contact, default, given],
             "an error of gamma (gamma + 0.1) moves a.E by +-3.5e+02 % (35",

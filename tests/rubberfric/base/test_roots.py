@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy
 
-from rubberfric.base.roots import root
+from rubberfric.base.roots import first, root, zero
 
 # Function and bracket.
 FUNCTIONS = {
@@ -151,3 +151,19 @@ def test_single_precision():
     assert x.dtype == slope.dtype == jnp.float32
     np.testing.assert_allclose(x, X[1:-1], rtol=1e-6)
     np.testing.assert_allclose(slope, SLOPE[1:-1], rtol=2e-6)
+
+
+def test_zeros_by_secants_of_functions_of_any_slope():
+    """The first zero of a (exp(0.3 (z - r)) - 1) is r; a function that is negative everywhere has none."""
+    top = jnp.asarray(10.0)
+
+    def solved(scale, r):
+        def function(z):
+            return scale * jnp.expm1(0.3 * (z - r))
+
+        return zero(function, first(function, top, 24), top)
+
+    scale, r = (x.ravel() for x in np.meshgrid([1.0, 10.0, 100.0], [0.01, 0.7, 5.0, 9.9, 11.0]))
+    z, found, _ = jax.jit(jax.vmap(solved))(scale, r)
+    np.testing.assert_array_equal(found, r < 10)
+    np.testing.assert_allclose(z, np.minimum(r, 10), rtol=0, atol=1e-10)
