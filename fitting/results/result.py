@@ -121,6 +121,19 @@ class FitResult(FitRecord):
         ValueError : an option is wrong, or data and priors do not determine a direction, along which the
             density has no finite integral.
         ModuleNotFoundError : numpyro or arviz-stats is not installed.
+
+        Examples
+        --------
+        >>> scene, q = rf.load_scene("data/tread_on_asphalt.toml"), np.logspace(2.5, 4, 4)
+        >>> C = rf.power_spectrum(scene.lower.spectrum, q)
+        >>> data = fitting.SpectrumData(q, C, relative=0.2, body="lower")
+        >>> result = fitting.fit(scene, data, {"lower.spectrum.h_rms": fitting.Positive()})
+        >>> draws = result.sample(400, warmup=100, chains=2)
+        >>> draws.values.shape, round(1e3 * float(draws.quantiles(0.5)[0]), 1)  # median in mm
+        ((2, 200, 1), 0.5)
+        >>> low, high = draws.interval(0.95)
+        >>> bool(low[0] < 0.5e-3 < high[0])
+        True
         """
         return drawn(self, n, warmup, chains, key, flat, callback)
 
