@@ -27,6 +27,7 @@ html_show_sourcelink = False
 html_show_copyright = False
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_js_files = ["site.js"]
 html_math_renderer = "mathml"
 
 nb_execution_mode = "off"  # the notebooks are stored with their outputs

@@ -9,6 +9,11 @@ from rubberfric.roughness import ArealSpectrum, MeasuredSpectrum, bins_before_cl
 _LEAST_FITTED = 4
 # Standard error of ln C from which on C is not used, because it is unknown by a factor of e.
 _UNKNOWN = 1.0
+# Ratio of the h_rms of a fit to the rms height of profiles from which on they contradict each other. Few long
+# waves fit into a profile, so its rms height scatters.
+_TOO_HIGH = 2.0
+# Points of ln q at which the rms height for a roll-off is computed. The error of qr is below 1e-4.
+_ROLLOFFS = 4001
 
 
 def spectrum_data(measured: MeasuredSpectrum | ArealSpectrum) -> SpectrumData:
@@ -63,3 +68,27 @@ def resolved_ends(measured: MeasuredSpectrum | ArealSpectrum) -> tuple[float | N
     q1 = min(measured.resolved().q1, float(measured.q[last]))
     enough = np.sum(measured.q <= q1) > _LEAST_FITTED + (measured.dimensions == 1)
     return float(measured.q[0]) if measured.dimensions == 1 else None, q1 if enough else None
+
+
+def rolloff_for_height(level: float, slope: float, q0: float, q1: float, height: float) -> float | None:
+    r"""Return the roll-off q_r [1/m] for which C has a given rms height, or None if q_r = q0 agrees with it.
+
+    .. math:: C = C_0 (\max(q, q_r) / q_0)^{-s}, \qquad h^2 = 2\pi \int_{q_0}^{q_1} q\, C\, dq
+
+    Long waves decide h_rms of a spectrum without a roll-off. If their C is unknown, the heights limit it.
+
+    Parameters
+    ----------
+    level, slope : ln C_0 [m^4], and s > 0, of the decrease
+    q0, q1 : ends of the spectrum [1/m]
+    height : rms height of the profiles [m]
+    """
+    t = np.linspace(np.log(q0), np.log(q1), _ROLLOFFS)
+    fall = np.exp(level - slope * (t - t[0]))
+    waves = np.exp(2 * t) * fall
+    tail = np.append(np.cumsum((waves[1:] + waves[:-1])[::-1] / 2)[::-1] * (t[1] - t[0]), 0.0)
+    # Mean square height over the roll-off. It decreases, because C decreases at all q < q_r.
+    square = 2 * np.pi * (fall * (np.exp(2 * t) - q0**2) / 2 + tail)
+    if square[0] < (_TOO_HIGH * height) ** 2:
+        return None
+    return float(np.exp(np.interp(-(height**2), -square, t)))

@@ -46,8 +46,8 @@ def report_of(curve: Any, command: bool) -> str:
     low, high = curve.data.omega[[0, -1]]
     lines = [
         f"Master curve of {curve.T.size} sweeps at {curve.T_ref:.6g} K, {low:.3g} ... {high:.3g} rad/s",
-        f"    scatter: E' {curve.scatter[0]:.2%}, E'' {curve.scatter[1]:.2%}; temperatures to"
-        f" {curve.temperature_error:g} K",
+        f"    scatter: E' {curve.scatter[0]:.2%}, E'' {curve.scatter[1]:.2%}; temperatures are"
+        f" taken as known to {curve.temperature_error:g} K",
     ]
     if curve.shifts.phase > 1e-3:
         lines[-1] += f"; phase error {curve.shifts.phase:.2g} rad"

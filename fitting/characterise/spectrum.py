@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 import rubberfric as rf
-from fitting.characterise.from_heights import resolved_ends, spectrum_data
+from fitting.characterise.from_heights import resolved_ends, rolloff_for_height, spectrum_data
 from fitting.data.kinds import SpectrumData
 from fitting.fit import fit
 from fitting.parameters.constraints import Bounded, Constraint, Positive, is_number
@@ -28,6 +28,9 @@ _SLOPES = (2.0, 4.0)
 _AT_END = 1e-6
 # Largest rms of ln(fit / measured) of a self-affine surface. Heights, as sqrt(C), are then 20 % off.
 _POOR = 0.4
+# Difference of the fitted rms height from that of the heights, which the report questions if it also exceeds
+# two standard errors. Single surfaces scatter by some percent.
+_OTHER_HEIGHT = 0.1
 # Variance of ln C due to rounding.
 _EXACT = 1e-20
 
@@ -43,6 +46,8 @@ class SpectrumFit:
     remarks : texts on points that were not used, and on parameters that were fixed because the data do not
         determine them
     fit : FitResult of the free parameters, with `stderr`, `correlation`, `interval`, `profile` ...
+    rms_height : rms height of the measured heights [m], or of the points of a table; None if it is unknown,
+        because a table has values <= 0
 
     Examples
     --------
@@ -50,10 +55,10 @@ class SpectrumFit:
 
     >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
     >>> q = np.geomspace(100.0, 1e5, 31)
-    >>> fitted = fitting.fit_spectrum(fitting.SpectrumData(q, rf.power_spectrum(road, q), relative=0.1))
-    >>> round(float(fitted.spectrum.hurst), 3), round(float(fitted.stderr["hurst"]), 3)
+    >>> road_fit = fitting.fit_spectrum(fitting.SpectrumData(q, rf.power_spectrum(road, q), relative=0.1))
+    >>> round(float(road_fit.spectrum.hurst), 3), round(float(road_fit.stderr["hurst"]), 3)
     (0.8, 0.008)
-    >>> print(fitted.report().splitlines()[0])
+    >>> print(road_fit.report().splitlines()[0])
     Self-affine spectrum of spectrum, 31 points
     """
 
@@ -61,6 +66,7 @@ class SpectrumFit:
     residuals: np.ndarray
     remarks: tuple[str, ...]
     fit: FitResult
+    rms_height: float | None = None
 
     @property
     def rms(self) -> float:
@@ -85,6 +91,7 @@ class SpectrumFit:
             f"Self-affine spectrum of {self.fit.data[0].label}",
             f"    {self.fit.message}",
             f"    {self._misfit}",
+            *(f"    {text}" for text in self._heights),
             *(f"    {remark}" for remark in self.remarks),
         ]
         lines += [f"    {name:>6} [{unit}] {value:>11}  {more}" for name, unit, value, more in self._rows()]
@@ -100,11 +107,27 @@ class SpectrumFit:
             text += ": poor; the surface is not self-affine: use a TabulatedSpectrum (--table)"
         return text
 
+    @property
+    def _heights(self):
+        """Rms heights of the fit and of the data, and a judgement if they differ much; or ()."""
+        if self.rms_height is None:
+            return ()
+        fitted = float(self.spectrum.h_rms)
+        change, error = fitted / self.rms_height - 1, self.stderr.get("h_rms", np.nan) / fitted
+        percent = round(100 * change, 1) + 0.0  # no -0.0
+        text = f"rms height: fit {fitted:.4g} m, data {self.rms_height:.4g} m, {percent:+.1f} %"
+        if abs(change) > max(_OTHER_HEIGHT, 2 * np.nan_to_num(error)):
+            text += (
+                f", more than {_OTHER_HEIGHT:.0%} and two standard errors: the surface has waves outside"
+                " q0 ... q1, or is not self-affine: use a TabulatedSpectrum (--table)"
+            )
+        return (text,)
+
     def _repr_html_(self) -> str:
         rows = [
             (name, f"{value} {unit}".removesuffix(" -"), more) for name, unit, value, more in self._rows()
         ]
-        rows += [*self.remarks, self._misfit]
+        rows += [*self.remarks, self._misfit, *self._heights]
         caption = f"Self-affine spectrum of {self.fit.data[0].label}: {self.fit.message}"
         return html.table(rows, ("parameter", "value", "error"), caption)
 
@@ -182,7 +205,8 @@ def fit_spectrum(
     -----
     The relative error of data without errors is estimated from their scatter (`fitting.fit`). q_r is fixed at
     q0 if the data show no plateau, that is, if a straight line fits as well by Schwarz's criterion, or if
-    at most one point lies below the roll-off. If the decrease is flatter than for H = 0 or steeper than for
+    at most one point lies below the roll-off. If h_rms of profiles would then be more than twice their rms
+    height, q_r is fixed where both agree. If the decrease is flatter than for H = 0 or steeper than for
     H = 1, H is fixed at this limit. `SpectrumFit.remarks` names the parameters that were fixed.
 
     Examples
@@ -196,6 +220,8 @@ def fit_spectrum(
     if isinstance(data, rf.TabulatedSpectrum):
         own = [None if end is None else float(end) for end in (data.q0, data.q1)]
         q0, q1 = (end if given is None else given for given, end in zip((q0, q1), own, strict=True))
+    rms_height = data.rms_height if isinstance(data, MeasuredSpectrum) else None
+    of_profiles = isinstance(data, MeasuredSpectrum) and data.dimensions == 1
     if isinstance(data, MeasuredSpectrum | ArealSpectrum):
         own = resolved_ends(data)
         q0, q1 = (end if given is None else given for given, end in zip((q0, q1), own, strict=True))
@@ -213,6 +239,8 @@ def fit_spectrum(
     weight = _weights(data)
     slopes = _SLOPES if fixed_H is None else (2 * (1 + fixed_H),) * 2
     line, no_kink = _start(t, y, weight, slopes, fixed_qr, q0, q1, known=data.error is not None)
+    if no_kink and of_profiles and rms_height is not None:
+        line, no_kink = _limited_by_height(line, no_kink, q0, q1, rms_height, data.q.min())
     remarks += no_kink
     H = line.slope / 2 - 1
     spectrum = rf.SelfAffine.from_C0(q0, *_ordered(line, q0, q1, H), np.exp(line.level))
@@ -235,10 +263,19 @@ def fit_spectrum(
         at = q0 if "lower" in why else q1
         fitted = fit_spectrum(data, q0=q0, q1=q1, qr=at, hurst=hurst, body=None if data.body else body)
         remarks.append(f"the roll-off is not within q0 ... q1: qr is held at {at:.4g} 1/m")
-        return dataclasses.replace(fitted, remarks=tuple(remarks))
+        return dataclasses.replace(fitted, remarks=tuple(remarks), rms_height=rms_height or fitted.rms_height)
     model = np.asarray(rf.power_spectrum(spectrum, np.clip(data.q, q0 * (1 + 1e-12), q1 * (1 - 1e-12))))
     residuals = np.log(model / np.where(data.C > 0, data.C, np.nan))
-    return SpectrumFit(spectrum, residuals, tuple(remarks), result)
+    if rms_height is None and q0 == data.q.min() and q1 == data.q.max():
+        rms_height = _height_of_points(data)
+    return SpectrumFit(spectrum, residuals, tuple(remarks), result, rms_height)
+
+
+def _height_of_points(data):
+    """Return the rms height of a log-log linear table of the points, or None if it has values <= 0."""
+    q, first = np.unique(data.q, return_index=True)
+    C = data.C[first]
+    return float(rf.roughness.rms_height(rf.TabulatedSpectrum(q, C))) if np.all(C > 0) else None
 
 
 def _data(data, relative, body):
@@ -326,6 +363,19 @@ def _start(t, y, weight, slopes, fixed_qr, q0, q1, known):
     if below > 1 and gain > np.log(t.size):
         return broken, []
     return flat, [f"no roll-off is seen above {np.exp(t.min()):.3g} 1/m: qr is held at q0 = {q0:.4g} 1/m"]
+
+
+def _limited_by_height(line, remarks, q0, q1, height, first):
+    """Return a `Line` without roll-off and its remarks, or with the roll-off that the rms height requires."""
+    qr = rolloff_for_height(line.level, line.slope, q0, q1, height)
+    if qr is None:
+        return line, remarks
+    level = line.level - line.slope * np.log(qr / q0)
+    remark = (
+        f"C is unknown below {first:.3g} 1/m: qr is held at {qr:.4g} 1/m, so that h_rms agrees with the rms"
+        f" height of the profiles, {height:.3g} m"
+    )
+    return line._replace(level=level, kink=float(np.log(qr))), [remark]
 
 
 def broken_line(

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from rubberfric.io.text_tables.frames import as_frame as as_frame
     from rubberfric.io.text_tables.frames import as_source as as_source
     from rubberfric.io.text_tables.preamble import stated_frequency as stated_frequency
+    from rubberfric.io.text_tables.preamble import stated_stroke as stated_stroke
     from rubberfric.io.text_tables.writing import write_table as write_table
     from rubberfric.io.toml import read_conditions as read_conditions
 

@@ -136,6 +136,7 @@ COLUMNS = {
     "slip_angle": Column("slip_angle", units.ANGLE, positive=False, offered=False),
     "slip_ratio": Column("slip_ratio", units.RATIO, positive=False, offered=False),
     "x": Column("x", units.PATH, positive=False, offered=False),
+    "stroke": Column("stroke", units.PATH, offered=False),
     "A": Column("A", units.AREA, offered=False),
     "moment": Column("moment", units.MOMENT, positive=False, offered=False),
     "sigma_F_t": Column("sigma_F_t", units.FORCE, offered=False),

@@ -27,6 +27,7 @@ from rubberfric.io.text_tables.derived import RELATIONS, plan_for, with_derived,
 from rubberfric.io.text_tables.frames import DataFrame, Frame, as_source
 from rubberfric.io.text_tables.lines import text_above_numbers
 from rubberfric.io.text_tables.own_tables import missing_column, project_rows, project_table
+from rubberfric.io.text_tables.preamble import stated_shear
 from rubberfric.io.text_tables.values import check_units, table_values
 from rubberfric.io.text_tables.workbooks import read_export
 from rubberfric.roughness.normalisation import density_column, find_normalisation
@@ -152,6 +153,7 @@ def _refuse_shear(path, text, export, block, *stated):
     `stated` are arguments of the caller that state the meaning, all None if none does.
     """
     of_shear = [title for title in export.titles if any(word in title.lower() for word in _OF_SHEAR)]
+    of_shear = of_shear or stated_shear(text)
     if not of_shear or any(x is not None for x in stated) or not {"E_stor", "E_loss"} & set(export.names):
         return
     as_shear = _export(path, text, None, "G", block)

@@ -213,6 +213,7 @@ class _Curve(NamedTuple):
     slope: np.ndarray | None  # rms slope up to q
     named: dict[str, tuple[float, float]]  # name in _NAMED -> (q, C)
     entries: tuple[np.ndarray, np.ndarray] | None  # (q, C) of a table
+    profile: bool = False  # C is C_1D [m^3]
 
 
 def plot_spectrum(spectra: Any, ax: Axes | None = None, q: ArrayLike | None = None) -> Axes:
@@ -227,7 +228,8 @@ def plot_spectrum(spectra: Any, ax: Axes | None = None, q: ArrayLike | None = No
         SelfAffine, TabulatedSpectrum, Anisotropic and TabulatedAnisotropic (mean over all directions) are
         lines with marked first, roll-off and cut-off wavevectors. Objects with arrays q [1/m] and C [m^4]
         (`MeasuredSpectrum`, `fitting.SpectrumData`) are points, with error bars if they have `relative` or
-        `sigma`.
+        `sigma`. A `MeasuredSpectrum` of profiles has C_1D [m^3] and the slope along the profile,
+        (2 int q^2 C_1D dq)^(1/2). It cannot share axes with C of surfaces, but its `areal()` can.
     ax : matplotlib axes, or None for a new figure
         The axis of the slope is the last of `ax.figure.axes`.
     q : wavevectors of the lines [1/m], > 0, shape (n,), or None for 200 from end to end and all kinks
@@ -257,6 +259,12 @@ def plot_spectrum(spectra: Any, ax: Axes | None = None, q: ArrayLike | None = No
         raise ValueError("spectra is empty; give at least one")
     at = None if q is None else np.unique(vector("q", q, positive=True))
     curves = {label: _curve(label, one, at) for label, one in spectra.items()}
+    profiles = [label for label, curve in curves.items() if curve.profile]
+    if profiles and len(profiles) < len(curves):
+        raise ValueError(
+            f"{profiles[0]} is C_1D of profiles, others are C of surfaces: draw its areal() with them, or"
+            " each kind on its own axes"
+        )
     axes = one_axes(ax, (7.6, 4.0))
     right = axes.twinx()
     handles = [
@@ -266,9 +274,10 @@ def plot_spectrum(spectra: Any, ax: Axes | None = None, q: ArrayLike | None = No
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel("wavevector $q$ [1/m]")
-    axes.set_ylabel("power spectrum $C$ [m$^4$]")
+    symbol = "$C_{1D}$ [m$^3$]" if profiles else "$C$ [m$^4$]"
+    axes.set_ylabel(f"power spectrum {symbol}")
     right.set_yscale("log")
-    right.set_ylabel("rms slope up to $q$ [-]")
+    right.set_ylabel(f"rms slope {'of the profile ' if profiles else ''}up to $q$ [-]")
     axes.grid(alpha=0.3)
     _keep_slopes_in_view(right, curves.values())
     handles = (handles if several else []) + _explained(curves.values())
@@ -294,9 +303,12 @@ def _curve(label: str, spectrum: Any, q: np.ndarray | None) -> _Curve:
     q, C = q[order], C[order]
     if q.size == 0:
         raise ValueError(f"{label}.C has no value > 0; log C needs at least one")
-    table = TabulatedSpectrum(q, C) if q.size > 1 and (np.diff(q) > 0).all() else None
+    profile = getattr(spectrum, "dimensions", 2) == 1
+    # The spectrum C_1D / (pi q) of a surface has the same mean square slope, 2 pi int q^3 C dq.
+    surface = C / (np.pi * q) if profile else C
+    table = TabulatedSpectrum(q, surface) if q.size > 1 and (np.diff(q) > 0).all() else None
     slope = None if table is None else _values(table, q)[1]
-    return _Curve(q, C, True, None if errors is None else errors[:, order], slope, {}, None)
+    return _Curve(q, C, True, None if errors is None else errors[:, order], slope, {}, None, profile)
 
 
 def _line(label: str, spectrum: Spectrum, q: np.ndarray | None) -> _Curve:

@@ -52,6 +52,9 @@ _NEAR_FRAME = 0.43
 _TINY = 0.12
 # Smallest distance between contour labels, as a share of an axis. Labels do not cover each other.
 _APART = 0.09
+# The same two distances for levels without any label. Labels of neighbouring lines then stand side by side.
+_AT_FRAME = 0.44
+_CLOSE = 0.055
 # Last place in viridis. Colours beyond are too light for lines on white.
 _LIGHTEST = 0.85
 # Darkening of the last colour. With it the contrast ratio of every colour to white is at least 3.3 (WCAG 2.1,
@@ -170,29 +173,51 @@ def signed(value: float, digits: int = 6) -> str:
 
 
 def label_contours(axes: Axes, lines: Any) -> None:
-    """Label each contour line once, away from the frame and from other labels. Tiny loops have no label."""
+    """Label each contour line once, away from the frame and from other labels. Tiny loops have no label.
+
+    If a level then has no label, its label may be closer to the frame and to others. Levels for which this
+    leaves no place are removed.
+    """
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     size = np.array([x1 - x0, y1 - y0])
+    paths = lines.get_paths()
+    pieces = [(level, piece) for level, path in enumerate(paths) for piece in _lines_of(path, [x0, y0], size)]
     places: list[np.ndarray] = []
-    for path in lines.get_paths():
-        begins = [] if path.codes is None else np.flatnonzero(path.codes == path.MOVETO)[1:]
-        for line in np.split((path.vertices - [x0, y0]) / size, begins):
-            if line.size == 0 or np.ptp(line, 0).max() < _TINY:
-                continue
-            middle = np.abs(line - 0.5).max(1)
-            parts = line[middle < max(_INSIDE, min(middle.min() + 0.01, _NEAR_FRAME))]
-            if not parts.size:
-                continue
-            apart = (
-                np.min([np.hypot(*(parts - one).T) for one in places], 0) if places else np.ones(len(parts))
-            )
-            if apart.max() > _APART:
-                # Choose the free place that is closest to the middle.
-                away = np.where(apart > _APART, np.hypot(*(parts - 0.5).T), np.inf)
-                places.append(parts[np.argmin(away)])
+    labelled: set[int] = set()
+    for level, line in pieces:
+        if np.ptp(line, 0).max() < _TINY:
+            continue
+        middle = np.abs(line - 0.5).max(1)
+        parts = line[middle < max(_INSIDE, min(middle.min() + 0.01, _NEAR_FRAME))]
+        free = parts[_distances(parts, places) > _APART]
+        if free.size:  # the place that is closest to the middle
+            places.append(free[np.argmin(np.hypot(*(free - 0.5).T))])
+            labelled.add(level)
+    for level, line in sorted(pieces, key=lambda piece: -len(piece[1])):
+        if level in labelled:
+            continue
+        parts = line[np.abs(line - 0.5).max(1) < _AT_FRAME]
+        distances = _distances(parts, places)
+        if parts.size and distances.max() > _CLOSE:
+            places.append(parts[np.argmax(distances)])
+            labelled.add(level)
+    for level, path in enumerate(paths):
+        if level not in labelled:
+            paths[level] = type(path)(np.empty((0, 2)))
     if places:
         where = [tuple(place * size + [x0, y0]) for place in places]
         axes.clabel(lines, fontsize="x-small", fmt=signed, manual=where)
+
+
+def _lines_of(path, corner, size):
+    """Return the lines of a contour level as shares of the axes."""
+    begins = [] if path.codes is None else np.flatnonzero(path.codes == path.MOVETO)[1:]
+    return [line for line in np.split((path.vertices - corner) / size, begins) if line.size]
+
+
+def _distances(parts, places):
+    """Return the distance of each point to the closest of the places, or 1 if there is none."""
+    return np.min([np.hypot(*(parts - place).T) for place in places] or [np.ones(len(parts))], 0)
 
 
 def new_figure(size: tuple[float, float], title: str = "") -> Figure:

@@ -8,7 +8,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from support.folders import RECIPE, REFERENCE_PAGES, ROOT, SNIPPETS, START_SNIPPETS
+from support.folders import PAGE_SNIPPETS, RECIPE, REFERENCE_PAGES, ROOT, SNIPPETS
 
 import fitting
 import rubberfric
@@ -34,14 +34,29 @@ def test_snippets(capsys):
     assert float(names["value"]) < 0.2
 
 
+def run_page(name):
+    """Run the snippets of a page one after the other, and return their names."""
+    names = {}
+    for snippet in PAGE_SNIPPETS[name]:
+        exec(compile(snippet, f"{name}.md", "exec"), names)
+    return names
+
+
 @pytest.mark.slow  # notebook 5 runs the same steps
 @pytest.mark.usefixtures("in_a_copy")
 def test_start_here(capsys):
-    names = {}
-    for snippet in START_SNIPPETS:
-        exec(compile(snippet, "start_here.md", "exec"), names)
-    assert "explains the data" in names["result"].report()
+    assert "explains the data" in run_page("start_here")["result"].report()
     assert capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("in_a_copy")
+def test_other_pages_need_no_other_page():
+    assert bool(run_page("how_true")["contact"].converged)
+    run_page("troubleshooting")
+    names = run_page("options")
+    assert float(names["mu"]) == pytest.approx(float(rf.friction(names["scene"], 0.01, 0.15e6)), rel=1e-12)
+    wrong, _ = jax.jit(names["friction"])(0.01, -1.0)
+    assert "pressure = -1.0: must be > 0" in wrong.get()
 
 
 @pytest.mark.slow

@@ -14,12 +14,13 @@ README = (ROOT / "README.md").read_text()
 _SNIPPET = re.compile(r"^```python\n(.*?)^```", re.M | re.S)
 _PAGES = ROOT / "notebooks"
 REFERENCE_PAGES = [_PAGES / "reference.md", *sorted((_PAGES / "reference").glob("*.md"))]
-HOW_TRUE = (_PAGES / "how_true.md").read_text()
-_TROUBLESHOOTING = (_PAGES / "troubleshooting.md").read_text()
+# The snippets of the reference continue those of README.
 SNIPPETS = [
-    snippet
-    for page in (README, REFERENCE_PAGES[0].read_text(), HOW_TRUE, _TROUBLESHOOTING)
-    for snippet in _SNIPPET.findall(page)
+    snippet for page in (README, REFERENCE_PAGES[0].read_text()) for snippet in _SNIPPET.findall(page)
 ]
-START_SNIPPETS = _SNIPPET.findall((_PAGES / "start_here.md").read_text())
+# Pages whose snippets need no other page.
+PAGE_SNIPPETS = {
+    name: _SNIPPET.findall((_PAGES / f"{name}.md").read_text())
+    for name in ("how_true", "options", "start_here", "troubleshooting")
+}
 RECIPE = "\n".join(_SNIPPET.findall((ROOT / "CONTRIBUTING.md").read_text()))

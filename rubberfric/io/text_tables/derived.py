@@ -220,7 +220,8 @@ def with_derived(
     if any(relation.constant == "poisson" for relation in plan.relations):
         if poisson is None:
             raise ValueError(
-                f"{where}: {', '.join(shear)} are of shear: poisson must be given, E = 2 (1 + poisson) G"
+                f"{where}: {', '.join(shear)} are of shear: poisson must be given (0.5 for rubber), because"
+                " E = 2 (1 + poisson) G"
             )
         check_values(f"{where}: poisson", as_leaf(f"{where}: poisson", poisson, 0), between(0.0, 0.5))
         constants["poisson"] = poisson

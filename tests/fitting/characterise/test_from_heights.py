@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 
 import fitting
 import rubberfric as rf
-from fitting.characterise.from_heights import resolved_ends
+from fitting.characterise.from_heights import resolved_ends, rolloff_for_height
 
 # A side of the map [m], and the spectrum of its modes.
 LENGTH, POINTS = 1e-3, 256
@@ -26,6 +27,7 @@ def test_a_map_becomes_a_scene():
     measured = rf.roughness.spectrum_of_topography(surface(), LENGTH / POINTS, per_decade=10)
     fit = fitting.fit_spectrum(measured, q0=TRUTH["q0"])
     assert float(fit.spectrum.q1) == measured.q[-1]
+    assert fit.rms_height == measured.rms_height == pytest.approx(surface().std(), rel=1e-3)
     assert float(fit.spectrum.h_rms) == pytest.approx(1e-6, rel=0.15)
     assert float(fit.spectrum.hurst) == pytest.approx(0.8, abs=0.05)
     assert float(fit.spectrum.qr) == pytest.approx(8 * Q0, rel=0.2)
@@ -71,6 +73,40 @@ def test_fits_to_profiles():
     assert float(fit.spectrum.h_rms) == pytest.approx(1e-6, rel=0.15)
     again = fitting.fit_spectrum(areal, q0=float(measured.q[0]), q1=float(fit.spectrum.q1))
     assert float(again.spectrum.hurst) == pytest.approx(float(fit.spectrum.hurst), abs=0.05)
+
+
+@pytest.mark.parametrize("qr", [150.0, 1e3, 2e4])
+def test_rolloff_of_a_known_height(qr):
+    """The height is integrated by adaptive quadrature."""
+    q0, q1, slope = 100.0, 1e5, 3.6
+    flat = quad(lambda q: 2e-9 * qr**-slope * q, q0, qr, epsabs=0)[0]
+    fall = quad(lambda t: 2e-9 * np.exp((2 - slope) * t), np.log(qr), np.log(q1), epsabs=0)[0]
+    height = np.sqrt(2 * np.pi * (flat + fall))
+    level = np.log(2e-9) - slope * np.log(q0)
+    found = rolloff_for_height(level, slope, q0, q1, height)
+    if qr < 200:  # h_rms without a roll-off is less than twice the height
+        assert found is None
+    else:
+        assert found == pytest.approx(qr, rel=1e-4)
+
+
+def test_long_waves_of_a_single_profile_are_unknown():
+    """The fit uses the rms height, if C is known only above the roll-off."""
+    road = rf.SelfAffine(q0=50.0, qr=1500.0, q1=5e5, hurst=0.8, h_rms=0.35e-3)
+    q = np.geomspace(50.0, 5e5, 41)
+    C = np.asarray(rf.power_spectrum(road, q))
+
+    class Profile(rf.roughness.MeasuredSpectrum):
+        def areal(self):
+            return rf.roughness.ArealSpectrum(q, C, np.diag(np.where(q < 1900.0, 2.0, 0.1) ** 2))
+
+    line = np.asarray(rf.roughness.line_spectrum(road, q))
+    modes, error = np.full(q.size, 2), np.full(q.size, 0.1)
+    measured = Profile(q, line, modes, error, 50.0, 0.0, 0.35e-3, 1, 0.35e-3, 2.0, None)
+    fit = fitting.fit_spectrum(measured)
+    assert fit.remarks[-1].endswith("so that h_rms agrees with the rms height of the profiles, 0.00035 m")
+    assert float(fit.spectrum.h_rms) == pytest.approx(0.35e-3, rel=1e-3)
+    assert float(fit.spectrum.qr) == pytest.approx(1500.0, rel=1e-3)
 
 
 def test_what_is_refused():

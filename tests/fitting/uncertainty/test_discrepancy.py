@@ -5,11 +5,13 @@ import math
 
 import numpy as np
 import pytest
+from support.cases.sliding_curves import drawn_scene
 from support.scenes.fits import FAST, PLAIN, ROAD, SHIFTED, write_job
 
 import fitting
 import rubberfric as rf
 from fitting.commands.job import read_job
+from fitting.parameters.discrepancy import text_of
 from fitting.solvers.evaluation import model_rows, residual_rows
 from fitting.uncertainty.covariance import linearised
 from fitting.uncertainty.discrepancy import averaged, median_amplitude
@@ -307,3 +309,32 @@ def test_refusals():
     ):
         with pytest.raises(ValueError, match="Discrepancy: "):
             fitting.Discrepancy(**wrong)
+
+
+def test_text():
+    """Curves share 60 % of the model error unless stated otherwise."""
+    text = text_of(fitting.Discrepancy(0.25, 2 * math.log(10)))
+    assert "by 25 % (as given), smooth over 2 decades" in text and text.endswith("share 60 % of it")
+    for unknown in (fitting.Discrepancy(None, 1.0), fitting.Discrepancy(0.1, None)):
+        assert "its size was not estimated" in text_of(unknown)
+
+
+@pytest.mark.slow
+def test_minima_of_the_first_guess_withhold_no_error_bars():
+    """With the estimated discrepancy the minimum moves. The old one is not a second minimum of the new cost.
+
+    The friction is that of boundary elements (`support.cases.sliding_curves`, scene 20) with contact shear.
+    """
+    scene, _, pressures = drawn_scene(20)
+    v = [1.6203e-05, 5.3447e-05, 1.7630e-04, 5.8155e-04, 1.9183e-03, 6.3277e-03, 2.0872e-02]
+    mu = [
+        [0.1595, 0.2493, 0.3485, 0.3804, 0.3559, 0.3432, 0.2731],
+        [0.1445, 0.2267, 0.3149, 0.3849, 0.3901, 0.3472, 0.3356],
+    ]
+    sheared = scene.replace(area_correction=False, shear=rf.ContactShear(1.728e5, 0.1, 5.8e-4))
+    data = [fitting.FrictionData(v, mu[k], pressure=pressures[k], relative=0.03) for k in (0, 1)]
+    free = {"lower.spectrum.h_rms": fitting.Positive(), "shear.tau_f0": fitting.Positive()}
+    fit = fitting.fit(sheared, data, free, quadrature=FAST, discrepancy=fitting.Discrepancy())
+    assert fit.success and fit.withheld == {}
+    low, high = fit.interval()
+    assert np.all(low < [1.735e-5, 1.728e5]) and np.all(high > [1.735e-5, 1.728e5])

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import NamedTuple, get_args, get_overloads, get_type_hints
 
 import pytest
-from support.folders import RECIPE, ROOT, SNIPPETS
+from support.folders import PAGE_SNIPPETS, RECIPE, ROOT, SNIPPETS
 
 from fitting.data.files import read
 from fitting.data.kinds import KINDS
@@ -91,7 +91,9 @@ def errors(tmp_path_factory):
     if checker is None:
         pytest.skip("needs basedpyright, which is in the test extra")
     folder = tmp_path_factory.mktemp("types")
-    (folder / "README.py").write_text("\n".join(SNIPPETS))
+    (folder / "README.py").write_text(
+        "\n".join(SNIPPETS + PAGE_SNIPPETS["how_true"] + PAGE_SNIPPETS["troubleshooting"])
+    )
     (folder / "CONTRIBUTING.py").write_text(RECIPE)
     (folder / "wrong.py").write_text(WRONG)
     (folder / "user.py").write_text(USER)

@@ -98,6 +98,9 @@ class Plot {
       viewBox: `0 0 ${width} ${height}`, xmlns: SVG, role: "img", "font-size": 11.5,
       "font-family": "Helvetica Neue, Arial, Liberation Sans, sans-serif", "data-panel": look.name,
     }, figure);
+    // Screen readers read the names of the axes.
+    const named = [look.y, look.x].filter(Boolean).map((axis) => axis.label.map(([text]) => text).join(""));
+    this.svg.setAttribute("aria-label", named.join(" over "));
     this.limits = null;
     this.more = 0; // rows of keys beyond two [px]
   }

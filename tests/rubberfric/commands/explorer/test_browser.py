@@ -56,6 +56,15 @@ def opened(server, browser, wait):
     return browser
 
 
+def test_panels_have_names_for_screen_readers(opened):
+    script = (
+        "return [...document.querySelectorAll('#panels svg')].map((svg) => svg.getAttribute('aria-label'))"
+    )
+    names = opened.execute_script(script)
+    assert names[0] == "friction coefficient μ over velocity v [m/s]"
+    assert names[-1].startswith("sensitivity d ln μ") and all(names)
+
+
 def complaints(browser):
     error = "return document.getElementById('error').textContent"
     return browser.get_log("browser"), browser.execute_script(error)

@@ -60,7 +60,10 @@ def test_master_curve_with_all_its_columns(tmp_path):
 def test_shear_moduli_need_a_poisson_ratio(tmp_path):
     path = put(tmp_path, "f,G_stor,G_loss\nHz,MPa,MPa\n1,2,0.5\n10,3,0.7\n")
     message = refused(path, lambda: read(path))
-    assert "G_stor, G_loss are of shear: poisson must be given, E = 2 (1 + poisson) G" in message
+    assert (
+        "G_stor, G_loss are of shear: poisson must be given (0.5 for rubber), because E = 2 (1 + poisson) G"
+        in message
+    )
     holds(read(path, poisson=0.45), [TWO_PI, 10 * TWO_PI], [5.8e6, 8.7e6], [1.45e6, 2.03e6])
     young = put(tmp_path, "f,E_stor,E_loss\nHz,MPa,MPa\n1,2,0.5\n", "young.csv")
     assert "poisson = 0.5: must not be given" in refused(young, lambda: read(young, poisson=0.5))
