@@ -120,8 +120,8 @@ def fit(
     >>> data = fitting.FrictionData(v, rf.friction(scene, v, 0.15e6), pressure=0.15e6, relative=0.03)
     >>> guess = scene.replace("lower.spectrum.hurst", 0.7)
     >>> result = fitting.fit(guess, data, {"lower.spectrum.hurst": fitting.Bounded(0.3, 1.0)})
-    >>> round(float(result.scene.lower.spectrum.hurst), 4)
-    0.8
+    >>> round(float(result.scene.lower.spectrum.hurst), 4), round(float(result.predict(0.01, 0.15e6)), 3)
+    (0.8, 0.083)
     """
     began = time.perf_counter()
     check_options(method=method, starts=starts, key=key, prior=prior, callback=callback)

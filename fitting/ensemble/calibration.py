@@ -226,6 +226,19 @@ def calibration(
     discrepancy : as for `fitting.fit`, with a given amplitude and width; the data include this model error
     callback : as for `fitting.run_ensemble`; with "samples", the number of fits done
         is counted a second time, from 0, during the draws
+
+    Examples
+    --------
+    95 % intervals contain 95 % of the true heights:
+
+    >>> scene, q = rf.load_scene("data/tread_on_asphalt.toml"), np.logspace(2.5, 4, 4)
+    >>> C = rf.power_spectrum(scene.lower.spectrum, q)
+    >>> plan = fitting.SpectrumData(q, C, relative=0.2, body="lower")
+    >>> h = "lower.spectrum.h_rms"
+    >>> prior = {h: fitting.Gaussian(mean=0.5e-3, sigma=0.1e-3)}
+    >>> ranks = fitting.calibration(scene, plan, {h: fitting.Positive()}, prior, members=1000)
+    >>> ranks.failed, bool(ranks.inside()[0]), round(float(ranks.coverage(0.95)[0]), 2)
+    (0, True, 0.95)
     """
     check_options(count=members, n=draws, key=key, prior=prior)
     if draws < _LEAST:

@@ -257,6 +257,18 @@ def multi_start(
     starts : number of starts, or start vectors of shape (members, size) in the variables of the solver
         If a number is given, the first start has the values of the scene, and the other starts are random.
     other arguments : as for `fitting.fit`
+
+    Examples
+    --------
+    Four starts, of which the first is the scene:
+
+    >>> scene, q = rf.load_scene("data/tread_on_asphalt.toml"), np.logspace(2.5, 4, 4)
+    >>> C = rf.power_spectrum(scene.lower.spectrum, q)
+    >>> data = fitting.SpectrumData(q, C, relative=0.2, body="lower")
+    >>> guess, h = scene.replace("lower.spectrum.h_rms", 1e-3), "lower.spectrum.h_rms"
+    >>> ensemble = fitting.run_ensemble(fitting.multi_start(guess, data, {h: fitting.Positive()}, starts=4))
+    >>> int(ensemble.good.sum()), round(1e3 * float(ensemble.values[ensemble.best, 0]), 6)  # height in mm
+    (4, 0.5)
     """
     count = starts if isinstance(starts, int) else 1
     check_options(method=method, starts=count, key=key, prior=prior)
@@ -290,6 +302,18 @@ def bootstrap_members(
     key : jax.random.key, or None for key(0); the data sets are the same as in `FitResult.bootstrap`
     tolerance : tolerance of the solver, or None for its default
         With 1e-6, a member ends within 1/50 of a standard error of the minimum, in two thirds of the steps.
+
+    Examples
+    --------
+    The scatter of 200 fits agrees with the standard error of ln h_rms, 0.2 / 2 / sqrt(4):
+
+    >>> scene, q = rf.load_scene("data/tread_on_asphalt.toml"), np.logspace(2.5, 4, 4)
+    >>> C = rf.power_spectrum(scene.lower.spectrum, q)
+    >>> data = fitting.SpectrumData(q, C, relative=0.2, body="lower")
+    >>> result = fitting.fit(scene, data, {"lower.spectrum.h_rms": fitting.Positive()})
+    >>> ensemble = fitting.run_ensemble(fitting.bootstrap_members(result, count=200))
+    >>> round(float(np.std(np.log(ensemble.values))), 2)
+    0.05
     """
     starts, targets = result.bootstrap_fits(count, key)
     solver = NEAR_MINIMUM if tolerance is None else dataclasses.replace(NEAR_MINIMUM, tolerance=tolerance)
@@ -306,6 +330,19 @@ def profile_members(
     result : FitResult
     names : names of the parameters. If None, all parameters are used.
     level, points : as for `FitResult.profile`
+
+    Examples
+    --------
+    The 95 % interval of a height of 0.5 mm with an error of 5 %, which is 0.5 mm exp(+-1.96 0.05):
+
+    >>> scene, q = rf.load_scene("data/tread_on_asphalt.toml"), np.logspace(2.5, 4, 4)
+    >>> C = rf.power_spectrum(scene.lower.spectrum, q)
+    >>> data = fitting.SpectrumData(q, C, relative=0.2, body="lower")
+    >>> h = "lower.spectrum.h_rms"
+    >>> members = fitting.profile_members(fitting.fit(scene, data, {h: fitting.Positive()}), h, points=4)
+    >>> profile = members.profiles(fitting.run_ensemble(members))[h]
+    >>> round(1e3 * float(profile.low), 3), round(1e3 * float(profile.high), 3)
+    (0.453, 0.551)
     """
     check_options(level=level, points=points)
     names = result.names if names is None else (names,) if isinstance(names, str) else tuple(names)

@@ -165,6 +165,20 @@ def run_ensemble(
     To the last bit, the results of a member do not depend on the other members and, unless `vectorised`, on
     the size of the batch. A resumed run gives the results of an uninterrupted one. XLA compiles differently
     for one device and for several, so rounding may differ; the cost of a converged member agrees to 1e-12.
+
+    Examples
+    --------
+    A checkpoint holds the state of an ensemble, so that a later run continues it:
+
+    >>> scene, q = rf.load_scene("data/tread_on_asphalt.toml"), np.logspace(2.5, 4, 4)
+    >>> C = rf.power_spectrum(scene.lower.spectrum, q)
+    >>> data = fitting.SpectrumData(q, C, relative=0.2, body="lower")
+    >>> free = {"lower.spectrum.h_rms": fitting.Positive()}
+    >>> members = fitting.multi_start(scene, data, free, starts=2)
+    >>> ensemble = fitting.run_ensemble(members, checkpoint="starts.h5")
+    >>> again = fitting.run_ensemble(members, checkpoint="starts.h5", resume=True)
+    >>> bool(np.all(again.values == ensemble.values)), again.failed.size
+    (True, 0)
     """
     if not isinstance(members, Members):
         raise ValueError(f"members is a {type(members).__name__}: must be Members, as from multi_start")

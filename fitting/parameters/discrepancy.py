@@ -85,6 +85,17 @@ class Discrepancy:
     truth in five of six cases. If friction alone determines the moduli, fit and truth lie along a curved
     valley. Most moduli then have no interval, and other intervals can miss the truth; `FitResult.profile`
     follows the valley.
+
+    Examples
+    --------
+    A model error of 25 % over a decade of velocity widens the error bar of the height:
+
+    >>> scene, v = rf.load_scene("data/tread_on_asphalt.toml"), np.logspace(-4, -1, 6)
+    >>> data = fitting.FrictionData(v, rf.friction(scene, v, 0.15e6), pressure=0.15e6, relative=0.03)
+    >>> free, model_error = {"lower.spectrum.h_rms": fitting.Positive()}, fitting.Discrepancy(0.25, width=2.3)
+    >>> plain, wide = (fitting.fit(scene, data, free, discrepancy=x) for x in (None, model_error))
+    >>> bool(wide.stderr[0] > 3 * plain.stderr[0])
+    True
     """
 
     amplitude: float | None = None

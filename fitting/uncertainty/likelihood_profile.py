@@ -70,6 +70,20 @@ def plot_profile(profile: LikelihoodProfile, ax: style.Panels | None = None) -> 
     Returns
     -------
     the two axes
+
+    Examples
+    --------
+    The 95 % interval of the height in mm, with the Hurst exponent fitted again at each height:
+
+    >>> scene, q = rf.load_scene("data/tread_on_asphalt.toml"), np.logspace(2.5, 4, 4)
+    >>> C = rf.power_spectrum(scene.lower.spectrum, q)
+    >>> data = fitting.SpectrumData(q, C, relative=0.2, body="lower")
+    >>> h, hurst = "lower.spectrum.h_rms", "lower.spectrum.hurst"
+    >>> result = fitting.fit(scene, data, {h: fitting.Positive(), hurst: fitting.Bounded(0.3, 1.0)})
+    >>> profile = result.profile(h)
+    >>> axes = fitting.plot.plot_profile(profile)
+    >>> round(1e3 * float(profile.low), 2), round(1e3 * float(profile.high), 2)
+    (0.45, 0.56)
     """
     panels: style.Panels = style.new_figure((7.0, 6.0), "").subplots(2, 1, sharex=True) if ax is None else ax
     upper, lower = panels

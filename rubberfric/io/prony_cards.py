@@ -106,7 +106,11 @@ def read_prony(
 
     Examples
     --------
-    >>> rubber = rf.io.read_prony("tyre.inp", unit_stress="MPa", name="TREAD")  # doctest: +SKIP
+    >>> rubber = rf.Prony(E_inf=1e6, E=[2e6, 1e6], tau=[1e-3, 1e-1], poisson=0.49)
+    >>> text = rf.io.write_prony("tyre.inp", rubber, unit_stress="MPa", name="TREAD")
+    >>> again = rf.io.read_prony("tyre.inp", unit_stress="MPa", name="TREAD")
+    >>> round(float(again.E_inf)), np.asarray(again.tau)
+    (1000000, array([0.001, 0.1  ]))
     """
     text = read_text(path)
     try:

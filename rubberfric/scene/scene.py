@@ -55,6 +55,15 @@ class Body(PhysicalObject):
         body takes up its share of the heat of contact shear.
     softening : Softening or None
         softening of this solid, which replaces the softening of the scene.
+
+    Examples
+    --------
+    Rubber of 2 mm that covers a softer foam:
+
+    >>> foam = rf.Elastic(young=1e6, poisson=0.3)
+    >>> tread = rf.Body(rf.Prony(E_inf=3e6, E=[1e7], tau=[1e-3]), layer=rf.Coating(thickness=2e-3, base=foam))
+    >>> float(tread.below.young)
+    1000000.0
     """
 
     material: Material = child()
@@ -129,6 +138,17 @@ class Scene(PhysicalObject):
         not contain this setting.
 
     Two rigid bodies raise ValueError, because nothing would deform.
+
+    Examples
+    --------
+    A smooth rubber on a rigid road. `replace` returns a scene with another value:
+
+    >>> road = rf.Body(rf.Rigid(), rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3))
+    >>> rubber = rf.Body(rf.Prony(E_inf=3e6, E=[1e7, 1e8], tau=[1e-3, 1e-5]))
+    >>> scene = rf.Scene(lower=road, upper=rubber, area_correction=True)
+    >>> rougher = scene.replace("lower.spectrum.h_rms", 1e-3)
+    >>> round(float(rf.rms_slope(rougher.lower.spectrum) / rf.rms_slope(scene.lower.spectrum)), 6)
+    2.0
     """
 
     lower: Body = child()

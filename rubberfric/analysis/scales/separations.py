@@ -83,6 +83,15 @@ def separation_profile(
     Limits: velocity and temperature are the same at every q. G does not contain S, as in `separation`. The
     computation takes a thousand times the work of `separation`, with one mesh for every q. Smooth solids have
     u1 = u_bar = 0.
+
+    Examples
+    --------
+    The area that leaves contact at the scale of long waves has a larger separation than at short waves:
+
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> profile = rf.analysis.separation_profile(scene, 0.01, 0.15e6, q=np.array([200.0, 2e3]))
+    >>> (1e6 * profile.contact_separation).round()  # in µm
+    Array([811.,  47.], dtype=float64)
     """
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
     check_without(scene, ("adhesion", "correlation"), "the separation")
