@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rubberfric.io.tables import write_table
+from rubberfric.io.text_tables.writing import write_table
 
 here = Path(__file__).parent
 scene = tomllib.loads((here / "tread_on_asphalt.toml").read_text())

@@ -4,7 +4,6 @@ import time
 from collections.abc import Callable, Mapping
 
 import jax
-import numpy as np
 
 import rubberfric as rf
 from fitting.data.kinds import DataSets, data_by_scene, warn_of_repeated
@@ -13,9 +12,6 @@ from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import as_scenes, each_scene
 from fitting.results.result import FitResult
-from fitting.solvers.objective import (
-    succeeded,
-)
 from fitting.solvers.options import check_options, make_solver
 from fitting.solvers.problem import make_problem
 from fitting.solvers.runs import Callback
@@ -123,8 +119,8 @@ def fit(
     >>> v = np.logspace(-5, 0, 12)
     >>> data = fitting.FrictionData(v, rf.friction(scene, v, 0.15e6), pressure=0.15e6, relative=0.03)
     >>> guess = scene.replace("lower.spectrum.hurst", 0.7)
-    >>> found = fitting.fit(guess, data, {"lower.spectrum.hurst": fitting.Bounded(0.3, 1.0)})
-    >>> round(float(found.scene.lower.spectrum.hurst), 4)
+    >>> result = fitting.fit(guess, data, {"lower.spectrum.hurst": fitting.Bounded(0.3, 1.0)})
+    >>> round(float(result.scene.lower.spectrum.hurst), 4)
     0.8
     """
     began = time.perf_counter()
@@ -151,8 +147,7 @@ def fit(
     run.estimate_errors(scale_errors)
     if discrepancy is not None:
         discrepancy = run.estimate_discrepancy(discrepancy, scenes)
-    minima_x = np.array([one.x for one in runs if succeeded(one.status)])
-    bounds = run.follow_bounds(further_time - run.further_seconds, minima_x)
+    bounds = run.follow_bounds(further_time - run.further_seconds, run.other_minima(runs))
     return FitResult(
         scene_at_start=scene,
         free=dict(free),

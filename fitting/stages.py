@@ -43,6 +43,8 @@ from fitting.uncertainty.verdict import common_ratio, rescaled_errors
 
 # Number of fits, each weighted with the errors that the previous fit estimated.
 ROUNDS = 2
+# Number of other minima whose fits are continued after the errors have changed.
+_CONTINUED = 8
 
 
 class FitInProgress:
@@ -113,6 +115,7 @@ class FitInProgress:
 
     def confirm(self) -> None:
         """Check the minimum, continue from a lower point if there is one, and compute the uncertainty."""
+        self.searched = self.problem
         self.end, spent = confirm_minimum(self.problem, self.end, self.onward)
         self.evaluations += spent
         self.tell("compiling and computing the covariance")
@@ -213,6 +216,21 @@ class FitInProgress:
         solved = self.problem, self.model, scenes, self.data, asked
         return with_remark(latest, asked, solved if succeeded(self.end.status) else None)
 
+    def other_minima(self, runs: Sequence[Runs]) -> np.ndarray:
+        """Return x of the minima that several fits found, shape (minima, size).
+
+        If the errors of the data have changed since, the fits of the lowest minima are continued, because
+        minima move with the errors.
+        """
+        lowest = [run for run, _ in _distinct(runs)]
+        x = np.array([run.x for run in lowest])
+        if self.problem is self.searched or not succeeded(self.end.status):
+            return x
+        most, callback = self.limits
+        ends = run_fits(self.solver, self.problem, x[:_CONTINUED], None, most, callback, self.batch)
+        self.evaluations += ends.nfev.sum(), ends.njev.sum()
+        return ends.x[succeeded(ends.status)]
+
     def difference_to_law(self) -> np.ndarray | None:
         """Return ln(law / theory) of all friction and area values, or None without the comparison."""
         try:
@@ -222,17 +240,22 @@ class FitInProgress:
 
 
 def distinct_minima(problem: Problem, runs: Sequence[Runs]) -> tuple[Minimum, ...]:
-    """Return the distinct minima that the starts found, lowest first."""
+    """Return the distinct minima that several fits found, lowest first."""
+    return tuple(Minimum(float(run.cost), count, problem.values(run.x)) for run, count in _distinct(runs))
+
+
+def _distinct(runs):
+    """Return (first fit, number of fits) of each distinct minimum, lowest first."""
     minima = []
     for run in sorted(runs, key=lambda run: run.cost):
         if not succeeded(run.status):
             continue
         cost = float(run.cost)
-        if minima and cost - minima[-1].cost <= NEGLIGIBLE * max(1.0, minima[-1].cost):
-            minima[-1] = minima[-1]._replace(count=minima[-1].count + 1)
+        if minima and cost - float(minima[-1][0].cost) <= NEGLIGIBLE * max(1.0, float(minima[-1][0].cost)):
+            minima[-1] = minima[-1][0], minima[-1][1] + 1
         else:
-            minima.append(Minimum(cost, 1, problem.values(run.x)))
-    return tuple(minima)
+            minima.append((run, 1))
+    return minima
 
 
 def why_not_finite(problem: Problem, data: Sequence[Measured]) -> str:

@@ -31,6 +31,14 @@ def spectrum_data(measured: MeasuredSpectrum | ArealSpectrum) -> SpectrumData:
     Raises
     ------
     ValueError : if `measured` has another type, or if no entry remains.
+
+    Examples
+    --------
+    >>> x, traces = rf.io.read_traces("data/laboratory/stylus.csv")
+    >>> measured = rf.roughness.spectrum_of_profile(x, traces, per_decade=10)
+    >>> data = fitting.spectrum_data(measured)
+    >>> len(data) < measured.q.size, bool(np.all(data.relative < 1))
+    (True, True)
     """
     if isinstance(measured, MeasuredSpectrum) and measured.dimensions == 2:
         return SpectrumData(measured.q, measured.C, relative=measured.relative)

@@ -62,6 +62,16 @@ class KramersKronig:
         Nodes at the ends of noisy data are not counted, because relaxation beyond the ends is not measured.
     scatter : relative errors of E' and of E'': estimates from the scatter, or medians of the given errors
     data : the data that were checked
+
+    Examples
+    --------
+    >>> omega = np.logspace(-2, 4, 25)
+    >>> E = np.asarray(rf.complex_modulus(rf.Prony(1e6, [1e6, 2e6, 4e6], [1.0, 1e-1, 1e-2]), omega))
+    >>> check = fitting.kramers_kronig(fitting.ModulusData(omega, E.real, E.imag, relative=0.01))
+    >>> check.consistent, bool(check.rms < 0.01), bool(check.chance > 0.05)
+    (True, True, True)
+    >>> print(check.report().splitlines()[0])
+    E' and E'' of modulus, 25 points, 0.01 ... 1e+04 rad/s
     """
 
     omega: np.ndarray
@@ -247,6 +257,16 @@ def kramers_kronig(
         table = rubberfric.TabulatedModulus(data.omega, data.storage, data.loss)
         series = fitting.fit_prony(data, 2.0).material
         mu = [rubberfric.friction(scene.replace("lower.material", m), v, p) for m in (table, series)]
+
+    Examples
+    --------
+    E'' is 20 % too large, and ln 1.2 = 0.18:
+
+    >>> omega = np.logspace(-2, 4, 25)
+    >>> E = np.asarray(rf.complex_modulus(rf.Prony(1e6, [1e6, 2e6, 4e6], [1.0, 1e-1, 1e-2]), omega))
+    >>> check = fitting.kramers_kronig(fitting.ModulusData(omega, E.real, 1.2 * E.imag, relative=0.01))
+    >>> check.consistent, round(check.rms, 2)
+    (False, 0.18)
     """
     if not (is_number(per_decade) and 0 < per_decade <= 10):
         raise ValueError(f"per_decade = {shown(per_decade)}: must be a number > 0, at most 10")

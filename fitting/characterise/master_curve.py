@@ -15,7 +15,7 @@ from fitting.characterise.prony import over_frequency
 from fitting.characterise.prony_series import Response
 from fitting.characterise.shift_laws import ShiftLaw, arrhenius_through, wlf_through
 from fitting.characterise.sweep_shifts import ENTROPIC, Shifts, shifts_of
-from fitting.characterise.sweeps import sweeps_of
+from fitting.characterise.sweeps import superposed, sweeps_of
 from fitting.data.kinds import ModulusData
 from fitting.parameters.constraints import is_number
 from fitting.parameters.priors import Prior
@@ -43,6 +43,17 @@ class MasterCurve:
     offsets : mean of ln E' and of ln E'' minus the smooth curve for every sweep, shape (2, n)
     offset_errors : standard errors of `offsets`, from the scatter of the points, shape (2, n)
     bad_points : ("E'" or "E''", T [K], omega [rad/s]) of points <= 0 or beyond four standard deviations
+
+    Examples
+    --------
+    >>> curve = fitting.fit_master_curve(fitting.read("data/laboratory/dma_isothermen.csv"))
+    >>> law = curve.wlf.shift
+    >>> round(float(law.C1)), round(float(law.C2)), round(float(curve.T_ref))
+    (12, 151, 293)
+    >>> print(curve.report().splitlines()[0])
+    Master curve of 15 sweeps at 293.153 K, 0.000219 ... 2.2e+13 rad/s
+    >>> list(curve.to_dataframe("shifts"))[:2]
+    ['T [K]', 'aT [-]']
     """
 
     data: ModulusData
@@ -321,6 +332,15 @@ def fit_master_curve(
     vertical shift (T/T_ref)^m, m = 0 +/- 0.25. If `vertical` is False, but the moduli fit much better with
     a power of T/T_ref, ln a_T allows for this factor, and the report says so. The report recommends
     "entropic" only if the moduli rise about as the entropic b_T, otherwise True.
+
+    Examples
+    --------
+    At -50 °C a_T is e^24, as of the WLF shift with C1 = 12 and C2 = 150 K that made these data:
+
+    >>> data = fitting.read("data/laboratory/dma_isothermen.csv")
+    >>> curve = fitting.fit_master_curve(data, reference=293.15)
+    >>> round(float(curve.T[0]) - 273.15), round(float(curve.log_aT[0])), round(float(curve.stderr[0]), 1)
+    (-50, 24, 0.3)
     """
     _check(reference, vertical, same, temperature_error)
     measured: Any = over_frequency(isotherms, float(same))
@@ -345,7 +365,7 @@ def fit_master_curve(
     count = [np.maximum(np.isfinite(rest[:, which == i]).sum(axis=1), 1) for i in range(T.size)]
     omega = np.exp(np.concatenate([one.t for one in sweeps]))
     curve = MasterCurve(
-        data=_shifted(measured, sweeps, shifts.t, y, order),
+        data=superposed(measured, sweeps, shifts.t, y, order),
         T=T,
         reference=nearest,
         shifts=shifts,
@@ -376,22 +396,3 @@ def _check(reference, vertical, same, temperature_error):
         raise ValueError(f"temperature_error = {shown(temperature_error)}: must be a number >= 0 [K]")
     if reference is not None and not (is_number(reference) and reference > 0):
         raise ValueError(f"reference = {shown(reference)}: must be None or a temperature > 0 [K]")
-
-
-def _shifted(isotherms, sweeps, t, y, order):
-    """Return the points `order` of all sweeps at the reduced ln omega t, with ln E = y."""
-    sets = [isotherms] if isinstance(isotherms, ModulusData) else isotherms
-    errors = {}
-    if sweeps[0].error is not None:
-        relative = np.concatenate([one.error for one in sweeps if one.error is not None], axis=1)
-        sigma = np.exp(y) * relative
-        errors = {"sigma_storage": sigma[0, order], "sigma_loss": sigma[1, order]}
-    bodies = {one.body for one in sets}
-    return ModulusData(
-        np.exp(t[order]),
-        *np.exp(y[:, order]),
-        **errors,
-        name=f"master curve of {sets[0].name}" if sets[0].name and len(sets) == 1 else "master curve",
-        body=bodies.pop() if len(bodies) == 1 else None,
-        check_units=False,
-    )

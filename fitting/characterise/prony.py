@@ -106,8 +106,8 @@ def fit_prony(
     >>> omega = np.logspace(-1, 3, 20)
     >>> rubber = rf.Prony(1e6, [1e7], [1e-2], 0.5)
     >>> E = np.asarray(rf.complex_modulus(rubber, omega))
-    >>> found = fitting.fit_prony(fitting.ModulusData(omega, E.real, E.imag), tau=[1e-2])
-    >>> np.asarray(found.material.E).round(-3)
+    >>> series = fitting.fit_prony(fitting.ModulusData(omega, E.real, E.imag), tau=[1e-2])
+    >>> np.asarray(series.material.E).round(-3)
     array([10000000.])
     """
     rf.Prony(1.0, [1.0], [1.0], poisson, shift)  # checks poisson and shift

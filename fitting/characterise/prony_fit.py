@@ -54,6 +54,21 @@ class PronyFit(WithUncertainty):
     weights : weights of E' and of E''
     names : key paths of the moduli that were fitted
     compliance : the fitted creep compliance and its covariance, or None for other data
+
+    Examples
+    --------
+    >>> omega = np.logspace(-1, 3, 20)
+    >>> E = np.asarray(rf.complex_modulus(rf.Prony(1e6, [1e7], [1e-2]), omega))
+    >>> series = fitting.fit_prony(fitting.ModulusData(omega, E.real, E.imag, relative=0.02), tau=[1e-2])
+    >>> print(series.report())
+    Prony series of modulus, 20 points: 1 terms, tau = 0.01 ... 0.01 s
+        converged: the data are met to rounding
+        rms of ln(fit / measured): E' 0.00%, E'' 0.00%
+           tau [s]      E [Pa]
+               inf       1e+06  +/- 5.9e+03 (0.6%)
+              0.01       1e+07  +/- 4e+04 (0.4%)
+    >>> series.moduli([1e2]).loss.round(-3)
+    array([5000000.])
     """
 
     material: rf.Prony

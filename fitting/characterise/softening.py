@@ -64,6 +64,14 @@ def softening_from_sweep(
 
     Limits: f and g are assumed to be the same at all frequencies, and to apply to the strain of each length
     scale (`rubberfric.Softening`). They are constant outside the sweep.
+
+    Examples
+    --------
+    A sweep whose first two strains are in the linear range:
+
+    >>> softening = fitting.softening_from_sweep([1e-4, 1e-3, 1e-1], [8e6, 8e6, 3e6], [1e6, 1e6, 1.2e6])
+    >>> softening.storage, softening.loss
+    (Array([1.   , 1.   , 0.375], dtype=float64), Array([1. , 1. , 1.2], dtype=float64))
     """
     columns = {"strain": strain, "storage": storage, "loss": loss}
     if temperature is not None:

@@ -28,6 +28,9 @@ _SLOPES = (2.0, 4.0)
 _AT_END = 1e-6
 # Largest rms of ln(fit / measured) of a self-affine surface. Heights, as sqrt(C), are then 20 % off.
 _POOR = 0.4
+# Difference of the fitted rms height from that of the heights, which the report questions if it also exceeds
+# two standard errors. Single surfaces scatter by some percent.
+_OTHER_HEIGHT = 0.1
 # Variance of ln C due to rounding.
 _EXACT = 1e-20
 
@@ -43,12 +46,27 @@ class SpectrumFit:
     remarks : texts on points that were not used, and on parameters that were fixed because the data do not
         determine them
     fit : FitResult of the free parameters, with `stderr`, `correlation`, `interval`, `profile` ...
+    rms_height : rms height of the measured heights [m], or of the points of a table; None if it is unknown,
+        because a table has values <= 0
+
+    Examples
+    --------
+    A slope -2 (1 + H) of 21 points with errors of 10 % over two decades determines H to 0.8 %:
+
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
+    >>> q = np.geomspace(100.0, 1e5, 31)
+    >>> road_fit = fitting.fit_spectrum(fitting.SpectrumData(q, rf.power_spectrum(road, q), relative=0.1))
+    >>> round(float(road_fit.spectrum.hurst), 3), round(float(road_fit.stderr["hurst"]), 3)
+    (0.8, 0.008)
+    >>> print(road_fit.report().splitlines()[0])
+    Self-affine spectrum of spectrum, 31 points
     """
 
     spectrum: rf.SelfAffine
     residuals: np.ndarray
     remarks: tuple[str, ...]
     fit: FitResult
+    rms_height: float | None = None
 
     @property
     def rms(self) -> float:
@@ -73,6 +91,7 @@ class SpectrumFit:
             f"Self-affine spectrum of {self.fit.data[0].label}",
             f"    {self.fit.message}",
             f"    {self._misfit}",
+            *(f"    {text}" for text in self._heights),
             *(f"    {remark}" for remark in self.remarks),
         ]
         lines += [f"    {name:>6} [{unit}] {value:>11}  {more}" for name, unit, value, more in self._rows()]
@@ -88,11 +107,27 @@ class SpectrumFit:
             text += ": poor; the surface is not self-affine: use a TabulatedSpectrum (--table)"
         return text
 
+    @property
+    def _heights(self):
+        """Rms heights of the fit and of the data, and a judgement if they differ much; or ()."""
+        if self.rms_height is None:
+            return ()
+        fitted = float(self.spectrum.h_rms)
+        change, error = fitted / self.rms_height - 1, self.stderr.get("h_rms", np.nan) / fitted
+        percent = round(100 * change, 1) + 0.0  # no -0.0
+        text = f"rms height: fit {fitted:.4g} m, data {self.rms_height:.4g} m, {percent:+.1f} %"
+        if abs(change) > max(_OTHER_HEIGHT, 2 * np.nan_to_num(error)):
+            text += (
+                f", more than {_OTHER_HEIGHT:.0%} and two standard errors: the surface has waves outside"
+                " q0 ... q1, or is not self-affine: use a TabulatedSpectrum (--table)"
+            )
+        return (text,)
+
     def _repr_html_(self) -> str:
         rows = [
             (name, f"{value} {unit}".removesuffix(" -"), more) for name, unit, value, more in self._rows()
         ]
-        rows += [*self.remarks, self._misfit]
+        rows += [*self.remarks, self._misfit, *self._heights]
         caption = f"Self-affine spectrum of {self.fit.data[0].label}: {self.fit.message}"
         return html.table(rows, ("parameter", "value", "error"), caption)
 
@@ -178,18 +213,18 @@ def fit_spectrum(
     --------
     >>> x, traces = rf.io.read_traces("data/laboratory/stylus.csv")
     >>> measured = rf.roughness.spectrum_of_profile(x, traces, per_decade=10)
-    >>> found = fitting.fit_spectrum(measured).spectrum
-    >>> round(float(found.hurst), 2), round(1e6 * float(found.h_rms))  # the height in µm
+    >>> spectrum = fitting.fit_spectrum(measured).spectrum
+    >>> round(float(spectrum.hurst), 2), round(1e6 * float(spectrum.h_rms))  # the height in µm
     (0.87, 156)
     """
     if isinstance(data, rf.TabulatedSpectrum):
         own = [None if end is None else float(end) for end in (data.q0, data.q1)]
         q0, q1 = (end if given is None else given for given, end in zip((q0, q1), own, strict=True))
-    height = None
+    rms_height = data.rms_height if isinstance(data, MeasuredSpectrum) else None
+    of_profiles = isinstance(data, MeasuredSpectrum) and data.dimensions == 1
     if isinstance(data, MeasuredSpectrum | ArealSpectrum):
         own = resolved_ends(data)
         q0, q1 = (end if given is None else given for given, end in zip((q0, q1), own, strict=True))
-        height = data.rms_height if isinstance(data, MeasuredSpectrum) and data.dimensions == 1 else None
         data = spectrum_data(data)
     data = _data(data, relative, body)
     body = data.body or "lower"
@@ -204,8 +239,8 @@ def fit_spectrum(
     weight = _weights(data)
     slopes = _SLOPES if fixed_H is None else (2 * (1 + fixed_H),) * 2
     line, no_kink = _start(t, y, weight, slopes, fixed_qr, q0, q1, known=data.error is not None)
-    if no_kink and height is not None:
-        line, no_kink = _limited_by_height(line, no_kink, q0, q1, height, data.q.min())
+    if no_kink and of_profiles and rms_height is not None:
+        line, no_kink = _limited_by_height(line, no_kink, q0, q1, rms_height, data.q.min())
     remarks += no_kink
     H = line.slope / 2 - 1
     spectrum = rf.SelfAffine.from_C0(q0, *_ordered(line, q0, q1, H), np.exp(line.level))
@@ -228,10 +263,19 @@ def fit_spectrum(
         at = q0 if "lower" in why else q1
         fitted = fit_spectrum(data, q0=q0, q1=q1, qr=at, hurst=hurst, body=None if data.body else body)
         remarks.append(f"the roll-off is not within q0 ... q1: qr is held at {at:.4g} 1/m")
-        return dataclasses.replace(fitted, remarks=tuple(remarks))
+        return dataclasses.replace(fitted, remarks=tuple(remarks), rms_height=rms_height or fitted.rms_height)
     model = np.asarray(rf.power_spectrum(spectrum, np.clip(data.q, q0 * (1 + 1e-12), q1 * (1 - 1e-12))))
     residuals = np.log(model / np.where(data.C > 0, data.C, np.nan))
-    return SpectrumFit(spectrum, residuals, tuple(remarks), result)
+    if rms_height is None and q0 == data.q.min() and q1 == data.q.max():
+        rms_height = _height_of_points(data)
+    return SpectrumFit(spectrum, residuals, tuple(remarks), result, rms_height)
+
+
+def _height_of_points(data):
+    """Return the rms height of a log-log linear table of the points, or None if it has values <= 0."""
+    q, first = np.unique(data.q, return_index=True)
+    C = data.C[first]
+    return float(rf.roughness.rms_height(rf.TabulatedSpectrum(q, C))) if np.all(C > 0) else None
 
 
 def _data(data, relative, body):

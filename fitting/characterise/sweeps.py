@@ -1,4 +1,4 @@
-r"""Split data into isothermal sweeps, and guess the shifts that superpose the sweeps.
+r"""Split data into isothermal sweeps, guess the shifts that superpose the sweeps, and join shifted sweeps.
 
 The guess models ln E of two neighbouring sweeps as one smooth random function of ln omega, an integrated
 Wiener process.
@@ -68,6 +68,31 @@ def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sw
         sweeps.append(Sweep(float(T[group].mean()), T[group], t[group], y[:, group], errors))
     _check_falling(sweeps)
     return sweeps
+
+
+def superposed(
+    isotherms: ModulusData | Sequence[ModulusData],
+    sweeps: Sequence[Sweep],
+    t: np.ndarray,
+    y: np.ndarray,
+    order: np.ndarray,
+) -> ModulusData:
+    """Return the points `order` of all sweeps at the reduced ln omega t, with ln E = y."""
+    sets = [isotherms] if isinstance(isotherms, ModulusData) else isotherms
+    errors = {}
+    if sweeps[0].error is not None:
+        relative = np.concatenate([one.error for one in sweeps if one.error is not None], axis=1)
+        sigma = np.exp(y) * relative
+        errors = {"sigma_storage": sigma[0, order], "sigma_loss": sigma[1, order]}
+    bodies = {one.body for one in sets}
+    return ModulusData(
+        np.exp(t[order]),
+        *np.exp(y[:, order]),
+        **errors,
+        name=f"master curve of {sets[0].name}" if sets[0].name and len(sets) == 1 else "master curve",
+        body=bodies.pop() if len(bodies) == 1 else None,
+        check_units=False,
+    )
 
 
 def _check_falling(sweeps):

@@ -3,8 +3,9 @@
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from fitting.commands.options import BODIES, HEIGHTS, READING, add_reading
 from rubberfric.base import TABLE_SUFFIXES, VERSION, check_readable, check_writable
 from rubberfric.commands import (
     Parser,
@@ -84,7 +85,7 @@ def _laboratory_parser(kind: str, description: str, out: str, plot: str | None, 
 def _add_scene(parser: Parser, body: str) -> None:
     add = parser.add_argument
     add("--scene", metavar="SCENE", help="scene that gets the result (default: a new one)")
-    add("--body", choices=_BODIES, default=body, help=f"body of the scene (default: {body})")
+    add("--body", choices=BODIES, default=body, help=f"body of the scene (default: {body})")
 
 
 def _add_response(parser: Parser) -> None:
@@ -95,88 +96,7 @@ def _add_response(parser: Parser) -> None:
     text = "Poisson's ratio: a storage modulus is then of shear (default: E', and 0.5 in the scene)"
     add("--poisson", type=float, metavar="NU", help=text)
     for name in ("columns", "bad_rows", "check_units", "block"):
-        _add_reading(parser, name)
-
-
-_BODIES = ("lower", "upper")
-_SWITCH: dict[str, Any] = {"action": "store_const", "const": True}
-# Options for reading data: keyword arguments of `fitting.read`, and keys of [[data]] in a job.
-READING: dict[str, dict[str, Any]] = {
-    "pressure": {"type": float, "metavar": "Pa", "help": "used if the data lack it [Pa]"},
-    "temperature": {"type": float, "metavar": "K", "help": "used if the data lack it [K]"},
-    "relative": {"type": float, "metavar": "R", "help": "error of the data, 0.05 for 5 %%"},
-    "body": {"choices": _BODIES, "help": "body of moduli or spectra"},
-    "normalisation": {"metavar": "NAME", "help": "normalisation of spectra, see `rubberfric.roughness`"},
-    "hurst": {"type": float, "metavar": "H", "help": "Hurst exponent, for a line without a roll-off"},
-    "poisson": {"type": float, "metavar": "NU", "help": "Poisson's ratio, needed for shear moduli"},
-    "columns": {
-        "nargs": "+",
-        "metavar": "NAME",
-        "help": '"name [unit]" of each column, "-": skip',
-    },
-    "kind": {
-        "choices": ("friction", "area", "modulus", "relaxation", "creep", "spectrum", "force", "moment"),
-        "help": "kind of data in tables that hold several",
-    },
-    "check_units": {
-        "flag": "--no-check-units",
-        "action": "store_const",
-        "const": False,
-        "help": "accept values that look like values in another unit",
-    },
-    "bad_rows": {
-        "choices": ("error", "drop"),
-        "help": "rows with empty or invalid values: an error (default), or left out",
-    },
-    "area": {"type": float, "metavar": "m2", "help": "contact area, for loads instead of pressures [m^2]"},
-    "frequency": {"type": float, "metavar": "Hz", "help": "used if the data lack it [Hz]"},
-    "block": {"type": int, "metavar": "N", "help": "block of columns to read, from 1, if titles are equal"},
-    "zero": _SWITCH | {"help": "subtract the readings without load before and after a run from the forces"},
-    "discard": {"metavar": "START", "help": 'start of each section to leave out: "10 mm", "2 s" or settling'},
-    "fold": _SWITCH | {"help": "combine both directions of reciprocating runs"},
-    "average": _SWITCH | {"help": "average runs at equal conditions, also of several files, with error"},
-}
-
-
-# Options for measured heights: keyword arguments of `rubberfric.io.read_heights` and
-# `rubberfric.roughness.spectrum_of_topography`.
-HEIGHTS: dict[str, dict[str, Any]] = {
-    "outliers": {
-        "type": float,
-        "metavar": "S",
-        "help": "heights this many standard deviations from their neighbours are holes, often 10",
-    },
-    "detrend": {"type": int, "choices": (0, 1, 2), "help": "degree of the subtracted surface (default: 1)"},
-    "fill_volume": {
-        "type": float,
-        "metavar": "M",
-        "help": "fill cavities by this volume per area [m], as water does",
-    },
-    "fill_level": {
-        "type": float,
-        "metavar": "M",
-        "help": "fill cavities up to this level above the mean plane [m]",
-    },
-    "tops": {
-        "action": "store_const",
-        "const": True,
-        "help": "take the top spectrum, of the heights above the mean",
-    },
-    "tip_radius": {"type": float, "metavar": "M", "help": "radius of the tip of the instrument [m]"},
-    "noise": {"type": float, "metavar": "M", "help": "rms noise of the instrument [m]"},
-}
-
-
-def _add_reading(parser: Parser, name: str) -> None:
-    options = dict(READING[name])
-    flag = options.pop("flag", f"--{name.replace('_', '-')}")
-    parser.add_argument(flag, dest=name, default=None, **options)
-
-
-def reading_options(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
-    """Return the options for reading data that were given, of all names or of `names`."""
-    values = {name: getattr(arguments, name) for name in names or READING}
-    return {name: value for name, value in values.items() if value is not None}
+        add_reading(parser, name)
 
 
 def _mastercurve_parser() -> Parser:
@@ -233,7 +153,7 @@ def _spectrum_parser() -> Parser:
     add("--table", action="store_true", help="put the measured spectrum itself into the scene")
     _add_scene(parser, "lower")
     for name in ("columns", "bad_rows", "check_units"):
-        _add_reading(parser, name)
+        add_reading(parser, name)
     return parser
 
 
@@ -245,7 +165,7 @@ def _job_parser() -> Parser:
     add("scene", metavar="SCENE", help="scene file (.toml or .h5)")
     add("data", nargs="+", metavar="DATA", help="tables of measured friction, area, moduli or spectra")
     for name in READING:
-        _add_reading(parser, name)
+        add_reading(parser, name)
     text = "add contact shear to the scene, written as OUT_scene.toml, and free it"
     add("--shear", action="store_true", help=text)
     text = "free parameters, all > 0 (default: q1 of each spectrum, and contact shear with --shear)"
@@ -293,7 +213,7 @@ def _cards_parser() -> Parser:
     add("input", metavar="INPUT", help=text)
     programs = tuple(CARD_SUFFIXES.values())
     add("--program", choices=programs, help="finite-element program (default: from the suffix of --out)")
-    add("--body", choices=_BODIES, help="body of the scene (default: the only one with a Prony series)")
+    add("--body", choices=BODIES, help="body of the scene (default: the only one with a Prony series)")
     stresses = ("Pa", "kPa", "MPa", "GPa")
     add("--unit-stress", choices=stresses, default="MPa", help="unit of moduli (default: MPa)")
     text = "unit of temperatures (default: K)"

@@ -11,7 +11,7 @@
                                         # normalisation, hurst of a spectrum; poisson, columns, kind of a
                                         # table as other programs write it, area, frequency, block,
                                         # check_units = false, bad_rows, see `fitting.read`;
-                                        # zero, discard, fold, average of runs; with average = true,
+                                        # zero, discard, fold, stroke, average of runs; with average = true,
                                         # file may be a list of files with a run each
     ...
 
@@ -77,7 +77,7 @@ FILE_RULES = {re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower(): cls for name, c
 RULE_KEYS = ("rule", *dict.fromkeys(f.name for cls in FILE_RULES.values() for f in dataclasses.fields(cls)))
 PRIOR_KEYS = ("mean", "sigma", "smooth", "low", "high")
 FIT_KEYS = ("file", "body", "widen")
-CONDITIONS = ("pressure", "temperature", "relative", "hurst", "poisson", "area", "frequency")
+CONDITIONS = ("pressure", "temperature", "relative", "hurst", "poisson", "area", "frequency", "stroke")
 TEXTS = ("body", "normalisation", "kind", "bad_rows", "discard")
 AS_THEY_ARE = ("columns", "check_units", "block", "zero", "fold", "average")  # `fitting.read` checks them
 EXTRA = (*AS_THEY_ARE, "name")

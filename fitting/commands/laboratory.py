@@ -26,7 +26,7 @@ from fitting.characterise.master_curve import fit_master_curve
 from fitting.characterise.prony import fit_prony
 from fitting.characterise.softening import softening_from_sweep
 from fitting.characterise.spectrum import fit_spectrum
-from fitting.commands.arguments import HEIGHTS, reading_options
+from fitting.commands.options import HEIGHTS, reading_options
 from fitting.commands.work import Output, finish
 from fitting.data.averages import average
 from fitting.data.files import read
@@ -245,10 +245,13 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
         scene, place = scene.replace(shear=_SHEAR), _new_scene(out)
         check_writable(place, (".toml",))
     reading = reading_options(arguments)
-    data: Any = [read(path, **reading) for path in arguments.data]
-    sets = [[path] for path in arguments.data]
-    if arguments.average and len(data) > 1:
-        data, sets = [average(data)], [arguments.data]
+    kinds = [{"kind": kind} for kind in dict.fromkeys(reading.pop("kind", []))] or [{}]
+    sets = [([path], reading | kind) for path in arguments.data for kind in kinds]
+    if len(kinds) > 1 and "relative" in reading:
+        sets = [(paths, _without_second_error(paths[0], given)) for paths, given in sets]
+    data: Any = [read(path, **given) for (path,), given in sets]
+    if arguments.average and len(arguments.data) > 1:
+        data, sets = [average(data)], [(arguments.data, reading | kinds[0])]
     data = as_data_sets(data)
     rough = [side for side in ("lower", "upper") if getattr(scene, side).spectrum is not None]
     if not rough and any(one.quantity in CURVE_QUANTITIES for one in data):
@@ -264,16 +267,22 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
     # Errors in the job show before anything is written.
     make_problem(scene, data, dict.fromkeys(free, Positive()))
     lines = [f"scene = {toml.string(_from(out, place))}"]
-    for paths in sets:
+    for paths, given in sets:
         files = ", ".join(toml.string(_from(out, path)) for path in paths)
         lines += ["", "[[data]]", f"file = [{files}]" if len(paths) > 1 else f"file = {files}"]
-        lines += [f"{name} = {toml.literal(value)}" for name, value in reading.items()]
+        lines += [f"{name} = {toml.literal(value)}" for name, value in given.items()]
     lines += ["", "[free]", *(f'{toml.string(path)} = "positive"' for path in free)]
     text = "\n".join(lines) + "\n"
     if added:
         rf.save_scene(place, scene, like=arguments.scene)
     finish(show, text, ("writing", str(out), lambda path: write_durably(path, text.encode())))
     return 0
+
+
+def _without_second_error(path, given):
+    """Return the options for reading one kind of several in a file, without `relative` if it has errors."""
+    others = {name: value for name, value in given.items() if name != "relative"}
+    return given if read(path, **others).error is None else others
 
 
 def _new_scene(out):

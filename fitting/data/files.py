@@ -36,7 +36,7 @@ from fitting.data.averages import average as mean_of_runs
 from fitting.data.kinds import KINDS, AreaData, FrictionData, ModulusData, SpectrumData
 from fitting.data.measured import DATA_FORMAT, Measured
 from fitting.data.recognition import kind_of_table, named_kind
-from fitting.data.records import Steps, read_record
+from fitting.data.records import Steps, check_velocity, read_record
 from fitting.data.slip import MomentData, SlipData, with_sign_of_slip
 from fitting.data.transients import CreepData, RelaxationData
 from rubberfric.base import (
@@ -88,8 +88,9 @@ class _Options(TypedDict, total=False):
     block: int | None
     zero: bool
     discard: str | None
-    fold: bool
+    fold: bool | str
     average: bool
+    stroke: float | None
 
 
 @overload
@@ -131,8 +132,9 @@ def read(
     block: int | None = None,
     zero: bool = False,
     discard: str | None = None,
-    fold: bool = False,
+    fold: bool | str = False,
     average: bool = False,
+    stroke: float | None = None,
 ) -> Measured:
     """Read measured data from a table, an .h5 file or a data frame.
 
@@ -168,7 +170,7 @@ def read(
     bad_rows : "error", or "drop" to leave out rows with an empty, missing or invalid value
         A warning names their lines. Notes below a table are no rows (`rubberfric.io.text_tables.lines`).
     area : nominal contact area [m^2], which gives the pressure if the table has normal forces
-    frequency : frequency [Hz] of all moduli, if the table has no column of frequencies
+    frequency : frequency [Hz] of all moduli, if the table has no column of frequencies, or of the strokes
         None: the frequency that the lines above the table state, such as "Frequency: 10 Hz".
     block : number of the block of columns, from 1, if the table has several blocks with equal titles
     zero : bool
@@ -176,12 +178,16 @@ def read(
         without load before and after the run.
     discard : "10 mm", "2 s" or "settling": the start of each section of a record is left out
         A section has one direction and one velocity. "settling" is the part before mu settles.
-    fold : bool
+    fold : False, True, "middle" or "speeds"
         True combines both directions of reciprocating runs, so that a misalignment cancels. The hysteresis
-        is the error.
+        is the error. "middle" does so for the middle 20 % of sinusoidal strokes, and "speeds" for bins of the
+        speed. Without a column v, they need t and x, or x and `frequency`, or t, `frequency` and `stroke`
+        (`fitting.data.strokes`).
     average : bool
         True averages the sections of a record and equal conditions, see `fitting.average`. The errors follow
         from the scatter of repeated conditions.
+    stroke : length of sinusoidal strokes [m], from one turning point to the other
+        None: the stroke that the lines above the table state, such as "Stroke: 1 mm".
 
     Returns
     -------
@@ -207,7 +213,7 @@ def read(
     source = as_source(path)
     is_file = not isinstance(source, Frame)
     path = as_path(source) if is_file else source
-    steps = Steps(zero, discard, fold, average)
+    steps = Steps(zero, discard, fold, average, stroke)
     steps.check(str(path))
     given = _present(pressure=pressure, temperature=temperature, body=body, relative=relative)
     scaling = _present(normalisation=normalisation, hurst=hurst)
@@ -231,8 +237,10 @@ def read(
     if any(steps):
         if cls is not FrictionData:
             _refuse(path, steps.given(), f"{cls.quantity} data have none")
-        path = read_record(path, steps, layout, history)
-        layout = _present(area=area, bad_rows=bad_rows)
+        path = read_record(path, steps, frequency, layout, history)
+        layout, frequency = _present(area=area, bad_rows=bad_rows), None
+    elif cls is FrictionData:
+        check_velocity(path, layout)
     if cls is SpectrumData:
         table = _read_spectrum(path, optional, normalisation, hurst, layout)
     else:
@@ -301,6 +309,13 @@ def write(path: StrPath, data: Measured) -> None:
     ------
     ValueError
         `data` is not measured data, or `Measured.write` raises ValueError. The message is one line.
+
+    Examples
+    --------
+    >>> data = fitting.FrictionData([1e-3, 1e-2], [0.8, 1.0], pressure=2e5, relative=0.03)
+    >>> fitting.write("friction.csv", data)
+    >>> fitting.read("friction.csv").friction
+    array([0.8, 1. ])
     """
     if type(data) not in KINDS.values():
         kinds = ", ".join(cls.__name__ for cls in KINDS.values())

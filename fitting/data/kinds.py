@@ -64,6 +64,15 @@ class FrictionData(Measured):
     ------
     ValueError
         The message is one line that names field, index, value and rule.
+
+    Examples
+    --------
+    Values with an error of 3 %, and the points up to 5 cm/s:
+
+    >>> data = fitting.FrictionData([1e-3, 1e-2, 0.1], [0.8, 1.0, 0.9], pressure=2e5, relative=0.03)
+    >>> slow = data.selected(velocity=(None, 0.05))
+    >>> slow.velocity, slow.pressure, slow.error
+    (array([0.001, 0.01 ]), array([200000., 200000.]), array([0.03, 0.03]))
     """
 
     quantity: ClassVar[str] = "friction"
@@ -90,6 +99,12 @@ class AreaData(Measured):
         check_units=False accepts values outside this range, because noise may cause them.
     sigma : standard deviation of `area`, > 0 [-], or None
     pressure, temperature, relative, name, history, check_units : as in `FrictionData`
+
+    Examples
+    --------
+    >>> data = fitting.AreaData([1e-3, 1e-2], [0.021, 0.016], sigma=0.001, pressure=2e5, temperature=293.15)
+    >>> len(data), data.error
+    (2, array([0.001, 0.001]))
     """
 
     quantity: ClassVar[str] = "area"
@@ -122,6 +137,12 @@ class ModulusData(Measured):
     Notes
     -----
     `measured` and `error` hold E' and then E''; n is twice the number of frequencies.
+
+    Examples
+    --------
+    >>> data = fitting.ModulusData([1.0, 10.0, 100.0], [3e6, 4e6, 6e6], [0.3e6, 0.8e6, 2e6], relative=0.02)
+    >>> data.measured / 1e6  # E' and then E'', in MPa
+    array([3. , 4. , 6. , 0.3, 0.8, 2. ])
     """
 
     quantity: ClassVar[str] = "modulus"
@@ -157,6 +178,12 @@ class SpectrumData(Measured):
     body : "lower", "upper" or None
         Body of the scene that has this surface.
     name, history, check_units : as in `FrictionData`
+
+    Examples
+    --------
+    >>> data = fitting.SpectrumData([1e3, 1e4, 1e5], [1e-14, 2.5e-18, 6.3e-22], relative=0.1, body="lower")
+    >>> data.selected(q=(None, 5e4)).q
+    array([ 1000., 10000.])
     """
 
     quantity: ClassVar[str] = "spectrum"

@@ -5,7 +5,8 @@ The steps below are done in this order, and each describes its effect in one lin
 
 1. `without_zero` subtracts the line through the readings without load, before and after the run.
 2. `without_start` removes the start of each section, a time, a length, or the part before mu settles.
-3. `folded` combines sections of opposite directions,
+3. `folded` combines sections of opposite directions, of which fold="middle" and fold="speeds" take parts
+   (`fitting.data.strokes`),
 
    .. math:: \mu = \frac{F_t^+ - F_t^-}{F_n^+ + F_n^-}, \qquad
              \tan\beta = \frac{F_t^+ + F_t^-}{F_n^+ + F_n^-}
@@ -15,7 +16,6 @@ The steps below are done in this order, and each describes its effect in one lin
 4. `section_means` replaces each section by its mean.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -24,12 +24,27 @@ import numpy as np
 from fitting.data.averages import student_factor
 from fitting.data.sections import (
     Table,
+    amount_of,
     direction_of,
     sections_of,
     velocity_of_strokes,
     warn_of_varying_velocity,
+    without_start,
 )
-from rubberfric.base import shown
+from fitting.data.strokes import (
+    FOLDS,
+    MIDDLE,
+    PER_DECADE,
+    SAME_SPEED,
+    SLOWEST,
+    Given,
+    middle_of,
+    motion,
+    slowing_hysteresis,
+    speeds_of,
+    strokes_of,
+)
+from rubberfric.base import either, shown
 from rubberfric.io import COLUMNS, Frame, as_frame, read_names, read_table
 
 # Quantities of a record.
@@ -40,20 +55,16 @@ _UNLOADED = 0.1
 _LARGEST_ZERO = 0.5
 # Part of the median load, from which a row belongs to the run.
 _LOADED = 0.9
-# Largest relative difference of the speeds of two strokes that are folded.
-_SAME_SPEED = 0.1
-# Part of a section that the rule for settling may remove. Beyond it, the rule has too few rows to judge.
-_MOST_SETTLING = 0.5
-_AMOUNT = re.compile(r"\s*([-+.\deE]+)\s*([a-z]+)\s*")
 
 
 class Steps(NamedTuple):
-    """Options of `reduced`, which are those of `fitting.read`."""
+    """Options of `fitting.read` for records. `stroke` and `frequency` [m, Hz] state a sinusoidal motion."""
 
     zero: bool = False
     discard: str | None = None
-    fold: bool = False
+    fold: bool | str = False
     average: bool = False
+    stroke: float | None = None
 
     def given(self) -> dict[str, Any]:
         """Return the options that differ from their defaults."""
@@ -62,72 +73,139 @@ class Steps(NamedTuple):
     def check(self, where: str) -> None:
         """Raise ValueError, beginning with `where`, if an option has a wrong type or value."""
         for name in ("zero", "fold", "average"):
-            if not isinstance(getattr(self, name), bool):
-                raise ValueError(f"{where}: {name} = {shown(getattr(self, name))}: must be True or False")
+            value = getattr(self, name)
+            if name == "fold" and isinstance(value, str) and value in FOLDS:
+                continue
+            if not isinstance(value, bool):
+                also = f", {either([repr(way) for way in FOLDS])}" if name == "fold" else ""
+                raise ValueError(f"{where}: {name} = {shown(value)}: must be True or False{also}")
         if self.discard is not None:
-            _amount(where, self.discard)
+            amount_of(where, self.discard)
+        if self.discard == "settling" and self.fold in FOLDS:
+            raise ValueError(
+                f'{where}: discard = "settling": must be a length or a time with fold = {self.fold!r},'
+                " because the velocity varies"
+            )
+        if self.stroke is not None and self.fold not in FOLDS:
+            raise ValueError(
+                f'{where}: stroke = {shown(self.stroke)}: must come with fold="middle" or fold="speeds"'
+            )
 
 
-def read_record(path: Any, steps: Steps, layout: Mapping[str, Any], history: list[str]) -> Frame:
+def read_record(
+    path: Any, steps: Steps, frequency: float | None, layout: Mapping[str, Any], history: list[str]
+) -> Frame:
     """Return the record of a rig in a table after the given steps, as a data frame.
 
     Parameters
     ----------
     path : file or data frame
+    frequency : of sinusoidal strokes [Hz], or None
     layout : options of `fitting.read`, of which columns, block and bad_rows are used
     history : receives a line about each step
 
     Raises
     ------
-    ValueError : as for `rubberfric.io.read_table` and `reduced`
+    ValueError : as for `rubberfric.io.read_table`, a step needs a column that is missing, or no row is left
     """
+    where, sinusoidal = str(path), steps.fold in FOLDS
+    given = Given(frequency, steps.stroke)
+    given.check(where)
     own = {name: layout[name] for name in ("columns", "block", "bad_rows") if name in layout}
-    names = read_names(path, layout.get("columns"), block=layout.get("block"))
-    known = {COLUMNS[name].name for name in names if name in COLUMNS}
+    known = _quantities(path, layout)
     forces = {"F_t", "F_n"} <= known
     wanted = [name for name in QUANTITIES if name in known and name != ("mu" if forces else "F_t")]
     from_position = {"t", "x"} <= known and not {"v", "v_travel"} & known
-    needed = ("t", "x") if from_position else ("v",)
+    has_velocity = not (from_position or (sinusoidal and not {"v", "v_travel"} & known))
+    if frequency is not None and not sinusoidal:
+        raise ValueError(
+            f'{where}: frequency = {frequency:g}: must not be given without fold="middle" or fold="speeds"'
+        )
+    needed = ("v",) if has_velocity else ("t", "x") if from_position else ()
     needed += () if forces else ("mu",)
     # "v" is optional, so that the time of the record may be 0.
     table = read_table(path, needed, (*wanted, "v"), increasing=False, history=history, **own)
-    if from_position:
-        table["v"] = velocity_of_strokes(table["t"], table["x"], history)
-    table, done = reduced(str(path), table, steps)
-    history += done
+    if steps.zero:
+        table = without_zero(where, table, history)
+    if sinusoidal:
+        table = motion(where, table, given, None if isinstance(path, Frame) else path, history)
+        table = _folded_strokes(where, table, steps, history)
+    else:
+        if from_position:
+            table["v"] = velocity_of_strokes(where, table["t"], table["x"], history)
+        table = _reduced(where, table, steps, history)
     return as_frame({f"{name} [{next(iter(COLUMNS[name].units))}]": values for name, values in table.items()})
 
 
-def reduced(where: str, table: Table, steps: Steps) -> tuple[Table, tuple[str, ...]]:
-    """Return a record after the given steps, and a line about each step.
+def check_velocity(path: Any, layout: Mapping[str, Any]) -> None:
+    """Raise ValueError, which names the options of records, if times and positions stand for the velocity."""
+    known = _quantities(path, layout)
+    if {"t", "F_t"} <= known and not {"v", "v_travel"} & known:
+        stated = "" if "x" in known else ", frequency=... [Hz] and stroke=... [m]"
+        constant = ", or fold=True or average=True if it is constant" if "x" in known else ""
+        raise ValueError(
+            f'{path}: no column v: add it to the table, or give fold="middle" or fold="speeds"{stated} if'
+            f" the velocity is sinusoidal{constant}"
+        )
 
-    Parameters
-    ----------
-    where : file or data frame in messages
-    table : columns in SI of equal length; v, and F_t and F_n or mu, must be present
 
-    Returns
-    -------
-    table with the columns that were given, and with sigma if the record was folded; and the history
+def _quantities(path: Any, layout: Mapping[str, Any]) -> set[str]:
+    names = read_names(path, layout.get("columns"), block=layout.get("block"))
+    return {COLUMNS[name].name for name in names if name in COLUMNS}
 
-    Raises
-    ------
-    ValueError : a step needs a column that is missing, or no row is left
-    """
-    history: list[str] = []
-    if steps.zero:
-        table = without_zero(where, table, history)
+
+def _reduced(where: str, table: Table, steps: Steps, history: list[str]) -> Table:
+    """Return a record of constant velocities after the steps except `zero`."""
     sections = sections_of(where, table, history)
     if steps.discard is not None:
         sections = without_start(where, table, sections, steps.discard, history)
-    if steps.fold or (steps.average and {"t", "x"} & table.keys()):
+    over_time = steps.average and bool({"t", "x"} & table.keys())
+    if steps.fold or over_time:
         warn_of_varying_velocity(where, table, sections, history)
     if steps.fold:
-        return folded(where, table, sections, history), tuple(history)
-    if steps.average and {"t", "x"} & table.keys():
-        return section_means(table, sections, history), tuple(history)
+        return folded(table, sections, _cycles(where, table, sections), history)
+    if over_time:
+        return section_means(table, sections, history)
     rows = np.concatenate(sections)
-    return {name: values[rows] for name, values in table.items()}, tuple(history)
+    return {name: values[rows] for name, values in table.items()}
+
+
+def _folded_strokes(where: str, table: Table, steps: Steps, history: list[str]) -> Table:
+    """Return a row for each cycle of a sinusoidal record, or for each cycle and bin of the speed."""
+    strokes = strokes_of(where, table, history)
+    whole = [stroke.rows for stroke in strokes]
+    kept = whole
+    if steps.discard is not None:
+        kept = without_start(where, table, whole, steps.discard, history)
+        if len(kept) < len(whole):
+            raise ValueError(f"{where}: discard = {steps.discard!r}: must be shorter than all strokes")
+    count = sum(rows.size for rows in whole)
+    if steps.fold == "middle":
+        middle = [
+            np.intersect1d(middle_of(where, stroke), rows) for stroke, rows in zip(strokes, kept, strict=True)
+        ]
+        if not all(rows.size for rows in middle):
+            raise ValueError(f"{where}: discard = {steps.discard!r}: must leave the middle of the strokes")
+        used = sum(rows.size for rows in middle)
+        history.append(f"middle {MIDDLE:.0%} of each of {len(strokes)} strokes: {used} of {count} rows")
+        return folded(table, middle, _cycles(where, table, middle), history)
+    bins = speeds_of(where, table, strokes, kept)
+    used = sum(rows.size for own in bins.rows for rows in own.values())
+    numbers = {k for own in bins.rows for k in own}
+    history.append(
+        f"{len(numbers)} bins of |v|, {PER_DECADE} per decade, in each of {len(strokes)} strokes; turning"
+        f" points below {SLOWEST:.0%} of the largest |v| left out: {count - used} of {count} rows"
+    )
+    sections, pairs, speeds, places = [], [], [], []
+    for i, j in _cycles(where, table, [middle_of(where, stroke) for stroke in strokes]):
+        for k in sorted(bins.rows[i].keys() & bins.rows[j].keys(), reverse=True):
+            pairs.append((len(sections), len(sections) + 1))
+            sections += [bins.rows[i][k], bins.rows[j][k]]
+            speeds.append(bins.speed[i][k])
+            places.append((strokes[i], strokes[j]))
+    cycle = folded(table, sections, pairs, history, "bin of a cycle")
+    history += slowing_hysteresis(table, sections, places, np.array(speeds))
+    return cycle | {"v": np.array(speeds)}
 
 
 def without_zero(where: str, table: Table, history: list[str]) -> Table:
@@ -177,96 +255,6 @@ def without_zero(where: str, table: Table, history: list[str]) -> Table:
     return {name: values[rows] for name, values in table.items()}
 
 
-def without_start(
-    where: str, table: Table, sections: Sequence[np.ndarray], discard: str, history: list[str]
-) -> list[np.ndarray]:
-    """Return the rows of each section without its start.
-
-    Parameters
-    ----------
-    discard : a length such as "10 mm", a time such as "2 s", or "settling"
-        "settling" removes the rows before the number d of rows for which the marginal standard error of the
-        rest, sum((mu - mean)^2) / (n - d)^2, is smallest (MSER) [White, Simulation 69, 323 (1997)].
-    """
-    amount, quantity = _amount(where, discard)
-    kept, removed = [], []
-    for rows in sections:
-        if quantity is None:
-            count = _settling_rows(where, _friction(table)[rows])
-        else:
-            # Sums of steps have rounding errors, so that a row at the end of the start may seem to be inside.
-            inside = _distance(where, table, rows, quantity) < (1 - 1e-9) * amount
-            count = int(np.count_nonzero(inside))
-        removed.append(count)
-        kept.append(rows[count:])
-    sections_left = [rows for rows in kept if rows.size]
-    if not sections_left:
-        raise ValueError(
-            f"{where}: discard = {discard!r}: leaves no row of {len(kept)} sections; must be less"
-        )
-    what = "rows before mu settles (MSER)" if quantity is None else f"first {discard.strip()}"
-    lost = len(kept) - len(sections_left)
-    short = f"; {lost} shorter sections left out" if lost else ""
-    every = sum(rows.size for rows in sections)
-    history.append(f"{what} of each of {len(kept)} sections discarded: {sum(removed)} of {every} rows{short}")
-    return sections_left
-
-
-def _amount(where: str, discard: str) -> tuple[float, str | None]:
-    """Return an amount in SI and its quantity, "x" or "t", or None for "settling"."""
-    units = {unit: (name, factor) for name in ("x", "t") for unit, factor in COLUMNS[name].units.items()}
-    if discard == "settling":
-        return 0.0, None
-    try:
-        match = _AMOUNT.fullmatch(discard)
-        name, factor = units[match[2]]  # pyright: ignore[reportOptionalSubscript]
-        amount = factor * float(match[1])  # pyright: ignore[reportOptionalSubscript]
-        if not 0 < amount < np.inf:
-            raise ValueError
-    except (TypeError, KeyError, ValueError):
-        raise ValueError(
-            f'{where}: discard = {shown(discard)}: must be "settling", or a length or time > 0 such as'
-            f' "10 mm" or "2 s", in {", ".join(units)}'
-        ) from None
-    return amount, name
-
-
-def _distance(where: str, table: Table, rows: np.ndarray, quantity: str) -> np.ndarray:
-    """Return the sliding distance [m] or the time [s] from the start of a section."""
-    if quantity == "t" and "t" not in table:
-        raise ValueError(f"{where}: discard: must be a length, because the table has no column t")
-    if quantity in table:
-        return np.abs(table[quantity][rows] - table[quantity][rows[0]])
-    if "t" not in table:
-        raise ValueError(f"{where}: discard: a length needs a column x or t: the table must have one")
-    steps = np.diff(table["t"][rows]) * np.abs(table["v"][rows[1:]])
-    return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def _settling_rows(where: str, friction: np.ndarray) -> int:
-    """Return the number of rows before mu settles, by the marginal standard error rule."""
-    n = friction.size
-    if n < 3:
-        return 0
-    count = np.arange(n, 0, -1)
-    # Deviations from the last value, so that the sums of squares do not cancel.
-    rest = (friction - friction[-1])[::-1]
-    total, square = np.cumsum(rest)[::-1], np.cumsum(rest**2)[::-1]
-    error = (square - total**2 / count) / count.astype(float) ** 2
-    allowed = int(_MOST_SETTLING * n)
-    found = int(np.argmin(error[: allowed + 1]))
-    if found == allowed:
-        raise ValueError(
-            f'{where}: discard = "settling": mu does not settle within half of a section of {n} rows; it must'
-            " be a length or a time, or measure longer"
-        )
-    return found
-
-
-def _friction(table: Table) -> np.ndarray:
-    return table["F_t"] / table["F_n"] if "F_t" in table else table["mu"]
-
-
 def section_means(table: Table, sections: Sequence[np.ndarray], history: list[str]) -> Table:
     """Return the mean of each section, with forces in the direction of sliding."""
     sign = direction_of(table)
@@ -278,20 +266,15 @@ def section_means(table: Table, sections: Sequence[np.ndarray], history: list[st
     return {name: np.array([values[rows].mean() for rows in sections]) for name, values in oriented.items()}
 
 
-def folded(where: str, table: Table, sections: Sequence[np.ndarray], history: list[str]) -> Table:
-    """Return a row for each cycle of two strokes in opposite directions, with the hysteresis as sigma.
-
-    The offset of mu, which is equal for both directions, cancels. sigma is the scatter of the offset between
-    cycles, which is also the scatter of mu if the strokes are independent, times `student_factor`. With one
-    cycle, sigma is the offset itself.
-    """
+def _cycles(where: str, table: Table, sections: Sequence[np.ndarray]) -> list[tuple[int, int]]:
+    """Return pairs of sections in opposite directions, forward and backward, at equal speeds."""
     sign = direction_of(table)
-    means = {name: np.array([values[rows].mean() for rows in sections]) for name, values in table.items()}
-    direction, speed = np.array([sign[rows[0]] for rows in sections]), np.abs(means["v"])
+    direction = np.array([np.sign(sign[rows].sum()) for rows in sections])
+    speed = np.array([np.abs(table["v"][rows].mean()) for rows in sections])
     backward = [int(i) for i in np.flatnonzero(direction < 0)]
     cycles = []
     for i in np.flatnonzero(direction > 0):
-        near = [j for j in backward if abs(speed[j] - speed[i]) <= _SAME_SPEED * speed[i]]
+        near = [j for j in backward if abs(speed[j] - speed[i]) <= SAME_SPEED * speed[i]]
         if near:
             partner = min(near, key=lambda j: abs(j - i))
             backward.remove(partner)
@@ -301,6 +284,24 @@ def folded(where: str, table: Table, sections: Sequence[np.ndarray], history: li
             f"{where}: fold=True: no sections in opposite directions at equal speeds; v or F_t must change"
             " its sign, or leave fold out"
         )
+    return cycles
+
+
+def folded(
+    table: Table,
+    sections: Sequence[np.ndarray],
+    cycles: Sequence[tuple[int, int]],
+    history: list[str],
+    noun: str = "cycle",
+) -> Table:
+    """Return a row for each pair of sections in opposite directions, with the hysteresis as sigma.
+
+    The offset of mu, which is equal for both directions, cancels. sigma is the scatter of the offset between
+    cycles, which is also the scatter of mu if the strokes are independent, times `student_factor`. With one
+    cycle, sigma is the offset itself.
+    """
+    means = {name: np.array([values[rows].mean() for rows in sections]) for name, values in table.items()}
+    speed = np.abs(means["v"])
     i, j = np.array(cycles).T
     cycle = {name: (values[i] + values[j]) / 2 for name, values in means.items()}
     cycle["v"] = (speed[i] + speed[j]) / 2
@@ -331,9 +332,9 @@ def folded(where: str, table: Table, sections: Sequence[np.ndarray], history: li
     if sigma == 0:
         error = "no hysteresis, errors unknown"
     else:
-        error = f"hysteresis {sigma:.2g} is sigma" + ("" if several else ", the offset of the only cycle")
+        error = f"hysteresis {sigma:.2g} is sigma" + ("" if several else f", the offset of the only {noun}")
     history.append(
-        f"folded, {len(cycles)} cycle{'s' * several}: mu = {formula}; offset of mu {offset.mean():+.3g}, a"
+        f"folded, {len(cycles)} {noun}{'s' * several}: mu = {formula}; offset of mu {offset.mean():+.3g}, a"
         f" misalignment of {angle:+.3g} deg or a zero error; {error}"
         + (f"; {left} sections without a partner left out" if left else "")
     )

@@ -55,6 +55,13 @@ class SlipData(Measured):
     At small slip all elements stick, and the force depends on stiffness * length^2 * width / 2 alone
     (`rubberfric.applications.slip_stiffness`). A fit separates stiffness and length by aligning moments
     (`MomentData`). The error of the brush model is not known; no fit was compared with measured slip curves.
+
+    Examples
+    --------
+    >>> angle, force = np.radians([1.0, 4.0, 8.0]), [900.0, 2500.0, 2800.0]
+    >>> data = fitting.SlipData(angle, force=force, speed=10.0, load=3000.0, relative=0.03)
+    >>> (data.force / data.load).round(2)
+    array([0.3 , 0.83, 0.93])
     """
 
     quantity: ClassVar[str] = "force"
@@ -88,6 +95,13 @@ class MomentData(Measured):
         At small slip it has the sign of the slip, as in `rubberfric.grip`.
     speed, load, temperature, relative, name, check_units : as in `SlipData`
     sigma : standard deviation of `moment`, > 0 [N m], or None
+
+    Examples
+    --------
+    >>> angle, moment = np.radians([1.0, 4.0, 8.0]), [17.0, 25.0, 6.0]
+    >>> data = fitting.MomentData(angle, moment, speed=10.0, load=3000.0, sigma=2.0)
+    >>> (1e3 * data.moment / 900.0)[0].round(1)  # pneumatic trail at a side force of 900 N, in mm
+    np.float64(18.9)
     """
 
     quantity: ClassVar[str] = "moment"

@@ -23,6 +23,12 @@ class RelaxationData(Measured):
     body : "lower", "upper" or None
         Body of the scene that has this material.
     name, check_units : as in `FrictionData`
+
+    Examples
+    --------
+    >>> data = fitting.RelaxationData([0.1, 1.0, 10.0], [3e6, 2e6, 1.5e6], relative=0.02, temperature=293.15)
+    >>> data.selected(time=(0.5, None)).modulus
+    array([2000000., 1500000.])
     """
 
     quantity: ClassVar[str] = "relaxation"
@@ -48,6 +54,14 @@ class CreepData(Measured):
     compliance : D(t), > 0 [1/Pa]
     sigma : standard deviation of `compliance`, > 0 [1/Pa], or None
     temperature, relative, body, name, check_units : as in `RelaxationData`
+
+    Examples
+    --------
+    The compliance of a rubber of 3 MPa that creeps:
+
+    >>> data = fitting.CreepData([0.1, 1.0, 10.0], [3.3e-7, 4e-7, 6e-7], relative=0.02)
+    >>> (1e-6 / data.compliance).round(2)  # in MPa
+    array([3.03, 2.5 , 1.67])
     """
 
     quantity: ClassVar[str] = "creep"

@@ -127,6 +127,21 @@ def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Compariso
     One value at a time is left out, so LOO measures predictions between neighbouring values. No criterion
     measures how well a scene extrapolates beyond the data. If errors were estimated, each fit uses its own.
     The criteria do not include the deviations from the priors.
+
+    Examples
+    --------
+    E' and E'' of two relaxation times need a series of two terms:
+
+    >>> omega, scene = np.logspace(0, 4, 9), rf.load_scene("data/tread_on_asphalt.toml")
+    >>> two = rf.Prony(E_inf=2e6, E=[1e7, 1e7], tau=[1e-1, 1e-3])
+    >>> E = np.asarray(rf.complex_modulus(two, omega))
+    >>> data = fitting.ModulusData(omega, E.real, E.imag, relative=0.05, body="upper")
+    >>> series = {"one": two.replace(E=[1e7], tau=[1e-2]), "two": two}
+    >>> free = {"upper.material.E": fitting.Positive(), "upper.material.tau": fitting.Positive()}
+    >>> fits = {n: fitting.fit(scene.replace("upper.material", x), data, free) for n, x in series.items()}
+    >>> comparison = fitting.compare(fits)
+    >>> comparison.best, [variant.name for variant in comparison.alike]
+    ('two', ['two'])
     """
     named = _named(results)
     fits = list(named.values())

@@ -33,6 +33,13 @@ class Positive:
     ----------
     start : number, or None to start at the scene's value
         A number for all elements, or a sequence with a number for each element.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> x, to_scene = fitting.unconstrained(scene, {"lower.spectrum.h_rms": fitting.Positive(start=1e-3)})
+    >>> round(1e3 * float(to_scene(x + 1).lower.spectrum.h_rms), 3)  # e times 1 mm
+    2.718
     """
 
     start: Start = None
@@ -48,6 +55,13 @@ class Bounded:
     ----------
     low, high : bounds, low < start < high
     start : as for `Positive`
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> x, to_scene = fitting.unconstrained(scene, {"gamma": fitting.Bounded(0.4, 0.6)})
+    >>> round(float(x[0]), 6), round(float(to_scene(x + 100).gamma), 6)
+    (0.0, 0.6)
     """
 
     low: float
@@ -68,6 +82,13 @@ class Free:
     start : as for `Positive`
     scale : size of a considerable change, > 0
         None: the absolute start value, or 1 if the start value is 0.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/grooved_road.toml")
+    >>> x, to_scene = fitting.unconstrained(scene, {"lower.spectrum.angle": fitting.Free(scale=0.1)})
+    >>> round(float(to_scene(x + 1).lower.spectrum.angle - scene.lower.spectrum.angle), 6)
+    0.1
     """
 
     start: Start = None
@@ -87,6 +108,18 @@ class Tied:
     to : key path of the other parameter
         The other parameter must not be tied, and must have one element or as many as this parameter.
     ratio : ratio of this value to the value of `to` [-]; None: the ratio of the start values
+
+    Examples
+    --------
+    The lower bound q0 remains a tenth of the roll-off qr:
+
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> qr, q0 = "lower.spectrum.qr", "lower.spectrum.q0"
+    >>> free = {qr: fitting.Positive(), q0: fitting.Tied(to=qr)}
+    >>> x, to_scene = fitting.unconstrained(scene, free)
+    >>> road = to_scene(x + np.log(2)).lower.spectrum
+    >>> round(float(road.qr), 6), round(float(road.q0), 6)
+    (2000.0, 200.0)
     """
 
     to: str
@@ -107,6 +140,16 @@ class RmsSlope:
     Parameters
     ----------
     slope : rms slope [-], > 0
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> h, q1 = "lower.spectrum.h_rms", "lower.spectrum.q1"
+    >>> free = {h: fitting.Positive(), q1: fitting.RmsSlope(1.3)}
+    >>> x, to_scene = fitting.unconstrained(scene, free)
+    >>> rough, rougher = to_scene(x).lower.spectrum, to_scene(x + 0.5).lower.spectrum
+    >>> round(float(rf.rms_slope(rougher)), 6), bool(rougher.q1 < rough.q1)
+    (1.3, True)
     """
 
     slope: float = 1.3

@@ -38,6 +38,19 @@ class Correlated:
     low, high : limits of every number, -inf and inf if there are none, shape (n,)
     places : abscissa of every number, such as its relaxation time, NaN if a number has none, shape (n,);
         or None. A scene with other abscissae is refused, because its numbers have another meaning.
+
+    Examples
+    --------
+    The height from another measurement, with 10 %, and data that determine it to 20 % / sqrt(4):
+
+    >>> scene, q = rf.load_scene("data/tread_on_asphalt.toml"), np.logspace(2.5, 4, 4)
+    >>> C = rf.power_spectrum(scene.lower.spectrum, q)
+    >>> data = fitting.SpectrumData(q, C, relative=0.4, body="lower")  # ln C = 2 ln h + ...
+    >>> h = "lower.spectrum.h_rms"
+    >>> prior = {h: fitting.Correlated([0.5e-3], [[0.1**2]], low=[0.0], high=[np.inf])}
+    >>> result = fitting.fit(scene, data, {h: fitting.Positive()}, prior=prior)
+    >>> round(float(result[h].stderr / result[h].value), 4)  # 0.1 / sqrt(2)
+    0.0707
     """
 
     mean: ArrayLike

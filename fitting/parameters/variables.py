@@ -281,6 +281,15 @@ def unconstrained(
     Raises
     ------
     ValueError : as in `fitting.fit` for `free`
+
+    Examples
+    --------
+    The logit of gamma changes by 1:
+
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> x, to_scene = fitting.unconstrained(scene, {"gamma": fitting.Bounded(0.0, 1.0)})
+    >>> [round(float(to_scene(x + step).gamma), 3) for step in (-1.0, 0.0, 1.0)]
+    [0.269, 0.5, 0.731]
     """
     scene = as_scenes(scene)
     dtype = result_dtype(scene, 1.0)

@@ -33,6 +33,19 @@ def plot_correlation(result: Any, ax: style.Axes | None = None) -> style.Axes:
     ax : matplotlib axes, which are returned
         If None, they belong to a new figure, `ax.figure`, which is not registered with pyplot. The colour bar
         is the last of `ax.figure.axes`.
+
+    Examples
+    --------
+    Neighbouring relaxation times are correlated:
+
+    >>> omega, scene = np.logspace(0, 4, 9), rf.load_scene("data/tread_on_asphalt.toml")
+    >>> scene = scene.replace("upper.material", rf.Prony(E_inf=2e6, E=[1e7, 1e7], tau=[1e-2, 3e-3]))
+    >>> E = np.asarray(rf.complex_modulus(scene.upper.material, omega))
+    >>> data = fitting.ModulusData(omega, E.real, E.imag, relative=0.05, body="upper")
+    >>> result = fitting.fit(scene, data, {"upper.material.E": fitting.Positive()})
+    >>> ax = fitting.plot.plot_correlation(result)
+    >>> round(float(result.correlation[0, 1]), 2), len(ax.texts)  # a text in each of 2 x 2 cells
+    (-0.68, 4)
     """
     if not hasattr(result, "correlation"):
         result = getattr(result, "fit", result)

@@ -68,6 +68,16 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
     Returns
     -------
     sequence of the axes, top to bottom
+
+    Examples
+    --------
+    >>> omega, scene = np.logspace(0, 4, 9), rf.load_scene("data/tread_on_asphalt.toml")
+    >>> scene = scene.replace("upper.material", rf.Prony(E_inf=2e6, E=[1e7], tau=[1e-2]))
+    >>> E = np.asarray(rf.complex_modulus(scene.upper.material, omega))
+    >>> data = fitting.ModulusData(omega, E.real, E.imag, relative=0.05, body="upper")
+    >>> axes = fitting.plot.plot_fit(fitting.fit(scene, data, {"upper.material.E": fitting.Positive()}))
+    >>> len(axes)  # E' and E'' above, residuals below
+    2
     """
     if not isinstance(result, FitRecord):
         raise ValueError(f"result is a {type(result).__name__}: must be of class FitResult")
@@ -90,7 +100,20 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
 
 
 def save_plot(path: StrPath, result: FitRecord, title: str = "") -> None:
-    """Write the plot of a fit to a file, completely or not at all."""
+    """Write the plot of a fit to a file, completely or not at all.
+
+    Examples
+    --------
+    >>> omega, scene = np.logspace(0, 4, 9), rf.load_scene("data/tread_on_asphalt.toml")
+    >>> scene = scene.replace("upper.material", rf.Prony(E_inf=2e6, E=[1e7], tau=[1e-2]))
+    >>> E = np.asarray(rf.complex_modulus(scene.upper.material, omega))
+    >>> data = fitting.ModulusData(omega, E.real, E.imag, relative=0.05, body="upper")
+    >>> result = fitting.fit(scene, data, {"upper.material.E": fitting.Positive()})
+    >>> fitting.plot.save_plot("fit.png", result, title="DMA of the tread")
+    >>> with open("fit.png", "rb") as file:
+    ...     print(file.read(4)[1:])
+    b'PNG'
+    """
     save_figure(path, plot_fit(result, _new_axes(_present(result), title))[0].figure)
 
 

@@ -29,7 +29,27 @@ from rubberfric.plot import style
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class FitResult(FitRecord):
-    """Result of `fitting.fit`: values and uncertainty as attributes, and methods for their use."""
+    """Result of `fitting.fit`: values and uncertainty as attributes, and methods for their use.
+
+    Examples
+    --------
+    Moduli from E' and E'' with errors of 5 %, and the prior of another fit with twice these errors:
+
+    >>> omega, scene = np.logspace(0, 4, 9), rf.load_scene("data/tread_on_asphalt.toml")
+    >>> scene = scene.replace("upper.material", rf.Prony(E_inf=2e6, E=[1e7], tau=[1e-2]))
+    >>> E = np.asarray(rf.complex_modulus(scene.upper.material, omega))
+    >>> data = fitting.ModulusData(omega, E.real, E.imag, relative=0.05, body="upper")
+    >>> free = {f"upper.material.{name}": fitting.Positive() for name in ("E_inf", "E")}
+    >>> result = fitting.fit(scene, data, free)
+    >>> (result.stderr / result.values).round(4)
+    array([0.0268, 0.0144])
+    >>> list(result.as_prior("lower", widen=2.0))
+    ['lower.material.E_inf, lower.material.E']
+    >>> result.save("fit.h5")
+    >>> again = fitting.FitResult.load("fit.h5")
+    >>> again.success, again.report() == result.report()
+    (True, True)
+    """
 
     def predict(
         self,

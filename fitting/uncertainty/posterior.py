@@ -46,6 +46,17 @@ class LogDensity:
     """Log density of the free parameters of a fit, a function of x of shape (n,), made by `log_density`.
 
     A call returns the log density up to a constant, also inside jit, vmap and grad.
+
+    Examples
+    --------
+    >>> scene, q = rf.load_scene("data/tread_on_asphalt.toml"), np.logspace(2.5, 4, 4)
+    >>> C = rf.power_spectrum(scene.lower.spectrum, q)
+    >>> data = fitting.SpectrumData(q, C, relative=0.2, body="lower")
+    >>> density = fitting.log_density(fitting.fit(scene, data, {"lower.spectrum.h_rms": fitting.Positive()}))
+    >>> density.names, density.values(np.log([0.5e-3])).round(9)
+    (('lower.spectrum.h_rms',), array([0.0005]))
+    >>> float(density.scene(np.log([0.6e-3])).lower.spectrum.hurst)
+    0.8
     """
 
     problem: Problem
@@ -95,6 +106,18 @@ def log_density(result: SolvedProblem, flat: str = "x") -> LogDensity:
     not decrease, and a sampler diverges. Give such parameters a Gaussian prior, or fix them. For Bounded
     parameters the integral is finite with "values". For a robust loss the width of exp(-cost) differs from
     the fit's standard errors, which treat outliers differently.
+
+    Examples
+    --------
+    One standard error from the minimum, the density is lower by exp(-1/2):
+
+    >>> scene, q = rf.load_scene("data/tread_on_asphalt.toml"), np.logspace(2.5, 4, 4)
+    >>> C = rf.power_spectrum(scene.lower.spectrum, q)
+    >>> data = fitting.SpectrumData(q, C, relative=0.2, body="lower")
+    >>> result = fitting.fit(scene, data, {"lower.spectrum.h_rms": fitting.Positive()})
+    >>> density = fitting.log_density(result)
+    >>> round(float(density(result.x + 0.05) - density(result.x)), 6)
+    -0.5
     """
     check_options(flat=flat)
     return LogDensity(result.problem, flat)

@@ -92,7 +92,15 @@ def sensitivity(
 
 
 def sensitivity_names(scene: rf.Scene, parameters: str | Iterable[str]) -> tuple[str, ...]:
-    """Return the key path of every row that `sensitivity` returns for the same `parameters`."""
+    """Return the key path of every row that `sensitivity` returns for the same `parameters`.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> names = fitting.sensitivity_names(scene, ["gamma", "upper.material.E"])
+    >>> names[:2], len(names)
+    (('gamma', 'upper.material.E[0]'), 18)
+    """
     return tuple(name for path in _paths(parameters) for name in leaf_names(path, find(scene, path)[1]))
 
 

@@ -4,6 +4,9 @@ from rubberfric.base.lazy import lazily
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
+    from rubberfric.analysis.adhesion import AdhesionVerdict as AdhesionVerdict
+    from rubberfric.analysis.adhesion import adhesion_matters as adhesion_matters
+    from rubberfric.analysis.adhesion import full_contact_energy as full_contact_energy
     from rubberfric.analysis.adhesion import pull_off_force as pull_off_force
     from rubberfric.analysis.boundary_elements import SlidingContact as SlidingContact
     from rubberfric.analysis.boundary_elements import boundary_element as boundary_element
@@ -25,12 +28,9 @@ if TYPE_CHECKING:
     from rubberfric.analysis.scales.separations import separation_profile as separation_profile
     from rubberfric.analysis.sweep import accuracy as accuracy
     from rubberfric.analysis.tables import friction_table as friction_table
-    from rubberfric.analysis.validity import AdhesionVerdict as AdhesionVerdict
     from rubberfric.analysis.validity import TheoryError as TheoryError
-    from rubberfric.analysis.validity import adhesion_matters as adhesion_matters
     from rubberfric.analysis.validity import contact_model_name as contact_model_name
     from rubberfric.analysis.validity import friction_outside_table as friction_outside_table
-    from rubberfric.analysis.validity import full_contact_energy as full_contact_energy
     from rubberfric.analysis.validity import theory_error as theory_error
     from rubberfric.scene.settings import default_quadrature as default_quadrature
 

@@ -1,4 +1,11 @@
-r"""Pull-off force of a rough sphere with adhesion.
+r"""Whether adhesion matters, and the pull-off force of a rough sphere with adhesion.
+
+Solids that are pulled into full contact store the elastic energy
+
+.. math:: \frac{U_\mathrm{el}}{A_0} = \frac12\int d^2q \sum_j C_j\,\mathrm{Re}K_j
+          \qquad\Big[= \frac{\pi}{2} E_r\int dq\, q^2 C(q) \text{ for one elastic half-space}\Big]
+
+[Persson and Tosatti, J. Chem. Phys. 115, 5597 (2001), doi:10.1063/1.1398300] and gain the work of adhesion.
 
 The pull-off force of a sphere follows from the work W that separates flat rough solids. In the short-range
 limit W is the work of `rubberfric.theory.area.constant_area`, in the formula of Johnson, Kendall and
@@ -22,13 +29,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.blocks import over_points
-from rubberfric.base.checks import POSITIVE, ArrayLike, as_leaf, check_values
+from rubberfric.base.checks import POSITIVE, ArrayLike, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature, gauss, typed
 from rubberfric.scene.scene import Scene, rough_surfaces
 from rubberfric.theory.adhesive_contact import relative_attraction, work_of_separation
 from rubberfric.theory.area.partial_contact import contact_argument
 from rubberfric.theory.arguments import checked_arguments
-from rubberfric.theory.integrals import evaluate, prepare
+from rubberfric.theory.contributions import total
+from rubberfric.theory.integrals import evaluate, prepare, solved
 from rubberfric.theory.structure import SurfaceTemperatures
 
 _DEFAULT = Quadrature()
@@ -59,6 +67,150 @@ _LOADS = 32
 
 # Number of searches, each in the interval that the previous one found.
 _ROUNDS = 6
+
+# Points evaluated at once for the energy of full contact.
+_ENERGY_BLOCK = 64
+
+# Work of adhesion of rubber on most clean solids [J/m^2].
+_WORK = 0.05
+
+# Ratio of energy to work above which adhesion is negligible. Works of adhesion are known within a factor of a
+# few, so that the ratio must be far from 1.
+_NEGLIGIBLE = 30.0
+# Ratio of energy to work below which adhesion is dominant, as far from 1 as the ratio above.
+_DOMINANT = 1 / _NEGLIGIBLE
+
+
+class AdhesionVerdict(NamedTuple):
+    """Results of `adhesion_matters`; arrays of the broadcast shape of the conditions."""
+
+    ratio: jax.Array  # elastic energy of full contact over the work of adhesion [-]
+    elastic_energy: jax.Array  # of full contact [J/m^2]
+    words: str  # verdict from the smallest ratio
+
+    def __str__(self) -> str:
+        return self.words
+
+
+def full_contact_energy(
+    scene: Scene,
+    velocity: ArrayLike = 0.0,
+    temperature: ArrayLike | None = None,
+    *,
+    quadrature: Quadrature = _DEFAULT,
+) -> jax.Array:
+    r"""Compute the elastic energy per nominal area of full contact.
+
+    .. math:: U_\mathrm{el}/A_0 = \frac12\int d^2q \sum_j C_j\,\mathrm{Re}K_j(q v\cos\varphi)
+
+    [Persson and Tosatti, J. Chem. Phys. 115, 5597 (2001)]
+
+    Parameters
+    ----------
+    scene : Scene; heating and adhesion are ignored
+    velocity, temperature : array_like, broadcastable [m/s], [K]; velocity 0: relaxed moduli
+    quadrature : Quadrature, static
+
+    Returns
+    -------
+    array, broadcast shape [J/m^2]; 0 without roughness. Raises as `contact_area`.
+
+    Examples
+    --------
+    For an elastic solid this is E_r / 4 times the first moment of the spectrum:
+
+    >>> seal = rf.load_scene("data/rubber_seal.toml")
+    >>> f"{float(rf.analysis.full_contact_energy(seal)):.4g}"  # in J/m^2
+    '0.007244'
+    >>> f"{1e7 / 0.75 / 4 * float(rf.roughness.moment(seal.lower.spectrum, 1)):.4g}"
+    '0.007244'
+    """
+    scene = scene.replace(heating=None, adhesion=None)
+    scene, (velocity, _, temperature) = checked_arguments(scene, velocity, 1.0, temperature, quadrature)
+    return _full_contact_energy(scene, velocity, temperature, quadrature=quadrature)
+
+
+@functools.partial(jax.jit, static_argnames=("quadrature",))
+def _full_contact_energy(scene, velocity, temperature, *, quadrature):
+    if not rough_surfaces(scene):
+        shape = (
+            velocity.shape if temperature is None else jnp.broadcast_shapes(velocity.shape, temperature.shape)
+        )
+        return jnp.zeros(shape, velocity.dtype)
+    prepared = prepare(scene, ("separation",), quadrature)
+
+    def energy(points):
+        velocity, *temperature = points
+        contact, _ = solved(prepared, velocity, jnp.ones_like(velocity), *temperature)
+        storage = total(jnp.sum(terms.densities["mean_storage"], (0, 2)) for terms in contact.terms)
+        return jnp.broadcast_to(0.5 * prepared.roughness.scale * storage, velocity.shape)
+
+    return over_points(energy, (velocity, temperature), _ENERGY_BLOCK)
+
+
+def adhesion_matters(
+    scene: Scene,
+    velocity: ArrayLike = 0.0,
+    temperature: ArrayLike | None = None,
+    *,
+    work: ArrayLike | None = None,
+    quadrature: Quadrature = _DEFAULT,
+) -> AdhesionVerdict:
+    r"""Judge whether adhesion matters in a scene.
+
+    .. math:: ratio = \frac{U_\mathrm{el}/A_0}{\Delta\gamma}
+
+    Parameters
+    ----------
+    scene : Scene
+    velocity, temperature : as for `full_contact_energy`
+    work : work of adhesion [J/m^2], > 0, a number; None: from the scene, or 0.05 if it has no adhesion
+    quadrature : Quadrature, static
+
+    Returns
+    -------
+    AdhesionVerdict. Above a ratio of about 30 adhesion cannot pull the solids together and may be omitted.
+    Below about 1/30 it causes full contact without load. In between, adhesion determines how much of the fine
+    roughness is in contact. The verdict uses the smallest ratio of all points.
+
+    Raises
+    ------
+    ValueError : as `contact_area`; work <= 0; called within jit (`full_contact_energy` can be traced).
+
+    Notes
+    -----
+    Tread rubber on asphalt at rest: 1e4. A seal on ground steel: about 1. Silicone on glass: 1e-3 and less.
+
+    Examples
+    --------
+    The energy of full contact, 7.2 mJ/m^2, is 14 % of the work of a clean surface:
+
+    >>> seal = rf.load_scene("data/rubber_seal.toml")
+    >>> verdict = rf.analysis.adhesion_matters(seal, work=0.05)
+    >>> round(float(verdict.ratio), 3), verdict.words[:16]
+    (0.145, 'adhesion matters')
+    """
+    if work is None:
+        work = _WORK if scene.adhesion is None else scene.adhesion.work
+    work = as_leaf("work", work, 0)
+    check_values("work", work, POSITIVE)
+    energy = full_contact_energy(scene, velocity, temperature, quadrature=quadrature)
+    if not is_concrete(energy) or not is_concrete(work):
+        raise ValueError("adhesion_matters is called within jit; call it outside, or use full_contact_energy")
+    ratio = energy / work
+    return AdhesionVerdict(ratio, energy, _words(float(np.min(ratio)), float(np.min(energy)), float(work)))
+
+
+def _words(ratio, energy, work):
+    compared = (
+        f"full contact would store {energy:.3g} J/m^2 of elastic energy, {ratio:.3g} times the work of "
+        f"adhesion of {work:.3g} J/m^2"
+    )
+    if ratio >= _NEGLIGIBLE:
+        return f"adhesion does not matter: {compared}; leave it out"
+    if ratio <= _DOMINANT:
+        return f"adhesion is everything: {compared}; the solids pull each other into full contact"
+    return f"adhesion matters: {compared}; it decides how much of the fine roughness is in contact"
 
 
 def pull_off_force(
@@ -96,6 +248,15 @@ def pull_off_force(
     Limits: in the long-range limit W is up to 14 % below boundary elements at Tabor number 0.1, and 6 to 60 %
     below at 0.3. The error is largest if W is a small part of the work of adhesion
     (tests/rubberfric/theory/area/test_adhesive_elements.py).
+
+    Examples
+    --------
+    Roughness lowers the force of a seal on a sphere of 1 cm below JKR's 3 pi R work / 2:
+
+    >>> scene = rf.load_scene("data/rubber_seal.toml").replace("adhesion.work", 0.05)
+    >>> force = float(rf.analysis.pull_off_force(scene, radius=1e-2, pressure=1e5))
+    >>> round(force / (1.5 * np.pi * 1e-2 * 0.05), 3)  # the rest is elastic energy
+    0.855
     """
     adhesion = scene.adhesion
     if adhesion is None:

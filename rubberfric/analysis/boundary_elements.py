@@ -132,6 +132,17 @@ def boundary_element(
     (notebooks/law_elements.csv). Surfaces of 4 periods differ by 2 % in slow and 10 % in fast sliding, so
     average over several keys. Modes with wavevectors across the sliding direction stay relaxed at any
     velocity; their share falls with the number of periods.
+
+    Examples
+    --------
+    The areas of one small surface and of the theory:
+
+    >>> import jax
+    >>> road = rf.Body(rf.Rigid(), rf.SelfAffine(q0=1e3, qr=1e3, q1=8e3, hurst=0.8, h_rms=50e-6))
+    >>> scene = rf.Scene(road, rf.Body(rf.Prony(E_inf=3e6, E=[10e6], tau=[1e-3])))
+    >>> contact = rf.analysis.boundary_element(scene, 0.5, 1e5, jax.random.key(0), grid=64, periods=2.0)
+    >>> contact.converged, round(contact.area, 2), round(float(rf.contact_area(scene, 0.5, 1e5)), 2)
+    (True, 0.14, 0.11)
     """
     bodies = _rough_first(scene)
     checked_arguments(scene, velocity, pressure, temperature, Quadrature())
@@ -165,6 +176,17 @@ def sliding_contact(
     length : length of the period along either axis [m]
     material : Elastic, Prony, PronyShear, TabulatedModulus or a user-defined one
     velocity, pressure, temperature, tolerance, most_steps : as in `boundary_element`, with the same errors
+
+    Examples
+    --------
+    Half of a wave is in contact at half the pressure of full contact [Westergaard]:
+
+    >>> x = np.arange(64) / 64
+    >>> heights = 10e-6 * np.cos(2 * np.pi * x)[:, None] * np.ones(64)
+    >>> full = np.pi * 3e6 / 0.75 * 10e-6 / 1e-3  # pi E_r amplitude / wavelength
+    >>> contact = rf.analysis.sliding_contact(heights, 1e-3, rf.Elastic(3e6, 0.5), 0.0, full / 2)
+    >>> round(contact.area, 1), round(float(contact.pressure.mean() / full), 3)
+    (0.5, 0.5)
     """
     bodies = Body(Rigid()), Body(material)
     return _contact([heights], length, bodies, velocity, pressure, temperature, tolerance, most_steps)

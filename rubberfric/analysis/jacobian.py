@@ -107,6 +107,13 @@ def uses_forward_mode(scene: Scene) -> bool:
     """Return True if `value_and_jacobian` uses forward mode, because F is not a Prony series.
 
     In reverse mode each point would keep derivatives with respect to a whole table of means.
+
+    Examples
+    --------
+    >>> series = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> table = rf.load_scene("data/tabulated_tread.toml")
+    >>> rf.analysis.uses_forward_mode(series), rf.analysis.uses_forward_mode(table)
+    (False, True)
     """
     return bool({*means_methods(scene)} - {MeansMethod.CONSTANT, MeansMethod.CLOSED_FORM})
 
@@ -133,6 +140,20 @@ def value_and_jacobian(
     -------
     (values, jacobian), shapes (points,) and (points, size). Values are NaN where the temperatures of a
     heated scene did not converge.
+
+    Examples
+    --------
+    At light load mu hardly depends on a common factor of all moduli, here e^x:
+
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> def scaled(x):
+    ...     rubber = scene.upper.material
+    ...     moduli = {"E_inf": rubber.E_inf * np.e**x[0], "E": rubber.E * np.e**x[0]}
+    ...     return scene.replace("upper.material", rubber.replace(**moduli))
+    >>> at = np.array([0.01]), np.array([0.15e6]), None
+    >>> mu, slope = rf.analysis.value_and_jacobian(scaled, np.zeros(1), at, "friction", rf.Quadrature())
+    >>> round(float(mu[0]), 3), round(float(slope[0, 0] / mu[0]), 3)
+    (0.083, -0.006)
     """
     scene, fixed = scene_of(x), not callable(conditions)
     conditions_of = conditions if callable(conditions) else lambda _: conditions

@@ -43,6 +43,14 @@ def random_surface(spectrum: Spectrum, key: jax.Array, grid: int = 512, periods:
     Raises
     ------
     ValueError : a grid that does not resolve the spectrum.
+
+    Examples
+    --------
+    >>> import jax
+    >>> spectrum = rf.SelfAffine(q0=1e3, qr=3e3, q1=3e4, hurst=0.8, h_rms=20e-6)
+    >>> surface = rf.analysis.random_surface(spectrum, jax.random.key(0), grid=256, periods=2.0)
+    >>> round(1e3 * surface.length, 2), round(1e6 * float(surface.heights.std()))  # in mm and µm
+    (12.57, 20)
     """
     check_kind("spectrum", spectrum, Spectrum)
     if not periods >= 1:

@@ -253,6 +253,15 @@ def node_count(scene: Scene, quadrature: Quadrature) -> int:
     return mesh.q.size + mesh.angular_q.size
 
 
+def with_automatic(scene: Scene, automatic: Quadrature) -> tuple[Quadrature, ...]:
+    """Insert the automatic setting into `SETTINGS`, in the order of increasing work."""
+    if automatic in SETTINGS:
+        return SETTINGS
+    work = node_count(scene, automatic)
+    place = sum(node_count(scene, setting) < work for setting in SETTINGS)
+    return (*SETTINGS[:place], automatic, *SETTINGS[place:])
+
+
 def check_error(error: float) -> None:
     """Raise ValueError unless a requested error is a number >= 1e-15 (for double precision) and < 1."""
     if isinstance(error, bool) or not isinstance(error, int | float) or not 1e-15 <= error < 1:
@@ -289,6 +298,14 @@ def quadrature_for(
     ------
     ValueError : as `solve`; no setting meets the error, or the reference is not accurate enough;
         double precision is switched off.
+
+    Examples
+    --------
+    >>> road = rf.Body(rf.Rigid(), rf.SelfAffine(q0=1e3, qr=1e3, q1=1e4, hurst=0.8, h_rms=20e-6))
+    >>> scene = rf.Scene(road, rf.Body(rf.Prony(E_inf=3e6, E=[3e6], tau=[1e-3])))
+    >>> setting = rf.analysis.quadrature_for(scene, 1e-4, 0.1, 1e5, gradients=False)
+    >>> setting.order, setting.panels
+    (4, 3)
     """
     check_error(error)
     velocity = np.logspace(-8, 2, 11)[:, None] if velocity is None else velocity

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.analysis import reference
-from rubberfric.analysis.reference import SETTINGS, TRUSTED, Errors, check_error, node_count
+from rubberfric.analysis.reference import TRUSTED, Errors, check_error, node_count, with_automatic
 from rubberfric.base.atomic import StrPath, check_writable, replacing
 from rubberfric.base.checks import ArrayLike
 from rubberfric.base.objects.html import table
@@ -275,6 +275,15 @@ def accuracy(
     Raises
     ------
     ValueError : as `solve`; an argument outside its range; double precision is switched off.
+
+    Examples
+    --------
+    >>> road = rf.Body(rf.Rigid(), rf.SelfAffine(q0=1e3, qr=1e3, q1=1e4, hurst=0.8, h_rms=20e-6))
+    >>> scene = rf.Scene(road, rf.Body(rf.Prony(E_inf=3e6, E=[3e6], tau=[1e-3])))
+    >>> options = {"settings": [rf.Quadrature()], "textbook": (), "repeats": 1}
+    >>> sweep = rf.analysis.accuracy(scene, 0.1, 1e5, error=1e-6, **options)
+    >>> sweep.chosen.setting == rf.Quadrature(), rf.plot.plot_accuracy(sweep).get_xlabel()
+    (True, 'run time [ms]')
     """
     check_error(error)
     tell = progress or (lambda _: None)
@@ -376,15 +385,6 @@ def _textbook(case: reference.Case, exact: reference.Outcome, size: tuple[int, i
     outcome = reference.Outcome(np.stack([np.asarray(getattr(textbook, name)) for name in QUANTITIES]))
     errors = reference.compare_outcomes(outcome, exact, case)
     return Row("textbook", (size[0], size[1]), "float64", size[0] * size[1], errors), {"forward": forward}
-
-
-def with_automatic(scene: Scene, automatic: Quadrature) -> tuple[Quadrature, ...]:
-    """Insert the automatic setting into `SETTINGS`, in the order of increasing work."""
-    if automatic in SETTINGS:
-        return SETTINGS
-    work = node_count(scene, automatic)
-    place = sum(node_count(scene, setting) < work for setting in SETTINGS)
-    return (*SETTINGS[:place], automatic, *SETTINGS[place:])
 
 
 def _check(settings: Sequence[Quadrature], textbook: Sequence[tuple[int, int]], repeats: int) -> None:

@@ -64,6 +64,15 @@ def friction_table(
     ValueError
         as `friction_map`; a range that is not (lowest, highest); no friction; temperatures of a heated scene
         that do not converge; an error that 2049 points per axis do not reach, for example across a jump.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> table = rf.analysis.friction_table(scene, (1e-3, 1e-1), 0.15e6, error=0.02)
+    >>> table.velocity.size, table.error < 0.02
+    (4, True)
+    >>> bool(abs(table.at(0.05, 0.15e6) / rf.friction(scene, 0.05, 0.15e6) - 1) < 0.02)
+    True
     """
     check_values("error", as_leaf("error", error, 0), between(1e-5, 0.5))
     given = {"velocity": velocity, "pressure": pressure, "temperature": temperature}

@@ -91,13 +91,6 @@ def grip(
 ) -> Grip:
     """Return the tangential force of a patch that slips on a surface.
 
-    ::
-
-        patch = rf.Patch(length=0.12, width=0.15, stiffness=5e7)
-        alpha = np.radians(np.linspace(0.2, 15, 40))
-        side = rf.grip(scene, patch, alpha, speed=10.0, load=3000.0, temperature=300.0)
-        side.coefficient.max(), side.moment
-
     Parameters
     ----------
     scene : Scene of tread and road
@@ -117,6 +110,16 @@ def grip(
     Raises
     ------
     ValueError : a slip, speed or load outside its range, an unknown kind, and as `rubberfric.friction`
+
+    Examples
+    --------
+    At 45° almost the whole patch slides, and force / load is the friction at 10 m/s sin(45°), 0.315:
+
+    >>> scene = rf.load_scene("data/sheared_tread_on_asphalt.toml")
+    >>> patch = rf.Patch(length=0.12, width=0.15, stiffness=5e7, pressure="uniform")
+    >>> side = rf.grip(scene, patch, np.radians([1.0, 5.0, 45.0]), speed=10.0, load=3000.0)
+    >>> side.coefficient.round(3), side.moment.round(1)  # moments in N m
+    (Array([0.31 , 0.395, 0.314], dtype=float64), Array([18.2,  4.7,  0.2], dtype=float64))
     """
     if kind not in _RANGES:
         raise ValueError(f"kind = {shown(kind)}: must be 'angle' or 'ratio'")
@@ -198,11 +201,6 @@ def peak_grip(
 
     Slip and force have derivatives by all numbers of scene, patch and conditions.
 
-    ::
-
-        peak = rf.applications.peak_grip(scene, patch, 10.0, 3000.0, 300.0)
-        by_modulus = jax.grad(lambda s: rf.applications.peak_grip(s, patch, 10.0, 3000.0, 300.0).coefficient)
-
     Parameters
     ----------
     scene, patch, speed, load, temperature, kind, quadrature : as in `grip`
@@ -216,6 +214,14 @@ def peak_grip(
     Raises
     ------
     ValueError : an invalid range, and as `grip`
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/sheared_tread_on_asphalt.toml")
+    >>> patch = rf.Patch(length=0.12, width=0.15, stiffness=5e7)
+    >>> peak = rf.applications.peak_grip(scene, patch, speed=10.0, load=3000.0)
+    >>> round(float(np.degrees(peak.slip)), 1), round(float(peak.coefficient), 2), bool(peak.inside)
+    (3.2, 0.45, True)
     """
     low, high = (float(end) for end in between)
     if not (low < high and low * high > 0):
@@ -248,6 +254,12 @@ def slip_stiffness(patch: Patch) -> jax.Array:
     r"""Return the slip stiffness dF/d(slip) at zero slip, k L^2 w / 2 [N], per rad or per slip ratio.
 
     All elements stick at zero slip, so that friction does not matter.
+
+    Examples
+    --------
+    >>> patch = rf.Patch(length=0.12, width=0.15, stiffness=5e7)
+    >>> round(float(rf.applications.slip_stiffness(patch)))  # in N per rad
+    54000
     """
     return 0.5 * patch.stiffness * patch.length**2 * patch.width
 

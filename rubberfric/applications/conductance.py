@@ -33,11 +33,6 @@ def contact_conductance(
 ) -> jax.Array:
     """Return the conductance per nominal area of two solids at rest.
 
-    ::
-
-        # Rubber (0.2 W/(m K)) on aluminium (200 W/(m K))
-        h = rf.applications.contact_conductance(scene, 1e5, 300.0, conductivity=(0.2, 200.0))
-
     Parameters
     ----------
     scene : Scene of two half-spaces without adhesion, softening or a layer
@@ -58,6 +53,15 @@ def contact_conductance(
     -----
     The stiffness of the theory is 3 to 12 % below that of boundary elements. The conductance is that of the
     contact areas alone, without air, radiation or oxide layers.
+
+    Examples
+    --------
+    Rubber (0.2 W/(m K)) on aluminium (200 W/(m K)) at 0.1 MPa, in W/(m^2 K):
+
+    >>> rough = rf.SelfAffine(q0=1e4, qr=3e4, q1=1e7, hurst=0.8, h_rms=1e-6)
+    >>> scene = rf.Scene(rf.Body(rf.Elastic(70e9, 0.34), rough), rf.Body(rf.Elastic(10e6, 0.5)))
+    >>> round(float(rf.applications.contact_conductance(scene, 1e5, conductivity=(200.0, 0.2))), -2)
+    6300.0
     """
     check_half_spaces(scene, "the conductance")
     if len(conductivity) != 2:

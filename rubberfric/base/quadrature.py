@@ -48,6 +48,14 @@ class Quadrature:
         nodes of an angular panel, where the angular integrals of the stiffness are evaluated.
     heat : int, 40 ... 2000
         nodes of the sum over ln k that gives the temperatures of a heated scene.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> coarse = rf.Quadrature(order=5, panels=10, graded=4)
+    >>> error = rf.friction(scene, 0.01, 0.15e6, quadrature=coarse) / rf.friction(scene, 0.01, 0.15e6) - 1
+    >>> bool(1e-9 < abs(error) < 1e-4)
+    True
     """
 
     order: int = 13

@@ -84,7 +84,13 @@ def shear_from_young(young: _T, poisson: _T | float) -> _T:
 
 
 def bulk_from_young(young: _T, poisson: _T | float) -> _T:
-    """Return the bulk modulus B [Pa] for Young's modulus E [Pa] and Poisson's ratio < 0.5."""
+    """Return the bulk modulus B [Pa] for Young's modulus E [Pa] and Poisson's ratio < 0.5.
+
+    Examples
+    --------
+    >>> f"{rf.units.bulk_from_young(3e6, 0.4995):.3g}"  # a rubber that is almost incompressible
+    '1e+09'
+    """
     return young / (3 * (1 - 2 * poisson))
 
 

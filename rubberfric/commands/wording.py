@@ -73,7 +73,7 @@ def _option_or_line(match, options):
     if name not in options:
         return f"{name} = {_TOML.get(content, content)}".rstrip().replace("'", '"')
     option = options[name]
-    if option.nargs == 0 or not content:
+    if option.nargs == 0 or not content or (option.const is True and content == "True"):
         return _flag(option)
     if content.startswith("["):
         content = re.sub(r"\s*,\s*", " ", content[1:-1])

@@ -11,14 +11,14 @@ if TYPE_CHECKING:
     from rubberfric.io.columns import known_unit as known_unit
     from rubberfric.io.files import load_result as load_result
     from rubberfric.io.files import load_scene as load_scene
-    from rubberfric.io.files import read_quadrature as read_quadrature
     from rubberfric.io.files import save_result as save_result
     from rubberfric.io.files import save_scene as save_scene
-    from rubberfric.io.files import write_quadrature as write_quadrature
     from rubberfric.io.friction_files import read_friction as read_friction
     from rubberfric.io.friction_files import write_friction as write_friction
     from rubberfric.io.hdf5 import read_object as read_object
+    from rubberfric.io.hdf5 import read_quadrature as read_quadrature
     from rubberfric.io.hdf5 import write_object as write_object
+    from rubberfric.io.hdf5 import write_quadrature as write_quadrature
     from rubberfric.io.height_maps import HeightMap as HeightMap
     from rubberfric.io.height_maps import read_heights as read_heights
     from rubberfric.io.height_maps import read_traces as read_traces
@@ -34,11 +34,12 @@ if TYPE_CHECKING:
     from rubberfric.io.tables import read_names as read_names
     from rubberfric.io.tables import read_normalisation as read_normalisation
     from rubberfric.io.tables import read_table as read_table
-    from rubberfric.io.tables import write_table as write_table
     from rubberfric.io.text_tables.frames import Frame as Frame
     from rubberfric.io.text_tables.frames import as_frame as as_frame
     from rubberfric.io.text_tables.frames import as_source as as_source
     from rubberfric.io.text_tables.preamble import stated_frequency as stated_frequency
+    from rubberfric.io.text_tables.preamble import stated_stroke as stated_stroke
+    from rubberfric.io.text_tables.writing import write_table as write_table
     from rubberfric.io.toml import read_conditions as read_conditions
 
 lazily(__name__, __file__)

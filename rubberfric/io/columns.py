@@ -136,6 +136,7 @@ COLUMNS = {
     "slip_angle": Column("slip_angle", units.ANGLE, positive=False, offered=False),
     "slip_ratio": Column("slip_ratio", units.RATIO, positive=False, offered=False),
     "x": Column("x", units.PATH, positive=False, offered=False),
+    "stroke": Column("stroke", units.PATH, offered=False),
     "A": Column("A", units.AREA, offered=False),
     "moment": Column("moment", units.MOMENT, positive=False, offered=False),
     "sigma_F_t": Column("sigma_F_t", units.FORCE, offered=False),
@@ -209,6 +210,13 @@ def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:
     -------
     Tuple of the name in `rubberfric.io.COLUMNS` and the unit as written. The unit is None if the title has no
     unit. An unknown title gives (None, None).
+
+    Examples
+    --------
+    >>> rf.io.known_name("Speichermodul (MPa)"), rf.io.known_name("Sliding velocity [mm/s]")
+    (('E_stor', 'MPa'), ('v', 'mm/s'))
+    >>> rf.io.known_name("storage modulus", generic="G")
+    ('G_stor', None)
     """
     title = title.strip()
     if len(title) > LONGEST_TITLE:
@@ -255,6 +263,11 @@ def known_unit(unit: str | None, name: str | None) -> str:
     Parameters
     ----------
     unit, name : results of `known_name`. A missing unit becomes "-".
+
+    Examples
+    --------
+    >>> rf.io.known_unit("[N/mm²]", "E_stor"), rf.io.known_unit(None, "mu")
+    ('MPa', '-')
     """
     unit = _AROUND.sub(r"\1", (unit or "").strip()).strip()
     units = COLUMNS[name].units if name in COLUMNS else ()

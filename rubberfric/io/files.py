@@ -17,7 +17,6 @@ over named coordinates. A missing temperature is a dimension without values, mar
 """
 
 import contextlib
-import dataclasses
 import math
 import os
 from collections.abc import Iterator, Mapping
@@ -28,16 +27,17 @@ import numpy as np
 
 from rubberfric.base.atomic import StrPath, as_path, check_suffix, check_writable, replacing, write_text
 from rubberfric.base.objects.physical import fields_of, parts_of
-from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.hdf5 import (
     check_names,
     creating,
     plain,
     read_object,
+    read_quadrature,
     read_values,
     reading,
     subgroup,
     write_object,
+    write_quadrature,
     write_values,
 )
 from rubberfric.io.results import (
@@ -119,6 +119,14 @@ def save_scene(path: StrPath, scene: Scene, like: StrPath | None = None) -> None
     ------
     ValueError : another suffix, a missing folder, a value of the scene that a constructor refuses, or
         conditions of `like` that are not valid for the scene
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> smoother = scene.replace("lower.spectrum.h_rms", 0.2e-3)
+    >>> rf.save_scene("smoother.toml", smoother, like="data/tread_on_asphalt.toml")
+    >>> rf.same(rf.load_scene("smoother.toml"), smoother)
+    True
     """
     check_writable(path, (".h5", ".toml"))
     if not isinstance(scene, Scene):
@@ -227,7 +235,16 @@ def _is_bare(file: h5py.File, condition: str) -> bool:
 
 
 def save_result(path: StrPath, result: Result) -> None:
-    """Save a result as an HDF5 file, completely or not at all."""
+    """Save a result as an HDF5 file, completely or not at all.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> result = rf.friction_map(scene, [1e-3, 1e-2], 0.15e6)
+    >>> rf.io.save_result("result.h5", result)
+    >>> bool(np.all(rf.io.load_result("result.h5").solution.friction == np.asarray(result.solution.friction)))
+    True
+    """
     columns = {name: np.asarray(x) for name, x in result.solution._asdict().items() if x is not None}
     with replacing(path) as temporary, creating(temporary, _FORMAT) as file:
         data = _begin(file, result, {name: values.dtype for name, values in columns.items()})
@@ -240,6 +257,14 @@ def load_result(path: StrPath) -> Result:
     """Load a result file, with the quantities as NumPy arrays.
 
     A ValueError is raised if the file is not a result file.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> rf.io.save_result("result.h5", rf.friction_map(scene, [1e-3, 1e-2], 0.15e6))
+    >>> result = rf.io.load_result("result.h5")
+    >>> result.conditions.velocity, rf.same(result.scene, scene)
+    (array([0.001, 0.01 ]), True)
     """
     with reading(path, _FORMAT) as file:
         scene, conditions, title = _read_scene(file)
@@ -350,24 +375,6 @@ def _begin(file: h5py.File, result: Result, dtypes: Mapping[str, np.dtype]) -> d
             data.dims[axis].label = dimension
             data.dims[axis].attach_scale(file[dimension])
     return {name: _dataset(file, name) for name in dtypes}
-
-
-def write_quadrature(file: h5py.File, quadrature: Quadrature) -> None:
-    """Write the accuracy settings as attributes of the group /quadrature."""
-    group = file.create_group("quadrature")
-    for field in dataclasses.fields(Quadrature):
-        group.attrs[field.name] = getattr(quadrature, field.name)
-
-
-def read_quadrature(file: h5py.File) -> Quadrature:
-    """Read the accuracy settings that `write_quadrature` wrote."""
-    group = subgroup(file, "quadrature")
-    names = [field.name for field in dataclasses.fields(Quadrature)]
-    check_names(group, (), names)
-    for name in names:
-        if name not in group.attrs:
-            raise ValueError(f"{group.name}: attribute {name} is missing; must be given")
-    return Quadrature(**{name: plain(group.attrs[name]) for name in names})
 
 
 def _dataset(file: h5py.File, name: str) -> h5py.Dataset:

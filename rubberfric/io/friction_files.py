@@ -22,7 +22,8 @@ from rubberfric.io.cards.text import (
 )
 from rubberfric.io.columns import COLUMNS
 from rubberfric.io.results import AXES, FrictionTable, as_friction_table
-from rubberfric.io.tables import read_names, read_table, table_text
+from rubberfric.io.tables import read_names, read_table
+from rubberfric.io.text_tables.writing import table_text
 
 _SPEED = COLUMNS["v"].units
 _JSON = "rubberfric friction table"  # format
@@ -84,6 +85,18 @@ def write_friction(
     Raises
     ------
     ValueError : unknown program or unit, mu < 0, or a grid that the format cannot represent
+
+    Examples
+    --------
+    >>> table = rf.io.FrictionTable(np.array([0.01, 0.02]), np.array([2e5]), None, np.array([[[0.5, 0.6]]]))
+    >>> print(rf.io.write_friction("road.inp", table, unit_pressure="MPa"), end="")
+    ** Friction coefficient: 2 velocities x 1 pressures
+    ** Between the points linear in v, p and T; beyond the ends the value of the end
+    ** Units: m/s, MPa
+    *SURFACE INTERACTION, NAME=RUBBER
+    *FRICTION
+    0.5, 0.01, 0.2
+    0.6, 0.02, 0.2
     """
     path = as_path(path)
     form = PROGRAMS[program := _program(path, program)]
@@ -118,6 +131,14 @@ def read_friction(
     Raises
     ------
     ValueError : the file is invalid. The message names the file and the fault.
+
+    Examples
+    --------
+    >>> table = rf.io.FrictionTable(np.array([0.01, 0.02]), np.array([2e5]), None, np.array([[[0.5, 0.6]]]))
+    >>> text = rf.io.write_friction("road.inp", table, unit_velocity="mm/s", unit_pressure="MPa")
+    >>> again = rf.io.read_friction("road.inp")
+    >>> again.velocity, again.pressure, again.friction[0, 0]  # in m/s and Pa
+    (array([0.01, 0.02]), array([200000.]), array([0.5, 0.6]))
     """
     path = as_path(path)
     form = PROGRAMS[_program(path, program)]

@@ -1,4 +1,4 @@
-"""HDF5 files: format and version at the top, numbers with units, and physical objects as groups.
+"""HDF5 files: format and version at the top, numbers with units, objects and accuracy settings as groups.
 
 ::
 
@@ -13,6 +13,7 @@ typed number, which does not raise the precision of other leaves.
 """
 
 import contextlib
+import dataclasses
 import io
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -28,6 +29,7 @@ from rubberfric.base.atomic import StrPath, check_readable
 from rubberfric.base.checks import ArrayLike, closest, shown
 from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import PhysicalObject, fields_of, kinds
+from rubberfric.base.quadrature import Quadrature
 from rubberfric.base.release import VERSION
 
 # Largest number of values in a dataset of an object or of conditions. A file can claim any number.
@@ -219,6 +221,14 @@ def write_object(parent: h5py.Group, name: str, value: PhysicalObject) -> None:
     """Write a physical object as the group `name`.
 
     A ValueError is raised if the constructor of the object refuses the values.
+
+    Examples
+    --------
+    >>> import h5py
+    >>> with h5py.File("rubber.h5", "w") as file:
+    ...     rf.io.write_object(file, "rubber", rf.Prony(E_inf=1e6, E=[1e7, 2e7], tau=[1e-2, 1e-4]))
+    ...     print(file["rubber/E"][:])
+    [10000000. 20000000.]
     """
     cls = type(value)
     if cls not in kinds(PhysicalObject).values():
@@ -239,7 +249,16 @@ def write_object(parent: h5py.Group, name: str, value: PhysicalObject) -> None:
 
 
 def read_object(group: Any) -> PhysicalObject:
-    """Read the physical object in a group. The message of a ValueError names the group and the fault."""
+    """Read the physical object in a group. The message of a ValueError names the group and the fault.
+
+    Examples
+    --------
+    >>> import h5py
+    >>> with h5py.File("shift.h5", "w") as file:
+    ...     rf.io.write_object(file, "shift", rf.WLF(C1=8.86, C2=101.6, T_ref=293.15))
+    ...     print(float(rf.io.read_object(file["shift"]).C2))
+    101.6
+    """
     where, known = group.name, kinds(PhysicalObject)
     if not isinstance(group, h5py.Group):
         raise ValueError(f"{where}: must be a group, not a dataset")
@@ -267,6 +286,42 @@ def read_object(group: Any) -> PhysicalObject:
         return known[kind](**values)
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from None
+
+
+def write_quadrature(file: h5py.File, quadrature: Quadrature) -> None:
+    """Write the accuracy settings as attributes of the group /quadrature.
+
+    Examples
+    --------
+    >>> import h5py
+    >>> with h5py.File("settings.h5", "w") as file:
+    ...     rf.io.write_quadrature(file, rf.Quadrature(order=9))
+    ...     print(int(file["quadrature"].attrs["order"]))
+    9
+    """
+    group = file.create_group("quadrature")
+    for field in dataclasses.fields(Quadrature):
+        group.attrs[field.name] = getattr(quadrature, field.name)
+
+
+def read_quadrature(file: h5py.File) -> Quadrature:
+    """Read the accuracy settings that `write_quadrature` wrote.
+
+    Examples
+    --------
+    >>> import h5py
+    >>> with h5py.File("settings.h5", "w") as file:
+    ...     rf.io.write_quadrature(file, rf.Quadrature(order=9))
+    ...     print(rf.io.read_quadrature(file) == rf.Quadrature(order=9))
+    True
+    """
+    group = subgroup(file, "quadrature")
+    names = [field.name for field in dataclasses.fields(Quadrature)]
+    check_names(group, (), names)
+    for name in names:
+        if name not in group.attrs:
+            raise ValueError(f"{group.name}: attribute {name} is missing; must be given")
+    return Quadrature(**{name: plain(group.attrs[name]) for name in names})
 
 
 def plain(attribute: Any) -> Any:

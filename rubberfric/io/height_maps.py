@@ -20,6 +20,7 @@ from rubberfric.base.atomic import StrPath, as_path, is_number
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values, closest, shown, warn_caller
 from rubberfric.io.exports import headless
 from rubberfric.io.text_tables.lines import above_numbers, has_fields
+from rubberfric.io.text_tables.preamble import ImageHeader, stated_image
 from rubberfric.io.text_tables.sentinels import LEAST_DIFFERENT, without_sentinels
 from rubberfric.io.text_tables.units import plain_unit
 from rubberfric.io.text_tables.workbooks import read_export
@@ -33,6 +34,8 @@ _HOLES = frozenset(("", "nan", "n/a", "na", "bad", "no data", "null", "none", "-
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]")
 # Positions of one row of points may differ by this share of the spacing.
 _SAME = 0.05
+# Largest relative difference between the given spacing and the stated one, which may be rounded.
+_SAME_SPACING = 0.02
 
 
 def read_traces(path: StrPath, outliers: float | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -60,6 +63,12 @@ def read_traces(path: StrPath, outliers: float | None = None) -> tuple[np.ndarra
     Raises
     ------
     ValueError : no numbers, fewer than two columns, a unit that is not a length, or an invalid number
+
+    Examples
+    --------
+    >>> x, heights = rf.io.read_traces("data/laboratory/stylus.csv")
+    >>> heights.shape, round(1e3 * float(x[-1]), 6)
+    ((6, 2048), 20.47)
     """
     text = read_export(path)
     found = above_numbers(text)
@@ -155,9 +164,10 @@ def read_heights(
     ----------
     path : text file (.csv, .txt, .dat, .xyz, .tsv), or an array in a file of `numpy.save` (.npy)
     spacing : dx = dy, or (dx, dy), of a grid of heights, > 0 [m]
-        The rows of the file are along y. None means that the file has the columns x, y and z.
+        The rows of the file are along y. None means that the file has the columns x, y and z, or that
+        lines of Gwyddion above a grid state its size ("# Width: 10 µm", "# Height: 10 µm").
     unit : unit of the numbers in the file, "m", "mm", "um" or "nm"
-        None takes the unit from titles such as "x [mm]".
+        None takes the unit from titles such as "x [mm]", or from a line "# Value units: m".
     sentinels : if True, numbers such as -9999 become holes, see `without_sentinels`, and a warning names them
         False keeps them as heights, for example the exactly flat ground of a groove.
     outliers : standard deviations beyond which a height is a spike, often 10, see
@@ -172,8 +182,16 @@ def read_heights(
     ValueError : the file has no numbers, no unit, positions that form no grid, several heights for one point,
         rows that are not numbers or have different lengths, rows of positions, or more than a quarter of
         holes. The message names the file and the fault.
+
+    Examples
+    --------
+    >>> np.savetxt("map.txt", [[1.0, 2.0, 3.0], [3.0, np.nan, 5.0]])
+    >>> surface = rf.io.read_heights("map.txt", spacing=1e-6, unit="um")
+    >>> surface.heights.shape, round(1e6 * float(surface.heights[1, 1]), 3), round(surface.holes, 3)
+    ((2, 3), 3.333, 0.167)
     """
-    titles, values = _table(path)
+    titles, values, header = _table(path)
+    spacing, unit = _stated(path, values, header, spacing, unit)
     count = values.shape[1]
     if spacing is None and count != 3:
         raise ValueError(f"{path}: has {count} columns: must have x, y and z, or be a grid with `spacing`")
@@ -217,11 +235,33 @@ def _outliers(path, heights, threshold, profiles=False):
 
 
 def _table(path):
-    """Return the titles of the columns, [] without titles, and the numbers with NaN for holes."""
+    """Return titles of columns, [] without titles, numbers with NaN for holes, and the header of an image."""
     if as_path(path).suffix.lower() == ".npy":
-        return [], _array(path)
-    titles, rows = _rows(path, read_export(path))
-    return titles, _numbers(path, rows)
+        return [], _array(path), ImageHeader()
+    text = read_export(path)
+    titles, rows = _rows(path, text)
+    return titles, _numbers(path, rows), stated_image(text)
+
+
+def _stated(path, values, header, spacing, unit):
+    """Return spacing and unit of a grid, which the header states if they are not given.
+
+    Raise ValueError if both exist and differ.
+    """
+    if header.width is None or header.height is None:
+        return spacing, unit
+    own = tuple(length / n for length, n in zip((header.height, header.width), values.shape, strict=True))
+    if isinstance(spacing, int | float) or (isinstance(spacing, tuple) and len(spacing) == 2):
+        given = np.broadcast_to(np.asarray(spacing, float), (2,))
+        if np.any(np.abs(given / own - 1) > _SAME_SPACING):
+            raise ValueError(
+                f"{path}: spacing = {shown(spacing)}: the file states {header.height:g} m x {header.width:g}"
+                f" m for {' x '.join(map(str, values.shape))} points, {own[0]:.4g} m and {own[1]:.4g} m: must"
+                " agree; leave spacing out"
+            )
+    if unit is not None and header.unit is not None and plain_unit(unit) != plain_unit(header.unit):
+        raise ValueError(f"{path}: unit = {shown(unit)}: the file states {header.unit!r}; leave unit out")
+    return own if spacing is None else spacing, header.unit if unit is None else unit
 
 
 def _array(path):

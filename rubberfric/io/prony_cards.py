@@ -185,6 +185,18 @@ def write_prony(
     Raises
     ------
     ValueError : the material is not a Prony series, or the cards of the program cannot represent the material
+
+    Examples
+    --------
+    >>> rubber = rf.Prony(E_inf=1e6, E=[2e6, 1e6], tau=[1e-3, 1e-1], poisson=0.5)
+    >>> print(rf.io.write_prony(None, rubber, "abaqus", unit_stress="MPa"), end="")
+    ** Prony series of 2 terms. Units: MPa, s
+    *MATERIAL, NAME=RUBBER
+    *ELASTIC, MODULI=INSTANTANEOUS
+    4.0, 0.5
+    *VISCOELASTIC, TIME=PRONY
+    0.5, 0.0, 1E-3
+    0.25, 0.0, 0.1
     """
     check_choice("program", program, FORMATS)
     check_choice("unit_stress", unit_stress, STRESS)

@@ -100,7 +100,20 @@ class Interpolation(NamedTuple):
 
 
 class Curves(NamedTuple):
-    """Quantities with the conditions at which they were computed, for plots and tables."""
+    """Quantities with the conditions at which they were computed, for plots and tables.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> v = np.array([1e-3, 1e-2])
+    >>> curves = rf.io.curves_of(rf.solve(scene, v, 0.15e6, quantities=("friction",)), v, 0.15e6)
+    >>> curves.to_dataframe().round(3)
+       velocity [m/s]  pressure [Pa]  friction [-]
+    0           0.001       150000.0         0.071
+    1           0.010       150000.0         0.083
+    >>> dict(curves.to_xarray().sizes)
+    {'temperature': 1, 'pressure': 1, 'velocity': 2}
+    """
 
     conditions: Conditions
     solution: Solution  # arrays [temperature, pressure, velocity]; None: not computed
@@ -116,7 +129,19 @@ class Curves(NamedTuple):
 
 
 class Result(NamedTuple):
-    """Contents of a result file."""
+    """Contents of a result file.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> table = rf.friction_map(scene, [1e-3, 1e-2, 1e-1], [0.15e6, 0.3e6])
+    >>> table.solution.friction.shape  # temperature, pressure, velocity
+    (1, 2, 3)
+    >>> table.to_dataframe().shape, list(table.to_dataframe())
+    ((6, 4), ['velocity [m/s]', 'pressure [Pa]', 'area [-]', 'friction [-]'])
+    >>> dict(table.to_xarray().sizes)
+    {'temperature': 1, 'pressure': 2, 'velocity': 3}
+    """
 
     scene: Scene
     conditions: Conditions
@@ -207,6 +232,14 @@ def curves_of(
     ------
     ValueError : conditions are missing or superfluous, do not broadcast to the shape of the quantities, or do
         not contain every combination of their values once
+
+    Examples
+    --------
+    >>> v, T = np.array([1e-3, 1e-2, 1e-1]), np.array([[273.15], [293.15]])
+    >>> mu = np.array([[0.9, 1.1, 1.0], [0.7, 0.9, 1.1]])
+    >>> curves = rf.io.curves_of(mu, v, 2e5, T)
+    >>> curves.solution.friction.shape, curves.conditions.temperature  # temperature, pressure, velocity
+    ((2, 1, 3), array([273.15, 293.15]))
     """
     given = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
     if isinstance(result, Result | Curves):
@@ -277,7 +310,14 @@ def _range(values: np.ndarray, name: str) -> str:
 
 
 class FrictionTable(NamedTuple):
-    """Friction coefficient mu at every combination of velocity, pressure and temperature."""
+    """Friction coefficient mu at every combination of velocity, pressure and temperature.
+
+    Examples
+    --------
+    >>> table = rf.io.FrictionTable(np.array([0.01, 0.02]), np.array([2e5]), None, np.array([[[0.5, 0.6]]]))
+    >>> table.at([0.015, 0.1], 2e5).round(6)
+    array([0.55, 0.6 ])
+    """
 
     velocity: np.ndarray  # [m/s], increasing, shape (n,)
     pressure: np.ndarray  # [Pa], increasing, shape (m,)

@@ -1,4 +1,4 @@
-"""Reading and writing of text tables in SI units.
+"""Reading of text tables in SI units.
 
 ::
 
@@ -13,13 +13,13 @@ becomes `v`. An unknown name or unit is an error. Blank lines and lines that beg
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from rubberfric.base.atomic import StrPath, write_text
-from rubberfric.base.checks import ArrayLike, check_choice, closest, listed, shown
+from rubberfric.base.atomic import StrPath
+from rubberfric.base.checks import check_choice, closest, listed, shown
 from rubberfric.io.columns import COLUMNS, SET_VALUES, TRANSIENTS, quantities_of
 from rubberfric.io.exports import TextTable, find_table, headless, pick, suggested_columns
 from rubberfric.io.height_maps import read_traces
@@ -27,6 +27,7 @@ from rubberfric.io.text_tables.derived import RELATIONS, plan_for, with_derived,
 from rubberfric.io.text_tables.frames import DataFrame, Frame, as_source
 from rubberfric.io.text_tables.lines import text_above_numbers
 from rubberfric.io.text_tables.own_tables import missing_column, project_rows, project_table
+from rubberfric.io.text_tables.preamble import stated_shear
 from rubberfric.io.text_tables.values import check_units, table_values
 from rubberfric.io.text_tables.workbooks import read_export
 from rubberfric.roughness.normalisation import density_column, find_normalisation
@@ -89,6 +90,13 @@ def read_table(
         Faults are unreadable text, an unknown, missing or repeated column, an unknown unit, a wrong number of
         fields, and a value that is not a number, not finite, of the wrong sign or out of order. Shear moduli
         without Poisson's ratio, and Poisson's ratio without shear moduli, are faults too.
+
+    Examples
+    --------
+    >>> np.savetxt("speeds.txt", [[5.0, 0.8], [10.0, 0.9]])
+    >>> table = rf.io.read_table("speeds.txt", ["v", "mu"], columns=["v [mm/s]", "mu"])
+    >>> table["v"], table["mu"]
+    (array([0.005, 0.01 ]), array([0.8, 0.9]))
     """
     if bad_rows is not None:
         check_choice("bad_rows", bad_rows, BAD_ROWS)
@@ -145,6 +153,7 @@ def _refuse_shear(path, text, export, block, *stated):
     `stated` are arguments of the caller that state the meaning, all None if none does.
     """
     of_shear = [title for title in export.titles if any(word in title.lower() for word in _OF_SHEAR)]
+    of_shear = of_shear or stated_shear(text)
     if not of_shear or any(x is not None for x in stated) or not {"E_stor", "E_loss"} & set(export.names):
         return
     as_shear = _export(path, text, None, "G", block)
@@ -204,6 +213,12 @@ def read_columns(
     Raises
     ------
     ValueError : as for `read_table`, or two columns hold the same quantity
+
+    Examples
+    --------
+    >>> table = rf.io.read_columns("data/laboratory/dma_isothermen.csv")
+    >>> sorted(table), round(table["T"].min() - 273.15), f"{table['E_stor'][0]:.4g}"
+    (['E_loss', 'E_stor', 'T', 'omega'], -50, '2.469e+09')
     """
     path = as_source(path)
     names = read_names(path, columns, "E" if poisson is None else "G", block)
@@ -245,6 +260,12 @@ def read_density(
     Returns
     -------
     dict with the keys "q", "C" (the density, [m^4] or [m^3]), and the optional columns of the table
+
+    Examples
+    --------
+    >>> rf.io.write_table("profile.csv", {"q": [1e3, 1e4], "C_1D": [1e-12, 1e-15]})
+    >>> rf.io.read_density("profile.csv", "C_1D")["C"]
+    array([1.e-12, 1.e-15])
     """
     path = as_source(path)
     normalisation = read_normalisation(path, normalisation, columns)
@@ -260,7 +281,15 @@ def _text(path: StrPath | Frame) -> str:
 def read_normalisation(
     path: StrPath | DataFrame, normalisation: str | None, columns: list[str] | None = None
 ) -> str:
-    """Return the normalisation of a spectrum: the given one, or the one that titles or header name."""
+    """Return the normalisation of a spectrum: the given one, or the one that titles or header name.
+
+    Examples
+    --------
+    >>> road = [[0.5, 2e-6], [1.0, 5e-7]]
+    >>> np.savetxt("road.csv", road, header="n [cycles/m],G_d [m^3]", delimiter=",", comments="")
+    >>> rf.io.read_normalisation("road.csv", None)
+    'ISO_8608'
+    """
     path = as_source(path)
     header = text_above_numbers(_text(path))
     return find_normalisation(path, read_names(path, columns), normalisation, header)
@@ -303,6 +332,11 @@ def read_names(
     """Read the names of the columns of a table.
 
     Only the known names are returned for a table of another program.
+
+    Examples
+    --------
+    >>> rf.io.read_names("data/laboratory/linear_tester.csv")
+    ['v', 'T', 'p', 'mu']
     """
     path = as_source(path)
     text = _text(path)
@@ -316,6 +350,11 @@ def column_hint(path: StrPath | Frame) -> str:
     """Return the end of an error message about unknown column titles.
 
     The text names a function that can read the file, or suggests the argument `columns`.
+
+    Examples
+    --------
+    >>> rf.io.column_hint("data/laboratory/strain_sweep.txt")
+    '; a strain sweep: rubberfric.io.read_table(path, ["strain", "E_stor", "E_loss"]) reads it'
     """
     if isinstance(path, Frame):
         return f"; it has the columns {listed(path.titles)}. Rename a column, or give its values"
@@ -330,50 +369,6 @@ def column_hint(path: StrPath | Frame) -> str:
         return '; a strain sweep: rubberfric.io.read_table(path, ["strain", "E_stor", "E_loss"]) reads it'
     advice = 'or name the columns, with "name [unit]" for each ? and "-" for one not read'
     return f"; {advice}: {columns}" if columns else ""
-
-
-def write_table(path: StrPath, table: Mapping[str, ArrayLike], comment: str = "") -> None:
-    """Write columns in SI as a CSV file.
-
-    Parameters
-    ----------
-    path : file
-    table : mapping from name in SI (see `COLUMNS`) to a sequence. All sequences must have equal length.
-        Numbers are written with all digits, so that they are read back unchanged.
-    comment : lines at the top of the file, written behind #
-
-    Raises
-    ------
-    ValueError : an unknown name, unequal lengths, or a value that `read_table` refuses
-    """
-    try:
-        text = table_text(table)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    write_text(path, "".join(f"# {line}\n" for line in comment.splitlines()) + text)
-
-
-def table_text(table: Mapping[str, ArrayLike]) -> str:
-    """Return columns in SI as the CSV text that `write_table` writes."""
-    for name in table:
-        if name not in COLUMNS or COLUMNS[name].name != name:
-            known = sorted({column.name for column in COLUMNS.values()})
-            raise ValueError(f"column {name!r}: must be one of {', '.join(known)}")
-    columns = {}
-    for name, values in table.items():
-        try:
-            columns[name] = np.asarray(values, float)
-        except (TypeError, ValueError):
-            raise ValueError(f"column {name!r} = {shown(values)}: must be numbers") from None
-    lengths = {name: values.shape for name, values in columns.items()}
-    if len(set(lengths.values())) != 1 or any(len(shape) != 1 for shape in lengths.values()):
-        raise ValueError(f"shapes of columns {lengths}: must be one-dimensional and equal")
-    for name, values in columns.items():
-        for i, value in enumerate(values.tolist()):
-            COLUMNS[name].check(f"{name}[{i}] = {value!r}", value)
-    units = [next(iter(COLUMNS[name].units)) for name in columns]
-    rows = zip(*(map(repr, values.tolist()) for values in columns.values()), strict=True)
-    return "".join(f"{','.join(row)}\n" for row in (columns, units, *rows))
 
 
 def _export(

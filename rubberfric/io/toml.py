@@ -45,14 +45,9 @@ from rubberfric.base.checks import UnitWarning, closest, shown
 from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import Kind, PhysicalObject, fields_of, kinds, leaves_of
 from rubberfric.io.prony_cards import read_prony
-from rubberfric.io.results import (
-    CONDITION_UNITS,
-    Conditions,
-    SceneFile,
-    check_conditions,
-    check_plausible,
-)
-from rubberfric.io.tables import read_density, read_directions, read_table, table_text
+from rubberfric.io.results import CONDITION_UNITS, Conditions, SceneFile, check_conditions, check_plausible
+from rubberfric.io.tables import read_density, read_directions, read_table
+from rubberfric.io.text_tables.writing import table_text
 from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.roughness.normalisation import (
     NORMALISATION_RULE,
@@ -148,7 +143,16 @@ def read_scene_toml(path: StrPath, table: str = "run") -> SceneFile:
 
 
 def read_conditions(path: Path, table: str, content: Any, scene: Scene) -> Conditions:
-    """Read and check the conditions in the TOML table named `table` of the file `path`."""
+    """Read and check the conditions in the TOML table named `table` of the file `path`.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> content = {"velocity": {"from": 1e-3, "to": 0.1, "points": 3}, "pressure": 0.15e6}
+    >>> rf.io.read_conditions(Path("scene.toml"), "run", content, scene).velocity
+    array([0.001, 0.01 , 0.1  ])
+    """
     check_keys(path, table, content, Conditions._fields, needed=("velocity", "pressure"))
     values: dict[str, Any] = dict.fromkeys(Conditions._fields)
     for name, value in content.items():

@@ -37,6 +37,15 @@ class Coating(Layer):
     thickness : d [m], > 0
     base : material of the half-space, with a constant Poisson's ratio
         If a viscoelastic base has no shift, the shift of the body's material applies to the base.
+
+    Examples
+    --------
+    >>> base, rubber = rf.Elastic(young=3e6, poisson=0.5), rf.Elastic(young=30e6, poisson=0.5)
+    >>> body = rf.Body(rubber, layer=rf.Coating(thickness=1e-3, base=base))
+    >>> q = np.array([1e-2, 1e5])
+    >>> E_r = body.layer.E_r_S_bar(0.5, q, rubber.static_reduced(), base.static_reduced())
+    >>> (0.75 * np.asarray(E_r)).round(-3)  # E = 3/4 E_r of an incompressible solid
+    array([ 3000000., 30000000.])
     """
 
     multiplies: ClassVar[bool] = False

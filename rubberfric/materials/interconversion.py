@@ -116,6 +116,12 @@ def terms_from_compliance(
     """Return E_inf, E and the relaxation times of `prony_from_compliance`, by rising times.
 
     Raise ValueError if nothing is retarded.
+
+    Examples
+    --------
+    >>> E_inf, E, tau = rf.materials.terms_from_compliance(1e-7, np.array([]), np.array([]), 1e-6)
+    >>> E_inf, E.round(3), tau.round(9)
+    (0.0, array([10000000.]), array([0.1]))
     """
     rates, place = np.unique(1 / tau, return_inverse=True)
     weights = np.bincount(np.ravel(place), D, rates.size)

@@ -165,7 +165,15 @@ class Material(Kind):
 
 @physical
 class Rigid(Material):
-    """Rigid solid: the compliance M is 0."""
+    """Rigid solid: the compliance M is 0.
+
+    Examples
+    --------
+    >>> road = rf.Body(rf.Rigid(), rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3))
+    >>> scene = rf.Scene(lower=road, upper=rf.Body(rf.Elastic(young=3e6, poisson=0.5)))
+    >>> rf.quantities_of(scene)
+    ('area', 'friction', 'separation')
+    """
 
     deforms: ClassVar[bool] = False
     relaxes: ClassVar[bool] = False
@@ -179,6 +187,12 @@ class Elastic(Material):
     ----------
     young : Young's modulus [Pa], > 0
     poisson : Poisson's ratio [-], 0 ... 0.5
+
+    Examples
+    --------
+    >>> glass = rf.Elastic(young=70e9, poisson=0.22)
+    >>> round(float(glass.static_reduced()) / 1e9, 2)
+    73.56
     """
 
     relaxes: ClassVar[bool] = False

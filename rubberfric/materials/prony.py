@@ -51,6 +51,16 @@ class Prony(Material):
     poisson : Poisson's ratio [-], 0 ... 0.5
     shift : WLF, Arrhenius, TabulatedShift or None
         change with temperature: E(omega, T) = b_T E(a_T omega).
+
+    Examples
+    --------
+    >>> wlf = rf.WLF(C1=8.86, C2=101.6, T_ref=293.15)
+    >>> rubber = rf.Prony(E_inf=1e6, E=[1e7], tau=[1e-3], shift=wlf)
+    >>> E = np.asarray(rf.complex_modulus(rubber, 1e3, np.array([293.15, 273.15])))
+    >>> (E.imag / E.real).round(4)
+    array([0.8333, 0.0061])
+    >>> float(rubber.static_modulus())
+    1000000.0
     """
 
     E_inf: Number = leaf(NONNEGATIVE, unit="Pa", plausible=PLAUSIBLE_STRESS, plus="E")
@@ -102,6 +112,12 @@ class PronyShear(Material):
         allowed, because it does not apply to the bulk modulus of rubber.
 
     Limits: the body must be a half-space, because the factor of a layer depends on Poisson's ratio.
+
+    Examples
+    --------
+    >>> rubber = rf.PronyShear(G_inf=0.5e6, G=[300e6], tau=[1e-6], bulk=2e9)
+    >>> f"{float(rubber.static_modulus()):.3g}", f"{float(rubber.glassy_reduced()):.4g}"
+    ('1.5e+06', '1.052e+09')
     """
 
     G_inf: Number = leaf(NONNEGATIVE, unit="Pa", plausible=PLAUSIBLE_STRESS, plus="G")

@@ -106,6 +106,12 @@ class WLF(Shift):
 
     Limits: the law has a pole at T_ref - C2. Concrete temperatures at or below the pole raise ValueError.
     Under jit, ln a_T is `largest_log_factor` at and below the pole.
+
+    Examples
+    --------
+    >>> wlf = rf.WLF(C1=8.86, C2=101.6, T_ref=293.15)
+    >>> round(float(np.exp(-wlf.log_factor(303.15))), 2)
+    6.22
     """
 
     C1: Number = leaf(_C1, unit="-")
@@ -138,6 +144,12 @@ class Arrhenius(Shift):
     ----------
     energy : activation energy [eV]
     T_ref : [K]
+
+    Examples
+    --------
+    >>> shift = rf.Arrhenius(energy=0.97, T_ref=293.15)  # eV, K
+    >>> round(float(np.exp(shift.log_factor(313.15))), 4)
+    0.0861
     """
 
     energy: Number = leaf(POSITIVE, unit="eV")
@@ -166,6 +178,13 @@ class Entropic(VerticalShift):
         alpha is about 6e-4 for a rubber, and 0 for a constant density.
 
     Limits: b_T is constant below 1 K.
+
+    Examples
+    --------
+    >>> law = rf.Entropic(expansion=6e-4)
+    >>> round(float(np.exp(law.log_factor(353.15, 293.15))), 3)
+    1.162
+    >>> shift = rf.WLF(C1=8.86, C2=101.6, T_ref=293.15, vertical=law)
     """
 
     expansion: Number = leaf(NONNEGATIVE, unit="1/K", default=0.0)
@@ -241,6 +260,13 @@ class TabulatedShift(_Table, Shift):
     T_ref : [K], inside the table
 
     Limits: concrete temperatures outside the table raise ValueError. Flash temperatures may leave the table.
+
+    Examples
+    --------
+    >>> shift = rf.TabulatedShift(T=[273.15, 293.15, 313.15], aT=[100.0, 1.0, 0.03], T_ref=283.15)
+    >>> log_aT = np.asarray(shift.log_factor(np.array([273.15, 283.15, 293.15])))
+    >>> round(float(np.exp(log_aT[0] - log_aT[2])), 9), round(float(log_aT[1]), 9)
+    (100.0, 0.0)
     """
 
     file_kind: ClassVar[str] = "table"
@@ -273,6 +299,16 @@ class TabulatedVertical(_Table, VerticalShift):
     bT : vertical shift factors [-], shape (n,)
 
     Limits: concrete temperatures outside the table raise ValueError. Flash temperatures may leave the table.
+
+    Examples
+    --------
+    >>> law = rf.TabulatedVertical(T=[273.15, 293.15, 313.15], bT=[0.93, 1.0, 1.07])
+    >>> round(float(np.exp(law.log_factor(313.15, 293.15))), 9)
+    1.07
+    >>> shift = rf.WLF(C1=8.86, C2=101.6, T_ref=293.15, vertical=law)
+    >>> rubber = rf.Prony(E_inf=1e6, E=[1e7], tau=[1e-3], shift=shift)
+    >>> round(float(rf.complex_modulus(rubber, 0.0, 313.15).real))
+    1070000
     """
 
     file_kind: ClassVar[str] = "table"

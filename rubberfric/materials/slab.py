@@ -92,6 +92,14 @@ class Slab(Layer):
     thickness : d [m], > 0
     base : "bonded" or "frictionless" (static)
         With "bonded", the far side of the solid sticks to the base. With "frictionless", the far side slides.
+
+    Examples
+    --------
+    >>> q, d = 10.0, 1e-3  # q d = 0.01
+    >>> round(float(rf.Slab(d).stiffening(0.5, q)) * (q * d) ** 3, 3)
+    1.5
+    >>> round(float(rf.Slab(d, base="frictionless").stiffening(0.5, q)) * q * d, 3)
+    2.0
     """
 
     thickness: Number = leaf(POSITIVE, unit="m")

@@ -63,6 +63,16 @@ class TabulatedModulus(Material):
     Errors: the angular means have errors of 1e-9, unless a modulus changes by a factor of more than e^(3 d)
     within d, or E'' with "none" ends where E'' exceeds 100 E'. A concrete table of more than 26 decades
     raises ValueError; under jit its friction is nan.
+
+    Examples
+    --------
+    >>> omega = np.array([1e0, 1e1, 1e2, 1e3, 1e4])
+    >>> rubber = rf.TabulatedModulus(omega, storage=1e6 * omega**0.2, loss=2e5 * omega**0.2)
+    >>> f"{float(rf.complex_modulus(rubber, 10**1.5).real):.4g}"  # 1e6 10^0.3
+    '1.995e+06'
+    >>> E = np.asarray(rf.complex_modulus(rubber, np.array([1e5, 1e6])))
+    >>> round(float(E.real[1] / E.real[0]), 6), round(float(E.imag[1] / E.imag[0]), 6)
+    (1.0, 0.1)
     """
 
     file_kind: ClassVar[str] = "tabulated"

@@ -15,17 +15,17 @@ if TYPE_CHECKING:
     from rubberfric.plot.choice import save_figure as save_figure
     from rubberfric.plot.choice import save_plot as save_plot
     from rubberfric.plot.curves import curve_labels as curve_labels
-    from rubberfric.plot.curves import plot_accuracy as plot_accuracy
     from rubberfric.plot.curves import plot_area as plot_area
     from rubberfric.plot.curves import plot_curve as plot_curve
     from rubberfric.plot.curves import plot_friction as plot_friction
-    from rubberfric.plot.curves import plot_profile as plot_profile
     from rubberfric.plot.curves import plot_result as plot_result
     from rubberfric.plot.curves import plot_separation as plot_separation
+    from rubberfric.plot.errors import plot_accuracy as plot_accuracy
     from rubberfric.plot.ingredients import plot_modulus as plot_modulus
     from rubberfric.plot.ingredients import plot_spectrum as plot_spectrum
     from rubberfric.plot.maps import plot_map as plot_map
     from rubberfric.plot.maps import plot_sensitivity as plot_sensitivity
+    from rubberfric.plot.over_wavevectors import plot_profile as plot_profile
     from rubberfric.plot.style import PANELS as PANELS
 
 lazily(__name__, __file__)

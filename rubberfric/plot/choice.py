@@ -13,9 +13,11 @@ from rubberfric.base.atomic import StrPath, replacing
 from rubberfric.base.checks import ArrayLike
 from rubberfric.io.results import Conditions, Curves, FrictionTable, Result, curves_of
 from rubberfric.materials.material import Material
-from rubberfric.plot.curves import plot_accuracy, plot_profile, plot_result
+from rubberfric.plot.curves import plot_result
+from rubberfric.plot.errors import plot_accuracy
 from rubberfric.plot.ingredients import plot_modulus, plot_spectrum
 from rubberfric.plot.maps import plot_map
+from rubberfric.plot.over_wavevectors import plot_profile
 from rubberfric.plot.style import Axes, FigureBase, Panels
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.model import solve
@@ -54,6 +56,14 @@ def auto(
     Raises
     ------
     ValueError : if the object cannot be drawn, or if the function `plot_...` raises ValueError.
+
+    Examples
+    --------
+    A material is drawn as its modulus. The highest point is the glassy modulus:
+
+    >>> ax = rf.plot.auto(rf.Prony(E_inf=1e6, E=[1e7], tau=[1e-3]))
+    >>> f"{max(ax.lines[0].get_ydata()):.2g}"
+    '1.1e+07'
     """
     at = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
     if isinstance(drawn, Scene):
@@ -103,6 +113,14 @@ def save_figure(path: StrPath, figure: FigureBase | Axes | Panels) -> None:
     """Write a figure to a file, where `figure` may also be axes or a sequence of axes in the figure.
 
     The file is written completely or not at all.
+
+    Examples
+    --------
+    >>> ax = rf.plot.plot_curve([1e-3, 1e-2], [0.8, 1.0])
+    >>> rf.plot.save_figure("friction.png", ax)
+    >>> with open("friction.png", "rb") as file:
+    ...     print(file.read(4)[1:])
+    b'PNG'
     """
     if isinstance(figure, Sequence | np.ndarray):
         figure = figure[0]
@@ -112,7 +130,16 @@ def save_figure(path: StrPath, figure: FigureBase | Axes | Panels) -> None:
 
 
 def save_plot(path: StrPath, result: Result) -> None:
-    """Plot a result, and save the figure to a file."""
+    """Plot a result, and save the figure to a file.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> rf.plot.save_plot("friction.png", rf.friction_map(scene, [1e-3, 1e-2, 1e-1], 0.15e6))
+    >>> with open("friction.png", "rb") as file:
+    ...     print(file.read(4)[1:])
+    b'PNG'
+    """
     save_figure(path, plot_result(result)[0].figure)
 
 

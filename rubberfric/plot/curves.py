@@ -1,14 +1,12 @@
-"""Plots over the velocity, over the wavevector, and of errors over run time. They need matplotlib."""
+"""Plots over the velocity. They need matplotlib."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import scipy
 
-from rubberfric.analysis.scales.profiles import Profile
-from rubberfric.analysis.sweep import Accuracy, Row
-from rubberfric.base.checks import ArrayLike, check_choice, check_kind
+from rubberfric.base.checks import ArrayLike, check_choice
 from rubberfric.base.units import to_celsius
 from rubberfric.io.results import Conditions, Curves, curves_of
 from rubberfric.plot.style import (
@@ -63,6 +61,13 @@ def plot_result(
     Raises
     ------
     ValueError : if `result` is not a result, or if `ax` has another number of axes.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> axes = rf.plot.plot_result(rf.friction_map(scene, [1e-3, 1e-2, 1e-1], 0.15e6))
+    >>> [ax.get_ylabel().split()[0] for ax in axes]
+    ['contact', 'friction']
     """
     curves = curves_of(result, velocity, pressure, temperature)
     names = [name for name in PANELS if getattr(curves.solution, name) is not None]
@@ -100,6 +105,16 @@ def plot_friction(
     ------
     ValueError : as in `rubberfric.io.curves_of`, if the quantity was not computed, if no velocity is > 0, or
         if `ax` is not axes.
+
+    Examples
+    --------
+    Measured friction at two temperatures:
+
+    >>> v, T = np.array([1e-3, 1e-2, 1e-1]), np.array([[273.15], [293.15]])
+    >>> mu = np.array([[0.9, 1.1, 1.0], [0.7, 0.9, 1.1]])
+    >>> ax = rf.plot.plot_friction(mu, velocity=v, pressure=2e5, temperature=T)
+    >>> [line.get_label() for line in ax.lines]
+    ['0.2 MPa, 0 °C', '0.2 MPa, 20 °C']
     """
     return _quantity(curves_of(result, velocity, pressure, temperature, "friction"), "friction", ax)
 
@@ -112,7 +127,16 @@ def plot_area(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> Axes:
-    """Draw A/A0 over the velocity. The arguments are the same as for `plot_friction`."""
+    """Draw A/A0 over the velocity. The arguments are the same as for `plot_friction`.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> v, p = np.array([1e-3, 1e-2, 1e-1]), 0.15e6
+    >>> ax = rf.plot.plot_area(rf.solve(scene, v, p, quantities="area"), velocity=v, pressure=p)
+    >>> round(float(ax.lines[0].get_ydata()[1]), 4)
+    0.0164
+    """
     return _quantity(curves_of(result, velocity, pressure, temperature, "area"), "area", ax)
 
 
@@ -124,7 +148,16 @@ def plot_separation(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> Axes:
-    """Draw the mean separation in µm over the velocity. The arguments are the same as for `plot_friction`."""
+    """Draw the mean separation in µm over the velocity. The arguments are the same as for `plot_friction`.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> v, p = np.array([1e-3, 1e-2, 1e-1]), 0.15e6
+    >>> ax = rf.plot.plot_separation(rf.solve(scene, v, p, quantities="separation"), velocity=v, pressure=p)
+    >>> round(float(ax.lines[0].get_ydata()[1]))  # in µm
+    812
+    """
     return _quantity(curves_of(result, velocity, pressure, temperature, "separation"), "separation", ax)
 
 
@@ -151,6 +184,13 @@ def plot_curve(
     ------
     ValueError : if the shapes differ, if the quantity is unknown, if no velocity is > 0, or if `ax` is not
         axes.
+
+    Examples
+    --------
+    >>> v = np.array([1e-3, 1e-2, 1e-1])
+    >>> ax = rf.plot.plot_curve(v, {"dry": [0.8, 1.0, 0.9], "wet": [0.6, 0.7, 0.65]})
+    >>> [text.get_text() for text in ax.get_legend().get_texts()], ax.get_xlabel()
+    (['dry', 'wet'], 'velocity $v$ [m/s]')
     """
     check_choice("quantity", quantity, PANELS)
     velocity = vector("velocity", velocity)
@@ -169,7 +209,14 @@ def plot_curve(
 
 
 def curve_labels(conditions: Conditions) -> dict[tuple[int, int], str]:
-    """Return a dict that maps (index of temperature, index of pressure) to the label of the curve."""
+    """Return a dict that maps (index of temperature, index of pressure) to the label of the curve.
+
+    Examples
+    --------
+    >>> mu, v, p = np.ones((2, 3)), np.array([1e-3, 1e-2, 1e-1]), np.array([[1e5], [2e5]])
+    >>> rf.plot.curve_labels(rf.io.curves_of(mu, v, p, 293.15).conditions)
+    {(0, 0): '0.1 MPa, 20 °C', (0, 1): '0.2 MPa, 20 °C'}
+    """
     temperatures = [None] if conditions.temperature is None else conditions.temperature
     return {
         (i, j): f"{p / 1e6:.6g} MPa" + ("" if T is None else f", {signed(to_celsius(T))} °C")
@@ -263,118 +310,3 @@ def _some_velocities(velocity: np.ndarray) -> np.ndarray:
     if shown.size == 0:
         raise ValueError("velocity has no value > 0; log10 v needs at least one")
     return shown
-
-
-# Fields of Profile and axis labels, from top to bottom.
-_PROFILE_PANELS = (
-    ("area", "area in contact\n$P(q)$ [-]"),
-    ("friction_density", "friction per e-fold\n$d\\mu/d\\ln q$ [-]"),
-    ("rms_slope", "rms slope up to $q$\n[-]"),
-)
-
-
-def plot_profile(profile: Profile, ax: Panels | None = None, labels: Sequence[str] | None = None) -> Panels:
-    r"""Draw P(q), d mu / d ln q and the rms slope over the wavevector, one line per condition.
-
-    In the panel of d mu / d ln q, equal areas are equal parts of the friction. A second scale above the top
-    panel gives the wavelength 2 pi / q.
-
-    Parameters
-    ----------
-    profile : Profile, from `rubberfric.analysis.profile`
-    ax : sequence of three matplotlib axes, or None for a new figure
-    labels : legend labels of the flattened conditions, or None
-
-    Returns
-    -------
-    sequence of the axes, top to bottom
-
-    Raises
-    ------
-    ValueError : if `labels` or `ax` has the wrong length.
-    """
-    check_kind("profile", profile, Profile)
-    count = int(np.prod(np.shape(profile.area)[:-1]))
-    if labels is not None and len(labels) != count:
-        raise ValueError(f"labels has {len(labels)} names: must have {count}, one for each condition")
-    ax = several_axes(ax, [name for name, _ in _PROFILE_PANELS], (6.4, 7.0))
-    order = np.argsort(np.asarray(profile.q), kind="stable")
-    log_q = np.log10(np.asarray(profile.q)[order])
-    for (name, label), axes in zip(_PROFILE_PANELS, ax, strict=True):
-        values = np.asarray(getattr(profile, name))[..., order]
-        curves = values.reshape(-1, log_q.size)
-        names = [None] * len(curves) if labels is None or values.ndim < 2 else labels
-        for curve, text, look in zip(curves, names, looks(len(curves), log_q.size), strict=True):
-            axes.plot(log_q, curve, label=text, **look)
-        axes.set_ylabel(label)
-        axes.set_ylim(bottom=0)
-        axes.grid(alpha=0.3)
-    decades(ax[-1].xaxis, "wavevector $q$ [1/m]")
-    if labels is not None:
-        legend(ax[0])
-    shift = np.log10(2 * np.pi)
-    above = ax[0].secondary_xaxis("top", functions=(lambda x: shift - x, lambda x: shift - x))
-    decades(above.xaxis, "wavelength $2\\pi/q$ [m]")
-    return ax
-
-
-# Lines of a sweep: (method, precision, attribute of errors and times) -> line style, marker, filled or open,
-# colour, name.
-_SWEEPS = {
-    ("panels", "float64", "value"): ("-", "o", True, "C0", "values, float64"),
-    ("panels", "float64", "gradient"): ("-", "s", True, "C3", "gradients, float64"),
-    ("panels", "float32", "value"): ("--", "o", False, "C0", "values, float32"),
-    ("panels", "float32", "gradient"): ("--", "s", False, "C3", "gradients, float32"),
-    ("textbook", "float64", "value"): (":", "D", True, "0.5", "values, textbook method"),
-}
-
-
-def plot_accuracy(accuracy: Accuracy, ax: Axes | None = None, *, unit: Row | None = None) -> Axes:
-    """Draw the largest error of area, friction and separation over run time, for values and gradients.
-
-    Errors of gradients are drawn over the run time of values and gradients together. Errors below the
-    resolution of the reference are drawn at that resolution. Errors that are not finite are omitted.
-
-    Parameters
-    ----------
-    accuracy : Accuracy
-    ax : matplotlib axes, or None for a new figure
-    unit : row of `accuracy` whose forward run time is the unit of time, or None for milliseconds
-
-    Returns
-    -------
-    the axes
-
-    Raises
-    ------
-    ValueError : if `accuracy` or `ax` has the wrong type.
-    """
-    check_kind("accuracy", accuracy, Accuracy)
-    ax = one_axes(ax, (8.0, 4.2))
-    second = 1e3 if unit is None else 1 / unit.forward
-    for (method, dtype, what), (line, marker, filled, colour, label) in _SWEEPS.items():
-        rows = [row for row in accuracy.rows if (row.method, row.dtype) == (method, dtype)]
-        time = "forward" if what == "value" else "gradient"
-        drawn = [(second * getattr(row, time), getattr(accuracy.known(row), what)) for row in rows]
-        drawn = [point for point in drawn if np.isfinite(point[1]) and point[1] > 0]
-        if drawn:
-            look: dict[str, Any] = {"linestyle": line, "marker": marker, "color": colour, "markersize": 5}
-            ax.loglog(*zip(*drawn, strict=True), **look, mfc=colour if filled else "white", label=label)
-    ax.axhline(accuracy.error, color="0.6", linewidth=0.8, label="wanted")
-    ax.set_xlabel("run time [ms]" if unit is None else f"run time / run time of the {unit.method} method")
-    ax.set_ylabel("largest relative error [-]")
-    _label_times(ax)
-    ax.grid(alpha=0.3)
-    legend(ax)
-    return ax
-
-
-def _label_times(axes: Axes) -> None:
-    """Label run times with plain numbers, because a sweep spans at most four decades."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    axis = axes.xaxis
-    low, high = axis.get_view_interval()
-    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 1e3 * low else (1,)))
-    axis.set_major_formatter(FuncFormatter(lambda time, _: f"{time:g}"))
-    axis.set_minor_formatter(NullFormatter())

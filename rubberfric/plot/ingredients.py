@@ -61,6 +61,16 @@ def plot_modulus(
     ------
     ValueError : if the material is not deformable, if a temperature is given for a material without a shift,
         or if omega, data or ax is invalid.
+
+    Examples
+    --------
+    >>> rubber = rf.Prony(E_inf=1e6, E=[1e7], tau=[1e-3])
+    >>> data = fitting.ModulusData([1e2, 1e3], storage=[1.1e6, 6e6], loss=[1e6, 5e6])
+    >>> ax = rf.plot.plot_modulus(rubber, data=data)
+    >>> rf.plot.save_figure("modulus.png", ax)
+    >>> loss_factor = ax.figure.axes[-1].lines[0].get_ydata()
+    >>> round(float(max(loss_factor)), 1)  # tan delta, at most 5 / sqrt(1 + 10)
+    1.5
     """
     if not isinstance(material, Material) or not material.deforms:
         raise ValueError(f"material must be deformable, got {type(material).__name__}")
@@ -232,6 +242,16 @@ def plot_spectrum(spectra: Any, ax: Axes | None = None, q: ArrayLike | None = No
     ------
     ValueError : if an object is not a spectrum, if a spectrum is smooth, if q is invalid, or if `ax` is not
         axes.
+
+    Examples
+    --------
+    The right axis ends at the rms slope:
+
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
+    >>> ax = rf.plot.plot_spectrum({"new": road, "worn": road.replace(h_rms=0.3e-3)})
+    >>> slope = ax.figure.axes[-1].lines[0].get_ydata()
+    >>> round(float(slope[-1]), 3), round(float(rf.rms_slope(road)), 3)
+    (1.738, 1.738)
     """
     several = isinstance(spectra, Mapping)
     spectra = spectra if isinstance(spectra, Mapping) else {"spectrum": spectra}

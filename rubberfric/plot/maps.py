@@ -71,6 +71,14 @@ def plot_map(
     ------
     ValueError : if there are too few conditions, if the quantity was not computed, or if `ax` has the wrong
         number of axes.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> result = rf.friction_map(scene, np.logspace(-4, 0, 9), [0.1e6, 0.2e6, 0.4e6])
+    >>> axes = rf.plot.plot_map(result)
+    >>> len(axes), axes[0].get_ylabel()  # one temperature
+    (1, 'pressure $p$ [MPa]')
     """
     result = curves_of(result)
     check_map(result.conditions, temperature, pressure)
@@ -250,6 +258,16 @@ def plot_sensitivity(
     ------
     ValueError : if shapes are wrong, if there are too few velocities or times, if values are not finite, or
         if `ax` is not axes.
+
+    Examples
+    --------
+    Terms matter most at v tau = 1 mm here; `fitting.sensitivity` returns such values:
+
+    >>> v, tau = np.logspace(-6, 1, 8), np.array([1e-5, 1e-3, 1e-1])
+    >>> values = np.exp(-(np.log10(v * tau[:, None] / 1e-3) ** 2))
+    >>> ax = rf.plot.plot_sensitivity(v, tau, values)
+    >>> ax.get_xlabel(), len(ax.figure.axes)
+    ('velocity $v$ [m/s]', 2)
     """
     velocity, tau = vector("velocity", velocity), vector("tau", tau, positive=True)
     columns, x = _axis(np.log10, velocity)

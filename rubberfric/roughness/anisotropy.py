@@ -44,6 +44,15 @@ class Anisotropic(Spectrum):
     harmonics : 4, 8, 16, 32 or 64 (static)
         number of harmonics. `harmonics_left_out` returns the share of the higher harmonics: 2e-7 for 16 at a
         ratio of 2, 3e-6 for 32 at a ratio of 4.
+
+    Examples
+    --------
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
+    >>> grooved = rf.Anisotropic(road, ratio=2.0, angle=np.radians(30.0))
+    >>> c, s = grooved.replace(angle=0.0).harmonics_at(2e3)
+    >>> signs = (-1.0) ** np.arange(1, grooved.harmonic_count() + 1)
+    >>> round(float((1 + np.sum(c)) / (1 + np.sum(signs * c))), 4)
+    0.0825
     """
 
     endless: ClassVar[bool] = True
@@ -107,6 +116,18 @@ class TabulatedAnisotropic(Table):
     q0, q1 : first and last wavevector of the roughness [1/m], as in `TabulatedSpectrum`
 
     Limits: there are (directions - 1) // 2 harmonics, which are all that the table determines.
+
+    Examples
+    --------
+    >>> phi = np.pi * np.arange(16) / 16
+    >>> q = np.array([1e3, 1e4])
+    >>> C = 1e-14 * (q[:, None] / 1e3) ** -3.6 * (1.5 + 0.5 * np.cos(2 * phi))
+    >>> table = rf.TabulatedAnisotropic(q, C)
+    >>> f"{float(rf.power_spectrum(table, 1e3)):.4g}"  # mean over the directions
+    '1.5e-14'
+    >>> c, s = table.harmonics_at(2e3)
+    >>> round(float(c[0]), 6)
+    0.333333
     """
 
     harmonics_vary: ClassVar[bool] = True
@@ -165,6 +186,16 @@ def harmonics_left_out(spectrum: Spectrum) -> jax.Array:
         The share is 0 for SelfAffine and TabulatedSpectrum. For TabulatedAnisotropic, the result is the
         largest relative amplitude of the highest harmonic over all q, which shows if the table has enough
         directions.
+
+    Examples
+    --------
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
+    >>> for harmonics in (8, 16, 32):
+    ...     grooved = rf.Anisotropic(road, ratio=3.0, harmonics=harmonics)
+    ...     print(harmonics, f"{float(rf.roughness.harmonics_left_out(grooved)):.1g}")
+    8 0.04
+    16 0.0002
+    32 6e-09
     """
     check_kind("spectrum", spectrum, Spectrum)
     return spectrum.harmonics_left_out()
@@ -210,6 +241,14 @@ def from_grid(
     Raises
     ------
     ValueError : if the grid does not reach a q, if C <= 0, or if qx or qy does not increase.
+
+    Examples
+    --------
+    >>> kx, ky = np.linspace(-2e4, 2e4, 161), np.linspace(0.0, 2e4, 81)
+    >>> C = 1e-14 * np.maximum(np.hypot(kx[:, None], ky) / 1e3, 0.1) ** -3.6
+    >>> table = rf.roughness.from_grid(kx, ky, C, q=np.geomspace(2e3, 1.6e4, 10), directions=16)
+    >>> round(float(rf.power_spectrum(table, 4e3) / rf.power_spectrum(table, 8e3)), 1)  # 2^3.6
+    12.1
     """
     qx, qy, C, q = (np.asarray(x, float) for x in (qx, qy, C, q))
     if C.shape != (qx.size, qy.size) or not (C > 0).all():

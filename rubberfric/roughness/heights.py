@@ -56,6 +56,13 @@ def find_outliers(
     bool array of the shape of heights. Not found are spikes wider than two points, scratches, and
     spikes within two points of the end of a profile or a corner of a map. Neighbours of a spike may be
     masked, too.
+
+    Examples
+    --------
+    >>> profile = 1e-6 * np.sin(0.1 * np.arange(50))
+    >>> profile[20] += 5e-6
+    >>> np.flatnonzero(rf.roughness.find_outliers(profile, profiles=True))
+    array([20])
     """
     h = _finite(heights)
     check_values("threshold", as_leaf("threshold", threshold, 0), POSITIVE)
@@ -89,6 +96,12 @@ def fill_holes(heights: ArrayLike) -> np.ndarray:
 
     The result has no new maximum or minimum. A spectrum of filled heights is too low by about the share of
     holes at short waves.
+
+    Examples
+    --------
+    >>> heights = np.array([[1.0, 1.0, 1.0], [1.0, np.nan, 3.0], [3.0, 3.0, 3.0]])
+    >>> round(float(rf.roughness.fill_holes(1e-6 * heights)[1, 1]) * 1e6, 6)  # in µm
+    2.0
     """
     heights = np.asarray(heights, float)
     hole = ~np.isfinite(heights)
@@ -108,7 +121,14 @@ def fill_holes(heights: ArrayLike) -> np.ndarray:
 
 
 def detrended(heights: ArrayLike, degree: int | None = 1, *, profiles: bool = False) -> np.ndarray:
-    """Subtract the least-squares polynomial of a total degree, 0, 1 or 2, from a map or from each profile."""
+    """Subtract the least-squares polynomial of a total degree, 0, 1 or 2, from a map or from each profile.
+
+    Examples
+    --------
+    >>> heights = 1e-6 * np.array([0.0, 1.0, 2.0, 4.0])
+    >>> (1e6 * rf.roughness.detrended(heights, profiles=True)).round(6)
+    array([ 0.2, -0.1, -0.4,  0.3])
+    """
     h = np.asarray(heights, float)
     if degree is None:
         return h
@@ -146,6 +166,13 @@ def top_heights(heights: ArrayLike) -> np.ndarray:
     Raises
     ------
     ValueError : if heights are not finite, or if none is above 0.
+
+    Examples
+    --------
+    >>> heights = np.random.default_rng(0).normal(scale=1e-3, size=100_000)
+    >>> tops = rf.roughness.top_heights(heights - heights.mean())
+    >>> round(float(np.var(tops) / np.var(heights)), 2)  # 1 - 1/pi
+    0.68
     """
     h = _finite(heights)
     share = np.mean(h > 0)
@@ -191,6 +218,13 @@ def fill_cavities(
     ------
     ValueError : if not exactly one of volume and level is given, if a value is invalid, or if heights are not
         finite.
+
+    Examples
+    --------
+    >>> heights = 1e-3 * np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
+    >>> wet = rf.roughness.fill_cavities(heights, volume=0.6e-3)
+    >>> float(wet.covered), bool(abs(wet.level) < 1e-12), round(1e3 * float(wet.heights.mean()), 6)
+    (0.4, True, 0.6)
     """
     h = _finite(heights)
     if (volume is None) == (level is None):

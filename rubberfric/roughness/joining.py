@@ -93,6 +93,17 @@ def join_spectra(
     -----
     The result is differentiable with respect to C and heights. Wavevectors must be concrete, because they
     determine the entries. Scale one spectrum first if the jump is an error of calibration.
+
+    Examples
+    --------
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e6, hurst=0.8, h_rms=0.5e-3)
+    >>> q = np.array([1e5, 1e6])
+    >>> microscope = rf.TabulatedSpectrum(q, 1.21 * rf.power_spectrum(road, q))
+    >>> joined = rf.roughness.join_spectra(rf.with_cutoff(road, 0.9), microscope)
+    >>> print(joined.report())
+    gap 8480 ... 1e+05 1/m: the upper spectrum is 1.21 times the lower
+    >>> round(float(np.exp(joined.joints[0].jump / 2)), 3)
+    1.1
     """
     if len(spectra) < 2:
         raise ValueError(f"join_spectra got {len(spectra)} spectra: must be at least two")
@@ -217,6 +228,13 @@ def resample(
     changes rms height and slope: by 0.9 % and 0.03 % for a self-affine road with the roll-off between entries
     and 10 entries per decade, and by some per cent for a table with scatter. The result is differentiable
     with respect to C and heights.
+
+    Examples
+    --------
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
+    >>> table = rf.roughness.resample(road, per_decade=10, preserve=True)
+    >>> table.q.size, round(1e3 * float(rf.roughness.rms_height(table)), 6)  # height in mm
+    (31, 0.5)
     """
     law = power_law_of(spectrum)
     if (q is None) == (per_decade is None):

@@ -140,6 +140,13 @@ def areal_spectrum(
     change of the weights with the data. A roll-off in bins of less than about five modes may be missed; C is
     then too large below it, by more than its standard errors. The C_1D of finite profiles also contains the
     window and the detrending, which `MeasuredSpectrum.areal` takes into account.
+
+    Examples
+    --------
+    >>> q = np.geomspace(1e3, 1e5, 5)
+    >>> areal = rf.roughness.areal_spectrum(q, np.pi / 200 * q**-3)
+    >>> (100 * np.asarray(areal.C) * q**4).round(4)
+    array([1., 1., 1., 1., 1.])
     """
     q, C_1D = (as_leaf(name, value, 1) for name, value in (("q", q), ("C_1D", C_1D)))
     check_lengths("areal_spectrum", q=q, C_1D=C_1D)

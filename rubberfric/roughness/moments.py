@@ -72,6 +72,12 @@ def moment(spectrum: Spectrum, order: float) -> jax.Array:
 
     The moments of order 0, 2 and 4 are h_rms^2 [m^2], the mean square slope [-] and the mean square curvature
     [1/m^2].
+
+    Examples
+    --------
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
+    >>> f"{float(np.sqrt(rf.roughness.moment(road, 4))):.4g}"
+    '7.662e+04'
     """
     check_kind("spectrum", spectrum, Spectrum)
     return _moment(spectrum, order)
@@ -186,6 +192,12 @@ def cutoff(
     Limits: the result is differentiable (a closed form for "C"), and `rms_slope` at the result has an error
     of 1e-13. If the squared slope grows like ln q (H = 1), the result may exceed the floating-point range and
     is then infinite.
+
+    Examples
+    --------
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
+    >>> round(float(rf.roughness.cutoff(road, 1.3)), -1)  # in 1/m
+    30570.0
     """
     check_kind("spectrum", spectrum, Spectrum)
     rms_slope = as_numbers("rms_slope", rms_slope, POSITIVE)

@@ -152,6 +152,12 @@ def spectrum_from(
     order of q_r/q. Within a factor 2 of a cutoff C is too small. The rms height is 1.09 to 1.40 times too
     large if there is a roll-off. A UserWarning says so if a table along a line begins with a slope of less
     than half of -(1 + 2 H). `areal_spectrum` makes no such assumption.
+
+    Examples
+    --------
+    >>> C = rf.roughness.spectrum_from("C_iso", np.array([1e3, 1e4]), np.array([4e-13, 1e-16]))
+    >>> [f"{float(x):.4g}" for x in C]  # in m^4
+    ['1.013e-14', '2.533e-18']
     """
     if np.ma.is_masked(values) or np.ma.is_masked(q):
         raise ValueError("q or values has masked entries; leave them out, q[~values.mask]")
@@ -180,7 +186,13 @@ def _warn_of_rolloff(q, values, hurst):
 
 
 def density_column(normalisation: str) -> str:
-    """Return the column of a table with a spectrum in this normalisation: C [m^4] or C_1D [m^3]."""
+    """Return the column of a table with a spectrum in this normalisation: C [m^4] or C_1D [m^3].
+
+    Examples
+    --------
+    >>> rf.roughness.density_column("C_iso"), rf.roughness.density_column("ISO_8608")
+    ('C', 'C_1D')
+    """
     about = NORMALISATIONS.get(normalisation)
     return "C_1D" if about is not None and (about.line or about.radial) else "C"
 
@@ -195,6 +207,12 @@ def spectrum_as(normalisation: str, q: ArrayLike, C: ArrayLike, hurst: ArrayLike
     Raises
     ------
     ValueError : as in `spectrum_from`. Along a line without H, q must be a table that increases.
+
+    Examples
+    --------
+    >>> C_1D = rf.roughness.spectrum_as("C_1D", 1e4, 1e-17, hurst=0.8)
+    >>> f"{float(C_1D):.4g}"  # in m^3
+    '1.708e-13'
     """
     if normalisation in LINES and hurst is None and len(shape_of(q)) == len(shape_of(C)) == 1:
         return NORMALISATIONS[normalisation].factor * projected_table(q, C)
@@ -302,6 +320,11 @@ def find_normalisation(
     Raises
     ------
     ValueError : the normalisation is missing, contradicts the title, or is over another axis than the table.
+
+    Examples
+    --------
+    >>> rf.roughness.find_normalisation("road.csv", ["n", "G_d"])
+    'ISO_8608'
     """
     titles = [name for name in names if name in _NAMED]
     own = _NAMED[titles[0]] if titles else None

@@ -1,4 +1,4 @@
-r"""Expected periodograms of profiles: what a window, detrending and bins make of a spectrum C_1D.
+r"""Bins of modes, and expected periodograms: what a window, detrending and bins make of a spectrum C_1D.
 
 A profile of n heights has the covariances R of a random profile with the spectrum C_1D,
 
@@ -9,6 +9,7 @@ polynomials, the expected power of a mode is f^H W (1 - B B^T) R (1 - B B^T) W f
 that Fourier transforms compute its products.
 """
 
+import itertools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -22,6 +23,8 @@ _PER_DECADE = 60
 _CLIFF = 20
 # Steps between bins below which a fit of three parameters says little.
 _LEAST_BINS = 4
+# Squared correlation of modes at these distances along an axis, from the transform of the squared window.
+_NEIGHBOURS = {"none": {0: 1.0}, "hann": {-2: 1 / 36, -1: 4 / 9, 0: 1.0, 1: 4 / 9, 2: 1 / 36}}
 
 
 class Sampling(NamedTuple):
@@ -37,10 +40,45 @@ class Sampling(NamedTuple):
     trends: np.ndarray
 
 
+def bins_of_modes(q: np.ndarray, highest: float, per_decade: float | None) -> tuple[np.ndarray, np.ndarray]:
+    """Return the bin numbers of all modes with 0 < q <= `highest`, and a mask of these modes."""
+    lowest = q[q > 0].min()
+    inside = (q > 0) & (q <= highest * (1 + 1e-9))
+    if per_decade is None:
+        # Equal |q| of different directions differ by rounding.
+        steps = np.round(np.log(q[inside] / lowest) / 1e-9)
+        return np.unique(steps, return_inverse=True)[1].ravel(), inside
+    place = np.log10(q[inside] / lowest) * per_decade
+    return np.floor(place + 1e-9).astype(int), inside
+
+
+def correlated_pairs(bins: np.ndarray, window: str) -> np.ndarray:
+    """Return sum |r(k, k')|^2 over all pairs of modes in each bin, where r is their correlation.
+
+    A window correlates neighbouring modes. Modes k and -k of a real field are equal, which counts every pair
+    twice because a bin contains both. `bins` has the bin number of each mode, or -1.
+    """
+    pairs = np.zeros(bins.max() + 1)
+    for step in itertools.product(*[_NEIGHBOURS[window]] * bins.ndim):
+        shifted = np.roll(bins, step, tuple(range(bins.ndim)))
+        together = bins[(bins == shifted) & (bins >= 0)]
+        weight = np.prod([_NEIGHBOURS[window][k] for k in step])
+        pairs += 2 * weight * np.bincount(together, minlength=pairs.size)
+    return pairs
+
+
 def bins_before_cliff(q: np.ndarray, C: np.ndarray) -> int:
     """Return the number of bins before the spectrum ends within the bins, as behind a low-pass filter.
 
     A bin is behind the end if C falls to it more steeply than q^-20. At least four bins are kept.
+
+    Examples
+    --------
+    >>> q = np.geomspace(1e3, 1e5, 41)
+    >>> C = 1e-14 * (q / 1e3) ** -3.6 * np.minimum(1.0, (3e4 / q) ** 30)  # a filter at 3e4 1/m
+    >>> count = rf.roughness.bins_before_cliff(q, C)
+    >>> count, round(float(q[count - 1]))
+    (31, 31623)
     """
     falls = -np.diff(np.log(np.maximum(C, np.finfo(float).tiny))) / np.diff(np.log(q))
     last = len(falls)

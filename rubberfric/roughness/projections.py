@@ -54,6 +54,12 @@ def line_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
     -----
     C_1D is differentiable with respect to the spectrum and q, except at the ends of C, where C_1D is like a
     square root.
+
+    Examples
+    --------
+    >>> surface = rf.TabulatedSpectrum(q=[1e2, 1e7], C=[1e-10, 1e-30])
+    >>> round(float(rf.roughness.line_spectrum(surface, 1e4)) * 100 * 1e4**3, 4)
+    1.5708
     """
     check_kind("spectrum", spectrum, Spectrum)
     return _line_spectrum(spectrum, positive_array("q", q))

@@ -110,6 +110,15 @@ class SelfAffine(Spectrum):
     q1 : cutoff wavevector [1/m], > q0
     hurst : H [-], 0 ... 1
     h_rms : root-mean-square height of the roughness in q0 < q < q1 [m], >= 0
+
+    Examples
+    --------
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
+    >>> f"{float(rf.power_spectrum(road, 500.0)):.4g}"
+    '3.554e-14'
+    >>> again = rf.SelfAffine.from_C0(100.0, 1000.0, 1e5, 0.8, C0=3.554e-14)
+    >>> round(1e3 * float(again.h_rms), 3)  # in mm
+    0.5
     """
 
     endless: ClassVar[bool] = True
@@ -222,6 +231,13 @@ def log_power_spectrum(law: BrokenPowerLaw, q: jax.Array | np.ndarray) -> jax.Ar
     """Return ln C at wavevectors q, where the first and last piece continue beyond the ends of the law.
 
     Fits of C use this function.
+
+    Examples
+    --------
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
+    >>> log_C = rf.roughness.log_power_spectrum(road.power_law(), np.array([1e5, 1e6]))
+    >>> round(float((log_C[1] - log_C[0]) / np.log(10.0)), 6)  # the slope continues beyond q1
+    -3.6
     """
     return jnp.log(law.height2) + log_shape(law, q)
 

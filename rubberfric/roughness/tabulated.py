@@ -81,6 +81,15 @@ class TabulatedSpectrum(Table):
     continues. If q^4 C increases by a factor of more than 1e6 between two entries, the separation has a
     relative error of 1e-4, or of 2 % if the q of these entries differ by less than 2 %. In full contact,
     separations below 1e-20 / q0 then have no correct digit. More panels reduce these errors.
+
+    Examples
+    --------
+    >>> table = rf.TabulatedSpectrum(q=[1e3, 1e5], C=[1e-14, 1e-22])
+    >>> f"{float(rf.roughness.rms_height(table)):.4g}"  # in m
+    '0.0001772'
+    >>> half = table.replace(q1=1e4)
+    >>> round(float((rf.rms_slope(half) / rf.rms_slope(table)) ** 2), 6)
+    0.5
     """
 
     file_kind: ClassVar[str] = "tabulated"

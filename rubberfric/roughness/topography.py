@@ -17,7 +17,6 @@ each mode over its neighbours, so the first two or three modes are unreliable. D
 the same modes. The spectrum contains the instrument's resolution and noise.
 """
 
-import itertools
 from typing import Any
 
 import numpy as np
@@ -35,7 +34,7 @@ from rubberfric.base.checks import (
 )
 from rubberfric.roughness.heights import detrended, fill_cavities, tip_cutoff, top_heights, trends
 from rubberfric.roughness.measured import InstrumentLimits, MeasuredSpectrum
-from rubberfric.roughness.periodograms import Sampling
+from rubberfric.roughness.periodograms import Sampling, bins_of_modes, correlated_pairs
 
 WINDOWS = ("hann", "none")
 # Highest degree of detrending polynomials in x (and y). More would remove roughness.
@@ -44,8 +43,6 @@ _DEGREES = (None, 0, 1, 2)
 _LEAST = 8
 # Largest distance of a position from an even grid, over the spacing.
 _EVEN = 0.05
-# Squared correlation of modes at these distances along an axis, from the transform of the squared window.
-_NEIGHBOURS = {"none": {0: 1.0}, "hann": {-2: 1 / 36, -1: 4 / 9, 0: 1.0, 1: 4 / 9, 2: 1 / 36}}
 
 
 def spectrum_of_profile(
@@ -102,8 +99,8 @@ def spectrum_of_profile(
     Examples
     --------
     >>> x, traces = rf.io.read_traces("data/laboratory/stylus.csv")
-    >>> found = rf.roughness.spectrum_of_profile(x, traces, per_decade=10)
-    >>> round(1e6 * float(found.rms_height))  # in µm
+    >>> measured = rf.roughness.spectrum_of_profile(x, traces, per_decade=10)
+    >>> round(1e6 * float(measured.rms_height))  # in µm
     143
     """
     height = _heights(height, 1)
@@ -151,6 +148,14 @@ def spectrum_of_topography(
     a scene.
 
     Raises, Notes : as in `spectrum_of_profile`. Directions are averaged also for anisotropic maps.
+
+    Examples
+    --------
+    >>> x = 1e-3 * np.arange(64) / 64
+    >>> heights = 1e-6 * np.sin(2 * np.pi * x / 125e-6)[:, None] * np.ones(64)
+    >>> measured = rf.roughness.spectrum_of_topography(heights, dx=x[1], window="none", detrend=0)
+    >>> round(1e6 * float(measured.h_rms), 4)  # in µm
+    0.7071
     """
     heights = _heights(heights, 2)
     dx = _spacing(dx, None, "dx")
@@ -215,7 +220,7 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
     power = np.mean(w**2)
     cell = float(np.prod([2 * np.pi / (n * d) for n, d in zip(grid, spacings, strict=True)]))
     mean_square = np.abs(np.fft.fftn(w * heights, axes=axes)) ** 2 / (q.size**2 * power)
-    index, inside = _bins(q, np.pi / max(spacings), per_decade)
+    index, inside = bins_of_modes(q, np.pi / max(spacings), per_decade)
     count = np.bincount(index)
     kept = count > 0
     count = count[kept]
@@ -227,7 +232,7 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
     C = each.mean(0)
     bins = np.full(q.shape, -1)
     bins[inside] = index
-    independent = count**2 / _correlated_pairs(bins, window)[kept]
+    independent = count**2 / correlated_pairs(bins, window)[kept]
     # C is distributed as chi^2 with two degrees of freedom for each independent mode.
     relative = np.sqrt(scipy.special.polygamma(1, independent * samples))
     if samples > 1:
@@ -250,33 +255,6 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
         ),
         sampling=Sampling(w, trends(grid, detrend)) if len(grid) == 1 else None,
     )
-
-
-def _correlated_pairs(bins, window):
-    """Return sum |r(k, k')|^2 over all pairs of modes in each bin, where r is their correlation.
-
-    A window correlates neighbouring modes. Modes k and -k of a real field are equal, which counts every pair
-    twice because a bin contains both. `bins` has the bin number of each mode, or -1.
-    """
-    pairs = np.zeros(bins.max() + 1)
-    for step in itertools.product(*[_NEIGHBOURS[window]] * bins.ndim):
-        shifted = np.roll(bins, step, tuple(range(bins.ndim)))
-        together = bins[(bins == shifted) & (bins >= 0)]
-        weight = np.prod([_NEIGHBOURS[window][k] for k in step])
-        pairs += 2 * weight * np.bincount(together, minlength=pairs.size)
-    return pairs
-
-
-def _bins(q, highest, per_decade):
-    """Return the bin numbers of all modes with 0 < q <= `highest`, and a mask of these modes."""
-    lowest = q[q > 0].min()
-    inside = (q > 0) & (q <= highest * (1 + 1e-9))
-    if per_decade is None:
-        # Equal |q| of different directions differ by rounding.
-        steps = np.round(np.log(q[inside] / lowest) / 1e-9)
-        return np.unique(steps, return_inverse=True)[1].ravel(), inside
-    place = np.log10(q[inside] / lowest) * per_decade
-    return np.floor(place + 1e-9).astype(int), inside
 
 
 def _heights(height, dimensions):
@@ -354,6 +332,16 @@ def spectrum_of_surface(topography: Any, *, unit: str | None = None, **options: 
     `spectrum_from` converts spectra computed by SurfaceTopography: "C_iso" for `power_spectrum_from_area`,
     "C_1D_surfacetopography" for `power_spectrum_from_profile`. Convert q and C to SI and leave masked entries
     out first.
+
+    Examples
+    --------
+    >>> class LineScan:
+    ...     physical_sizes, nb_grid_pts, unit, is_periodic = (10.0,), (1000,), "mm", True
+    ...     def heights(self):
+    ...         return 1e-3 * np.sin(2 * np.pi * np.arange(1000) / 50)
+    >>> measured = rf.roughness.spectrum_of_surface(LineScan())
+    >>> round(1e6 * float(measured.rms_height), 4), measured.dimensions  # in µm; C_1D of a line
+    (0.7071, 1)
     """
     for name in _NEEDED:
         if not hasattr(topography, name):

@@ -43,6 +43,15 @@ class ThermalProperties(PhysicalObject):
     density : [kg/m^3], about 2.4e3 for asphalt
     heat_capacity : [J/(kg K)], about 0.9e3
     conductivity : [W/(m K)], about 1.5
+
+    Examples
+    --------
+    >>> asphalt = rf.ThermalProperties(density=2.4e3, heat_capacity=0.9e3, conductivity=1.5)
+    >>> rubber = rf.ThermalProperties(density=1.2e3, heat_capacity=1.6e3, conductivity=0.23)
+    >>> e = [float(x.density * x.heat_capacity * x.conductivity) ** 0.5 for x in (asphalt, rubber)]
+    >>> round(e[1] / sum(e), 2)
+    0.27
+    >>> road = rf.Body(rf.Rigid(), thermal=asphalt)
     """
 
     density: Number = leaf(POSITIVE, unit="kg/m^3")
@@ -87,6 +96,17 @@ class Heating(PhysicalObject):
     Limits: for heat conduction every body is a half-space of one material. This holds if the diffusion length
     sqrt(D R / v) is small compared with the thickness of a layer, or if both parts of a Coating conduct
     equally. The heat of viscoelastic losses stays in the solid where it is generated.
+
+    Examples
+    --------
+    >>> cold = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> heating = rf.Heating(density=1.2e3, heat_capacity=1.6e3, conductivity=0.23, radius=2e-3)
+    >>> hot = cold.replace(heating=heating)
+    >>> solution = rf.solve(hot, 1.0, 0.3e6, 293.15, quantities=("friction", "flash_temperature"))
+    >>> round(float(solution.flash_temperature) - 293.15), round(float(solution.friction), 3)
+    (4, 0.122)
+    >>> round(float(rf.friction(cold, 1.0, 0.3e6, 293.15)), 3)
+    0.13
     """
 
     density: Number = leaf(POSITIVE, unit="kg/m^3")

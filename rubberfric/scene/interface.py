@@ -91,6 +91,13 @@ class ContactShear(ShearLaw):
     so a very small c is like c = 0. For c = 0 the stress is dry friction, tau_f0 sign(v), which is
     discontinuous at v = 0, where value and derivatives are set to 0. ln a_T' saturates at a quarter of the
     exponent range (see `rubberfric.materials.shifts`).
+
+    Examples
+    --------
+    >>> shear = rf.ContactShear(tau_f0=6.5e6, c=0.1, v0=6e-3)
+    >>> round(float(shear.stress(np.log(6e-4))) / 1e6, 3)  # MPa at 0.6 mm/s
+    5.881
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml").replace(shear=shear)
     """
 
     tau_f0: Number = leaf(NONNEGATIVE, unit="Pa", plausible=PLAUSIBLE_STRESS)
@@ -179,6 +186,15 @@ class Adhesion(PhysicalObject):
     Limits: E_r is taken at the frequencies of sliding, and from the relaxed moduli at rest. Losses of opening
     cracks are not included. Adhesion and heating cannot be combined. The tables of boundary elements are in
     tests/rubberfric/theory/area/test_adhesive_elements.py.
+
+    Examples
+    --------
+    >>> seal = rf.load_scene("data/rubber_seal.toml").replace(adhesion=None)
+    >>> sticky = seal.replace(adhesion=rf.Adhesion(work=2e-3))
+    >>> round(float(rf.contact_area(seal, 0.0, 1e4)), 4)
+    0.0427
+    >>> round(float(rf.contact_area(sticky, 0.0, 1e4)), 4)
+    0.0679
     """
 
     work: Number = leaf(POSITIVE, unit="J/m^2", plausible=(1e-9, 1e3))
@@ -206,6 +222,14 @@ class Correlation(PhysicalObject):
 
     Limits: both surfaces must be rough and isotropic, and the solids must be at rest (velocity 0). Heating
     and softening are not allowed. Traced velocities other than 0 give NaN.
+
+    Examples
+    --------
+    >>> road = rf.SelfAffine(q0=100.0, qr=1000.0, q1=1e5, hurst=0.8, h_rms=0.5e-3)
+    >>> body = rf.Body(rf.Elastic(young=3e6, poisson=0.5), road)
+    >>> scene = rf.Scene(body, body, correlation=rf.Correlation(coherence=1.0))
+    >>> round(float(rf.contact_area(scene, 0.0, 0.15e6)), 6)
+    1.0
     """
 
     coherence: Number = leaf(between(-1.0, 1.0), unit="-")

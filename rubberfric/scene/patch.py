@@ -40,7 +40,15 @@ class PressureShape(Kind, abc.ABC):
 
 @physical
 class Parabolic(PressureShape):
-    """Pressure f = 6 s (1 - s) of a loaded tyre."""
+    """Pressure f = 6 s (1 - s) of a loaded tyre.
+
+    Examples
+    --------
+    >>> shape = rf.Parabolic()
+    >>> shape.relative(np.array([0.0, 0.25, 0.5])), shape.highest()
+    (array([0.   , 1.125, 1.5  ]), 1.5)
+    >>> patch = rf.Patch(length=0.12, width=0.15, stiffness=5e7, pressure=shape)
+    """
 
     def relative(self, s: jax.Array) -> jax.Array:
         """Return the pressure divided by its mean at s."""
@@ -53,7 +61,14 @@ class Parabolic(PressureShape):
 
 @physical
 class Uniform(PressureShape):
-    """Constant pressure, f = 1."""
+    """Constant pressure, f = 1.
+
+    Examples
+    --------
+    >>> patch = rf.Patch(length=0.12, width=0.15, stiffness=5e7, pressure=rf.Uniform())
+    >>> patch.shape.highest(), patch.shape.is_constant
+    (1.0, True)
+    """
 
     def relative(self, s: jax.Array) -> jax.Array:
         """Return 1 for every s."""
@@ -76,6 +91,15 @@ class Trapezoid(PressureShape):
     Parameters
     ----------
     ramp : share of the length of each ramp, 0 ... 0.5 [-]
+
+    Examples
+    --------
+    >>> shape = rf.Trapezoid(ramp=0.2)
+    >>> round(float(shape.highest()), 6)  # 1 / (1 - 0.2)
+    1.25
+    >>> round(float(shape.relative(0.1)), 6)  # in the middle of the first ramp
+    0.625
+    >>> patch = rf.Patch(length=0.12, width=0.15, stiffness=5e7, pressure=shape)
     """
 
     ramp: Number = leaf(between(1e-6, 0.5), unit="-")
@@ -100,6 +124,13 @@ class MeasuredPressure(PressureShape):
     Parameters
     ----------
     values : pressures in any unit, at least two, >= 0; only their ratios matter
+
+    Examples
+    --------
+    >>> shape = rf.MeasuredPressure([0.0, 200.0, 300.0, 200.0, 0.0])
+    >>> round(float(shape.highest()), 4)  # the mean is 175 kPa
+    1.7143
+    >>> patch = rf.Patch(length=0.12, width=0.15, stiffness=5e7, pressure=shape)
     """
 
     values: Vector = leaf(NONNEGATIVE, unit="-")
@@ -136,6 +167,12 @@ class Patch(PhysicalObject):
     stiffness : shear stress of an element per displacement of its tip [Pa/m]
         A tread block of height h and shear modulus G has about G / h; 5e7 Pa/m for tyres.
     pressure : "parabolic", "uniform", Trapezoid(ramp), MeasuredPressure(values), or another `PressureShape`
+
+    Examples
+    --------
+    >>> patch = rf.Patch(length=0.12, width=0.15, stiffness=5e7, pressure="uniform")
+    >>> round(3000.0 / float(patch.area))
+    166667
     """
 
     length: Number = leaf(POSITIVE, unit="m", plausible=(1e-4, 10.0))

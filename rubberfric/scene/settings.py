@@ -196,6 +196,13 @@ def tuned(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Scene:
     ------
     ValueError : if `scene` is not a Scene, if a number of the scene or the pressure is traced, if a pressure
         is <= 0, or if the margin is < 0.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> tuned = rf.tuned(scene, 3e5)
+    >>> scene.quadrature is None, tuned.quadrature == rf.analysis.default_quadrature(scene, 3e5)
+    (True, True)
     """
     check_kind("scene", scene, Scene)
     if not all(is_concrete(x) for x in jax.tree.leaves((scene, pressure))):

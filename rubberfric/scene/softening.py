@@ -43,6 +43,14 @@ class Softening(PhysicalObject):
     factor : strain divided by rms slope [-], > 0
 
     Limits: elastic solids do not soften.
+
+    Examples
+    --------
+    >>> softening = rf.Softening(strain=[1e-3, 1e-1], storage=[1.0, 0.33], loss=[1.0, 0.33])
+    >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
+    >>> softer = scene.replace(softening=softening)
+    >>> round(float(rf.contact_area(softer, 1e-2, 5e4) / rf.contact_area(scene, 1e-2, 5e4)), 2)
+    3.03
     """
 
     rising: ClassVar = (("strain",),)

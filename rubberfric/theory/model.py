@@ -217,8 +217,8 @@ def solve(
     Examples
     --------
     >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
-    >>> found = rf.solve(scene, np.logspace(-3, 0, 4), 0.15e6)
-    >>> found.friction.round(3)
+    >>> solution = rf.solve(scene, np.logspace(-3, 0, 4), 0.15e6)
+    >>> solution.friction.round(3)
     Array([0.071, 0.083, 0.101, 0.13 ], dtype=float64)
     """
     quantities = (quantities,) if isinstance(quantities, str) else tuple(quantities)

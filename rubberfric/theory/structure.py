@@ -37,7 +37,22 @@ Values = jax.Array | np.ndarray
 
 
 class Solution(NamedTuple):
-    """Results of `solve`. Quantities that were not requested are None."""
+    """Results of `solve`. Quantities that were not requested are None.
+
+    Examples
+    --------
+    >>> scene = rf.load_scene("data/sheared_tread_on_asphalt.toml")
+    >>> v, p = np.array([1e-4, 1e-2]), 0.15e6
+    >>> solution = rf.solve(scene, v, p, quantities=("friction", "shear_friction"))
+    >>> (solution.shear_friction / solution.friction).round(3)
+    Array([0.918, 0.895], dtype=float64)
+    >>> solution.area is None
+    True
+    >>> list(solution.to_dataframe(v, p))
+    ['velocity [m/s]', 'pressure [Pa]', 'friction [-]', 'shear_friction [-]']
+    >>> dict(solution.to_xarray(v, p).sizes)
+    {'velocity': 2}
+    """
 
     # Any, because a type checker does not know which quantities were requested.
     area: Values | Any = None  # A/A0 [-]
@@ -66,12 +81,6 @@ class Solution(NamedTuple):
         ------
         ImportError : pandas is not installed
         ValueError : the conditions do not broadcast to the quantities
-
-        Examples
-        --------
-        >>> solution = rf.solve(scene, [0.1, 1.0], 2e5)  # doctest: +SKIP
-        >>> list(solution.to_dataframe([0.1, 1.0], 2e5))  # doctest: +SKIP
-        ['velocity [m/s]', 'pressure [Pa]', 'area [-]', 'friction [-]', 'separation [m]']
         """
         return self.labelled(velocity, pressure, temperature).to_dataframe()
 

@@ -113,8 +113,8 @@ def profile(
     Examples
     --------
     >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
-    >>> found = rf.analysis.profile(scene, 0.01, 0.15e6)
-    >>> bool(found.area[0] > found.area[-1])  # the contact area decreases with q
+    >>> profile = rf.analysis.profile(scene, 0.01, 0.15e6)
+    >>> bool(profile.area[0] > profile.area[-1])  # the contact area decreases with q
     True
     """
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)

@@ -26,7 +26,16 @@ _UNIT_ATTRIBUTES = ("units", "unit")
 
 
 class Frame(NamedTuple):
-    """Columns of a data frame."""
+    """Columns of a data frame.
+
+    Examples
+    --------
+    >>> frame = rf.io.as_frame({"Sliding speed [mm/s]": [5.0, 10.0], "COF": [0.8, 0.9]})
+    >>> frame.titles, frame.columns[1]
+    (['Sliding speed [mm/s]', 'COF'], [0.8, 0.9])
+    >>> frame.table().names
+    ['v', 'mu']
+    """
 
     titles: list[str]
     units: list[str | None]  # stated beside the titles
@@ -62,7 +71,13 @@ class Frame(NamedTuple):
 
 
 def as_source(source: StrPath | DataFrame) -> Any:
-    """Return a path unchanged, and a data frame as a `Frame`."""
+    """Return a path unchanged, and a data frame as a `Frame`.
+
+    Examples
+    --------
+    >>> rf.io.as_source("table.csv"), rf.io.as_source({"v [mm/s]": [5.0], "mu": [0.8]}).titles
+    ('table.csv', ['v [mm/s]', 'mu'])
+    """
     return as_frame(source) if _is_frame(source) else source
 
 

@@ -71,6 +71,7 @@ def project_rows(path: StrPath, content: str) -> tuple[TextRows, BadRows]:
 def missing_column(where: str, quantity: str) -> str:
     """Return the message about a missing column, with the columns that would determine it."""
     spellings = [name for name, column in COLUMNS.items() if column.name == quantity and column.offered]
+    spellings = spellings or [quantity]
     every = [set(relation.columns) for relation in RELATIONS if relation.result == quantity]
     ways = [
         " and ".join(relation.columns)

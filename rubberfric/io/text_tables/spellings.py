@@ -146,6 +146,7 @@ SPELLINGS = {
             "position; distance; sliding distance; displacement; weg; gleitweg; reibweg; verschiebung; "
             "distance de glissement; déplacement"
         ),
+        "stroke": "stroke; stroke length; hub; hublänge; schwingweite; course",
         "q": "wavevector; angular wavenumber; wellenvektor; kreiswellenzahl; vecteur d'onde",
         "wavenumber": "wavenumber; wave number; wellenzahl; nombre d'onde",
         "n": "spatial frequency; raumfrequenz; ortsfrequenz; fréquence spatiale",

@@ -27,6 +27,7 @@ def test_a_map_becomes_a_scene():
     measured = rf.roughness.spectrum_of_topography(surface(), LENGTH / POINTS, per_decade=10)
     fit = fitting.fit_spectrum(measured, q0=TRUTH["q0"])
     assert float(fit.spectrum.q1) == measured.q[-1]
+    assert fit.rms_height == measured.rms_height == pytest.approx(surface().std(), rel=1e-3)
     assert float(fit.spectrum.h_rms) == pytest.approx(1e-6, rel=0.15)
     assert float(fit.spectrum.hurst) == pytest.approx(0.8, abs=0.05)
     assert float(fit.spectrum.qr) == pytest.approx(8 * Q0, rel=0.2)

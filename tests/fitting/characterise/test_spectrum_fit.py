@@ -131,9 +131,9 @@ def test_weights():
 
 def test_report(noisy):
     lines = noisy.report().splitlines()
-    assert lines[0] == "Self-affine spectrum of road 7" and len(lines) == 9
+    assert lines[0] == "Self-affine spectrum of road 7" and len(lines) == 10
     value, error = float(noisy.spectrum.hurst), noisy.stderr["hurst"]
-    assert lines[4].split() == [
+    assert lines[5].split() == [
         "hurst",
         "[-]",
         f"{value:.4g}",
@@ -142,7 +142,7 @@ def test_report(noisy):
         f"({error / value:.1%})",
     ]
     assert repr(noisy).startswith("<SpectrumFit: h_rms 0.000")
-    headings, height, hurst, *_, rms = cells(noisy)
+    headings, height, hurst, *_, rms, _ = cells(noisy)
     assert headings == ["parameter", "value", "error"] and height[1].endswith(" m")
     assert hurst == ["hurst", f"{value:.4g}", f"+/- {error:.2g} ({error / value:.1%})"]
     assert rms == [f"rms of ln(fit / measured): {noisy.rms:.2g}, a factor of {np.exp(noisy.rms):.2f}"]
@@ -185,3 +185,20 @@ def test_what_is_refused(call, message):
     with pytest.raises(ValueError, match="must") as error:
         call()
     assert message in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(("factor", "questioned"), [(1.0, False), (5.0, True)])
+def test_the_rms_height_of_the_data_is_compared(factor, questioned):
+    """Long waves that no self-affine spectrum has. The rms height is integrated over a dense grid."""
+    q = np.geomspace(1e2, 1e5, 31)
+    C = 1e-12 * np.where(q < 1e3, 1.0, (q / 1e3) ** -3.6) * np.where(q < 3e2, factor, 1.0)
+    found = fit_spectrum((q, C))
+    dense = np.geomspace(1e2, 1e5, 30_001)
+    heights = np.exp(np.interp(np.log(dense), np.log(q), np.log(C)))
+    height = np.sqrt(2 * np.pi * np.trapezoid(dense**2 * heights, np.log(dense)))
+    assert found.rms_height == pytest.approx(height, rel=1e-5)
+    fitted = float(found.spectrum.h_rms)
+    percent = round(100 * (fitted / height - 1), 1) + 0.0
+    text = f"rms height: fit {fitted:.4g} m, data {height:.4g} m, {percent:+.1f} %"
+    assert text in found.report() and text in found._repr_html_()
+    assert ("more than 10% and two standard errors" in found.report()) == questioned

@@ -9,7 +9,7 @@ import pytest
 from support.folders import ROOT
 
 import fitting
-from fitting.commands import arguments, job
+from fitting.commands import arguments, job, options
 from fitting.solvers.options import FILE_OPTIONS
 from rubberfric.commands import Parser, reworded, use_words_of
 from rubberfric.commands.arguments import parser
@@ -70,7 +70,7 @@ def test_a_job_has_every_option_of_reading_as_an_option_and_as_a_key():
         for name, one in inspect.signature(fitting.read).parameters.items()
         if one.kind == one.KEYWORD_ONLY
     }
-    assert set(arguments.READING) == wanted
+    assert set(options.READING) == wanted
     assert wanted <= set(PARSERS["job"]().options)
     assert wanted <= {*job.CONDITIONS, *job.TEXTS, *job.EXTRA}
 

@@ -46,7 +46,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_a_reciprocating_run(capsys):
-    first, _ = snippets(RIGS, "python")
+    first, *_ = snippets(RIGS, "python")
     names = {"fitting": fitting}
     exec(first, names)
     # 3 s of a stroke are 30 mm. The first 10 mm are 20 rows, after which the start-up part is below 4e-4.
@@ -58,8 +58,23 @@ def test_a_reciprocating_run(capsys):
     assert any("120 of 360 rows" in line for line in lines)
 
 
+def test_sinusoidal_strokes():
+    """Three cycles of 10 Hz and 1 mm with mu = 0.8, whose largest velocity is 0.01 pi m/s."""
+    lines = [
+        f"{0.0005 * k!r},100,{80 * math.copysign(1, math.cos(0.01 * math.pi * (k + 0.5)))}"
+        for k in range(600)
+    ]
+    Path("srv.csv").write_text("\n".join(["t [s],Fn [N],Ft [N]", *lines]) + "\n")
+    _, sinusoidal, _ = snippets(RIGS, "python")
+    names = {"fitting": fitting}
+    exec(sinusoidal, names)
+    for data, count in ((names["speeds"], 5), (names["middle"], 1)):
+        np.testing.assert_allclose(data.friction, [0.8] * count, rtol=1e-12)
+    np.testing.assert_allclose(names["middle"].velocity, 0.01 * math.pi * 0.2 / math.asin(0.2), rtol=1e-3)
+
+
 def test_three_runs():
-    _, second = snippets(RIGS, "python")
+    *_, second = snippets(RIGS, "python")
     names = {"fitting": fitting}
     exec(second, names)
     expected = 1.3213 * math.sqrt(13e-4 / 3) / 0.83

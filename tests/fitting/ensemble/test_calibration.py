@@ -1,5 +1,7 @@
 """Simulation-based calibration: of a fit whose bars are right, and of one whose bars are not."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import scipy
@@ -7,6 +9,8 @@ from support.scenes.fits import FAST, PLAIN, ROAD
 
 import fitting
 import rubberfric as rf
+from fitting.ensemble import calibration as calibration_module
+from fitting.solvers.objective import INTERRUPTED
 
 SCENE = rf.Scene(ROAD, rf.Body(PLAIN))
 PRIOR = {
@@ -117,3 +121,31 @@ def test_refusals():
     ):
         with pytest.raises(ValueError, match=words):
             fitting.calibration(SCENE, data, FREE, prior, 10, quadrature=FAST, **options)
+
+
+def test_ranks_and_coverage_of_evenly_spaced_places():
+    """A truth with the share u of the posterior below it exceeds about u n of n draws."""
+    place = (np.arange(100.0)[:, None] + 0.5) / 100
+    found = fitting.Calibration(("a",), place, place, place, place, 0)
+    np.testing.assert_array_equal(found.ranks(99)[:, 0], np.arange(100))
+    np.testing.assert_array_equal(found.ranks(9)[:, 0], np.arange(100) // 10)
+    assert [found.coverage(level).item() for level in (0.1, 0.5, 0.9)] == [0.1, 0.5, 0.9]
+    end = np.array([[0.0], [1.0]])
+    assert fitting.Calibration(("a",), end, end, end, end, 0).ranks(99).tolist() == [[0], [99]]
+
+
+@pytest.mark.slow
+def test_an_interrupted_calibration_has_the_fits_that_ended(monkeypatch):
+    q = np.geomspace(2e3, 2e4, 7)
+    plan, path = fitting.SpectrumData(q, np.ones(7), relative=0.4), "lower.spectrum.h_rms"
+    run = calibration_module.run_ensemble
+
+    def interrupted(fits, **options):
+        found = run(fits, **options)
+        status = np.where(np.arange(len(found)) < 3, found.status, INTERRUPTED)
+        return dataclasses.replace(found, status=status)
+
+    monkeypatch.setattr(calibration_module, "run_ensemble", interrupted)
+    prior = {path: fitting.Gaussian(5e-4, 1e-4)}
+    found = fitting.calibration(SCENE, plan, {path: fitting.Positive()}, prior, 8)
+    assert found.truth.shape == (3, 1) and found.failed == 5

@@ -458,6 +458,18 @@ def test_a_result_is_saved_and_read(tmp_path, whole):
     refused(lambda: fitting.EnsembleResult.load(path), path, "/status: must be one of")
 
 
+def test_intervals_are_quantiles_of_the_converged_members():
+    values = np.random.default_rng(0).permutation(np.arange(1.0, 102.0))[:, None]
+    lost = np.full((20, 1), 1e9)
+    status = np.repeat([CONVERGED, OUT_OF_STEPS], [101, 20])
+    found = fitting.EnsembleResult(
+        *("starts", ("a",), np.zeros((121, 1)), np.concatenate([values, lost]), np.zeros(121), status),
+        *(status, status, 0.0, 1, 1, 0),
+    )
+    np.testing.assert_allclose(np.ravel(found.interval(0.9)), [6.0, 96.0], rtol=1e-12)
+    np.testing.assert_allclose(np.ravel(found.interval(0.5)), [26.0, 76.0], rtol=1e-12)
+
+
 def test_given_starts_are_kept():
     free, data = {cases.E: fitting.Positive()}, cases.modulus_data()
     drawn = fitting.multi_start(cases.SCENE, data, free, 4).starts

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.special
 from scipy import stats
 from support.scenes.fits import E_INF, ROAD, E
 
@@ -165,6 +166,26 @@ def test_whitening_of_deviations_of_very_different_size():
     correlation = np.array([[1.0, 0.9, 0.0], [0.9, 1.0, 0.3], [0.0, 0.3, 1.0]])
     W = whitener(correlation * np.outer(size, size))
     np.testing.assert_allclose(W @ (correlation * np.outer(size, size)) @ W.T, np.eye(3), atol=1e-10)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_held_numbers_are_refused_if_the_prior_makes_them_unlikely(count):
+    """A squared distance from the mean that is exceeded with a probability of 0.1 %, in closed form."""
+    limit = {1: scipy.special.erfcinv(1e-3) * np.sqrt(2), 2: np.sqrt(-2 * np.log(1e-3))}[count]
+    spread = np.array([0.2, 0.3, 0.1])[: count + 1]
+    prior = Correlated(
+        (5e8, 5e7, 8e6)[: count + 1], np.diag(spread**2), (0.0,) * (count + 1), (np.inf,) * (count + 1)
+    )
+    path, free = f"{E}[:{count + 1}]", {f"{E}[{count}]": Positive()}
+
+    def scene(distance):
+        held = np.array([5e8, 5e7, 8e6])
+        held[:count] *= np.exp(distance * spread[:count] / np.sqrt(count))
+        return PRONY.replace(upper=rf.Body(rf.Prony(3e6, held, [1e-7, 1e-5, 1e-3])))
+
+    assert rows(scene(0.99 * limit), free, {path: prior}).size == count + 1
+    with pytest.raises(ValueError, match="is fixed at"):
+        rows(scene(1.01 * limit), free, {path: prior})
 
 
 def test_numbers_that_are_held_shift_the_others():

@@ -15,6 +15,7 @@ from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
 from fitting import AreaData, Bounded, Free, FrictionData, ModulusData, Positive, Smooth, fit
+from fitting.parameters.variables import free_parameters
 from fitting.solvers.evaluation import costs_at
 from fitting.solvers.first_order import LBFGS, Adam
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
@@ -23,6 +24,7 @@ from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import residuals
 from fitting.solvers.runs import run_fits
 from fitting.solvers.search import random_starts
+from rubberfric.scene.scene import cast
 
 LM = LevenbergMarquardt()
 MODULI = [5e8, 5e7, 8e6, 2e6]  # [Pa]
@@ -387,6 +389,20 @@ def test_several_starts_find_several_minima_and_the_lowest():
     # Another start, in addition to the worse one, finds it.
     once = one_peak(further_time=0.0)
     assert len(once.minima) == 1 and once.cost >= result.cost
+
+
+def test_random_starts_are_uniform_in_their_ranges():
+    """Widths of uniform distributions, of ln E over decades, between bounds, and of the scale of a number."""
+    free = {E: Positive(), "lower.spectrum.hurst": Bounded(0.3, 1.0), "gamma": Free(0.1)}
+    variables, _, x = free_parameters(cast(SCENE, np.float64), free)
+    found = np.asarray(random_starts(variables, x, None, 4001, decades=0.5))
+    np.testing.assert_array_equal(found[0], x)
+    kinds = [group.kind for group in variables.own for _ in range(*group.slot)]
+    moved = np.where(np.array(kinds) == "Bounded", 1 / (1 + np.exp(-found)) - 0.5, found - found[0])[1:]
+    half = np.array([{"Positive": 0.5 * np.log(10), "Bounded": 0.49, "Free": 1.0}[kind] for kind in kinds])
+    assert np.all(np.abs(moved) <= half) and np.all(np.abs(moved).max(0) > 0.99 * half)
+    np.testing.assert_allclose(moved.std(0), half / np.sqrt(3), rtol=0.05)
+    np.testing.assert_allclose(moved.mean(0) / half, 0, atol=0.05)
 
 
 def test_several_starts_are_decided_by_their_key():

@@ -10,6 +10,7 @@ from support.scenes.fits import FAST, PLAIN, ROAD, SHIFTED, write_job
 import fitting
 import rubberfric as rf
 from fitting.commands.job import read_job
+from fitting.parameters.discrepancy import text_of
 from fitting.solvers.evaluation import model_rows, residual_rows
 from fitting.uncertainty.covariance import linearised
 from fitting.uncertainty.discrepancy import averaged, median_amplitude
@@ -307,3 +308,11 @@ def test_refusals():
     ):
         with pytest.raises(ValueError, match="Discrepancy: "):
             fitting.Discrepancy(**wrong)
+
+
+def test_text():
+    """Curves share 60 % of the model error unless stated otherwise."""
+    text = text_of(fitting.Discrepancy(0.25, 2 * math.log(10)))
+    assert "by 25 % (as given), smooth over 2 decades" in text and text.endswith("share 60 % of it")
+    for unknown in (fitting.Discrepancy(None, 1.0), fitting.Discrepancy(0.1, None)):
+        assert "its size was not estimated" in text_of(unknown)

@@ -6,6 +6,7 @@ import numpy as np
 
 import fitting
 import rubberfric as rf
+from fitting.commands.job import read_job
 from fitting.commands.main import main
 
 SCENE = """
@@ -62,3 +63,24 @@ def test_a_wheel_tester(call_main, tmp_path, monkeypatch):
     fitted = fitting.FitResult.load("fit.h5").scene
     assert abs(fitted.patch.stiffness / 3e7 - 1) < 1e-5
     assert abs(fitted.shear.tau_f0 / 6e5 - 1) < 1e-5
+
+
+def test_forces_and_moments_of_one_table(call_main, tmp_path, monkeypatch):
+    """The forces get the error of the option. The moments have their own."""
+    monkeypatch.chdir(tmp_path)
+    Path("tyre.toml").write_text(SCENE)
+    titles = "slip angle [deg],speed [km/h],load [N],side force [N],Mz [N mm],sigma_moment [N mm]"
+    Path("lat100.csv").write_text(f"{titles}\n2,3.6,75,-40,90,3\n4,3.6,75,-60,80,3\n")
+    options = ("--kind", "force", "moment", "--relative", "0.03", "--out", "job.toml")
+    status, printed, complaint = call_main(main, "job", "tyre.toml", "lat100.csv", *options)
+    assert (status, complaint) == (0, "")
+    forces, moments = read_job("job.toml").data
+    np.testing.assert_allclose([forces.force, forces.relative], [[40, 60], [0.03, 0.03]])
+    np.testing.assert_allclose([np.abs(moments.moment), moments.sigma], [[0.09, 0.08], [3e-3, 3e-3]])
+    for name in ("patch.stiffness", "patch.length"):
+        assert printed.count(f'"{name}" = "positive"') == 1
+    Path("drum.csv").write_text("slip angle [deg],speed [km/h],load [N],side force [N]\n2,3.6,75,-40\n")
+    status, _, complaint = call_main(
+        main, "job", "tyre.toml", "drum.csv", "--kind", "force", "moment", "--out", "other.toml"
+    )
+    assert status == 2 and "no column moment: the table" in complaint and not Path("other.toml").exists()

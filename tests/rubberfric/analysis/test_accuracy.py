@@ -28,9 +28,10 @@ from rubberfric.analysis.reference import (
     compare_outcomes,
     node_count,
     rounded,
+    with_automatic,
 )
 from rubberfric.analysis.reference import reference as reference_of
-from rubberfric.analysis.sweep import Accuracy, Row, with_automatic
+from rubberfric.analysis.sweep import Accuracy, Row
 from rubberfric.commands import main as command
 from rubberfric.commands import run as run_commands
 from rubberfric.io.results import Conditions

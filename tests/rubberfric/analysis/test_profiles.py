@@ -144,7 +144,7 @@ def test_single_precision_stays_single():
 
 def test_plot():
     pytest.importorskip("matplotlib")
-    from rubberfric.plot.curves import plot_profile
+    from rubberfric.plot.over_wavevectors import plot_profile
 
     scene, *_ = TYRE
     axes = plot_profile(

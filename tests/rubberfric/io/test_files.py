@@ -17,7 +17,8 @@ from rubberfric.base.objects.physical import PhysicalObject, kinds, leaves_of
 from rubberfric.io.files import load_result, read_computable, read_scene_file, save_result
 from rubberfric.io.hdf5 import read_object, write_object
 from rubberfric.io.results import Conditions, Result
-from rubberfric.io.tables import read_directions, read_table, write_table
+from rubberfric.io.tables import read_directions, read_table
+from rubberfric.io.text_tables.writing import write_table
 from rubberfric.io.toml import scene_texts
 from rubberfric.theory.structure import Solution
 

@@ -252,3 +252,39 @@ def test_spikes_become_holes(tmp_path):
     assert rf.io.read_traces(tmp_path / "lines.csv")[1][0, 10] > 2e-6
     with pytest.raises(ValueError, match=r"map.csv: outliers = 0\.0: must be > 0"):
         rf.io.read_heights(tmp_path / "map.csv", 1e-6, "um", outliers=0)
+
+
+def gwyddion(folder, heights, size=("48 µm", "51 µm"), unit="m"):
+    """Write an image with the informational header: its width is that of a row of the file."""
+    lines = ["# Channel: Height", f"# Width: {size[1]}", f"# Height: {size[0]}", f"# Value units: {unit}"]
+    lines += ["\t".join(f"{z:.8e}" for z in row) for row in heights]
+    (folder / "image.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder / "image.txt"
+
+
+def test_an_image_of_gwyddion(tmp_path, heights):
+    """24 rows of 2 µm are 48 µm high, and 17 columns of 3 µm are 51 µm wide."""
+    found = rf.io.read_heights(gwyddion(tmp_path, heights))
+    np.testing.assert_allclose(found.heights, heights, atol=1e-15)
+    np.testing.assert_allclose([found.dx, found.dy, found.holes], [DX, DY, 0.0], rtol=1e-12)
+    given = rf.io.read_heights(gwyddion(tmp_path, heights, unit="nm"), (DX, DY), "nm")
+    np.testing.assert_allclose(given.heights, 1e-9 * heights, atol=1e-24)
+    three = rf.io.read_heights(gwyddion(tmp_path, heights[:, :3], size=("48.0 µm", "9 µm")))
+    np.testing.assert_allclose([three.dx, three.dy], [DX, DY], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("unit", "options", "message"),
+    [
+        (
+            "m",
+            {"spacing": 2e-6},
+            "states 4.8e-05 m x 5.1e-05 m for 24 x 17 points, 2e-06 m and 3e-06",
+        ),
+        ("m", {"unit": "nm"}, "unit = 'nm': the file states 'm'; leave unit out"),
+        ("V", {}, "unit 'V': must be one of m, mm, um, nm"),
+    ],
+)
+def test_an_image_of_gwyddion_and_other_statements(tmp_path, heights, unit, options, message):
+    with pytest.raises(ValueError, match=re.escape(message)):
+        rf.io.read_heights(gwyddion(tmp_path, heights, unit=unit), **options)

@@ -251,3 +251,10 @@ def test_padded_tables_say_the_same(ends):
     harmonics_at = jax.jit(lambda one, q: one.harmonics_at(q))
     for one, other in zip(harmonics_at(longer, inside), harmonics_at(found, inside), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12)
+
+
+@by_cut
+def test_all_breakpoints_lie_on_the_table(name):
+    law = rf.TabulatedSpectrum(Q, C, *CUTS[name]).power_law()
+    found = law.height2 * np.exp(law.log_value) / law.q**2
+    np.testing.assert_allclose(found, values_at(Q, C, np.asarray(law.q)), rtol=1e-12)

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
+import scipy.interpolate
 from support.counting.compilations import compilations
 from support.oracles.moments import moment_of_plateau, self_affine_moment, table_moment
 from support.scenes.examples import EXAMPLES
@@ -198,3 +199,15 @@ def test_lists_and_single_precision_are_taken():
         rf.power_spectrum(single, np.float32(200)),
     )
     assert all(found.dtype == np.float32 for found in of_single)
+
+
+def test_a_grid_is_interpolated_in_all_its_cells():
+    """Random ln C on an uneven grid, against SciPy; the last q reaches the last cells."""
+    rng = np.random.default_rng(2)
+    x, y = (np.sort(np.append(rng.uniform(-12, 12, count), [-12.0, 12.0])) for count in (5, 7))
+    log_C = rng.standard_normal((x.size, y.size))
+    q, phi = np.array([2.0, 5.0, 12.0]), np.pi * np.arange(8) / 8
+    at = np.stack([q[:, None] * np.cos(phi), q[:, None] * np.sin(phi)], -1)
+    expected = np.exp(scipy.interpolate.RegularGridInterpolator((x, y), log_C)(at))
+    found = rf.roughness.from_grid(x, y, np.exp(log_C), q, phi.size)
+    np.testing.assert_allclose(found.C, expected, rtol=1e-12)

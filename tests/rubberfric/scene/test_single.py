@@ -154,3 +154,14 @@ def test_gradients_with_long_range_adhesion_agree_with_double_precision(pressure
     double = slope(*as_arrays((STICKY, pressure)))
     single = slope(*as_arrays((STICKY, pressure), jnp.float32))
     jax.tree.map(lambda x, y: np.testing.assert_allclose(x, y, rtol=5e-4), single, double)
+
+
+def test_layers_that_are_traced_are_not_checked():
+    """Only the thickness is traced; the material and the spectrum are known."""
+    single = as_arrays(REFUSED["lower.layer.thickness"][0], jnp.float32)
+
+    def area(thickness):
+        scene = single.replace({"lower.layer.thickness": thickness})
+        return rf.contact_area(scene, jnp.float32(0.1), jnp.float32(1e5))
+
+    assert jax.eval_shape(area, jnp.float32(1e-10)).dtype == jnp.float32

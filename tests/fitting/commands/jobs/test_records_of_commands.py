@@ -105,6 +105,29 @@ def test_options_of_the_command(call):
 
 
 @pytest.mark.usefixtures("folder")
+def test_sinusoidal_strokes_by_the_command(call):
+    """mu = 0.8 at 10 Hz and 1 mm, whose largest velocity is 0.01 pi m/s."""
+    lines = [
+        f"{0.0005 * k!r},100,{80 if math.cos(0.01 * math.pi * (k + 0.5)) > 0 else -80}" for k in range(600)
+    ]
+    Path("srv.csv").write_text("\n".join(["t [s],Fn [N],Ft [N]", *lines]) + "\n")
+    options = ("--area", "4e-4", "--frequency", "10", "--stroke", "1e-3", "--fold", "middle", "--average")
+    status, printed, complaint = call(
+        "job", "scene.toml", "srv.csv", *options, "--out", "job.toml", "--no-cache"
+    )
+    assert (status, complaint) == (0, "") and 'fold = "middle"' in printed
+    (data,) = read_job("job.toml").data
+    np.testing.assert_allclose(data.friction, [0.8], rtol=1e-12)
+    np.testing.assert_allclose(data.velocity, 0.01 * math.pi * 0.2 / math.asin(0.2), rtol=1e-3)
+    status, _, complaint = call(
+        "job", "scene.toml", "srv.csv", "--area", "4e-4", "--out", "j.toml", "--no-cache"
+    )
+    assert (
+        status == 2 and "--fold middle or --fold speeds, --frequency ... [Hz] and --stroke ..." in complaint
+    )
+
+
+@pytest.mark.usefixtures("folder")
 def test_messages_of_the_command(call):
     Path("mu.csv").write_text("v [mm/s],mu,p [bar]\n5,0.7,2\n6,0.7,2\n")
     status, _, complaint = call("job", "scene.toml", "mu.csv", "--fold", "--out", "job.toml", "--no-cache")

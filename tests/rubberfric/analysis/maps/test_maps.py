@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from support.counting.compilations import compilations
 from support.folders import ROOT
+from support.scenes import common
 from support.scenes.maps import (
     BLOCK,
     FILE,
@@ -60,6 +61,15 @@ def test_requested_quantities_and_one_temperature_if_none_is_given():
     np.testing.assert_allclose(found.solution.area[0, 0], expected, rtol=1e-13)
     default = rf.friction_map(SCENE, *POINTS, quadrature=QUICK, block=BLOCK).solution
     assert [name for name in default._fields if getattr(default, name) is not None] == ["area", "friction"]
+
+
+@pytest.mark.parametrize("quantity", ["area", "separation"])
+def test_the_default_setting_suits_the_quantities(monkeypatch, quantity):
+    monkeypatch.setattr(maps, "_fill", lambda *_, **__: None)  # computes nothing
+    usual = common.scene((common.RIGID, common.ROAD), (common.TREAD,))
+    found = rf.friction_map(usual, [0.1], [3e5], quantities=(quantity,)).quadrature
+    assert found == rf.analysis.default_quadrature(usual, 3e5, separation=quantity == "separation")
+    assert found != rf.analysis.default_quadrature(usual, 3e5, separation=quantity != "separation")
 
 
 def test_single_precision_stays_single():

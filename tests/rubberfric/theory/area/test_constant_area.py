@@ -5,11 +5,13 @@ import math
 
 import jax
 import jax.numpy as jnp
+import mpmath
 import numpy as np
 import pytest
 
 import fitting
 import rubberfric as rf
+from rubberfric.theory.area.constant_area import Unloading, _slopes
 
 ROUGH = rf.SelfAffine(q0=1e5, qr=2e5, q1=1.6e6, hurst=0.8, h_rms=1e-6)
 WIDE = rf.SelfAffine(q0=1e4, qr=3e4, q1=1e8, hurst=0.6, h_rms=2e-7)
@@ -137,6 +139,26 @@ def test_a_vanishing_work_is_contact_without_adhesion(corrected):
         found = quantity(_scene(1e-30, area_correction=corrected), 0.0, pressure, quadrature=fine)
         # The share goes as the root of the work, 1e-15.
         np.testing.assert_allclose(found, plain, rtol=3e-13)
+
+
+@pytest.mark.parametrize("log_load", [0.0, 1.5])
+def test_terms_of_the_formula_are_derivatives_over_the_load(log_load):
+    """A, and p u' = du / d ln p of s = P (gamma + (1 - gamma) P^2), differentiated by mpmath."""
+    x, storage, gamma, stiffness, end = [0.3, 0.7, 1.1], [2.0, 0.5, 1.0], 0.4, 3.0, 0.2
+    point = Unloading(jnp.array(x), jnp.array(storage), jnp.array(end), stiffness, 1.0, gamma, None)
+
+    def s(y):
+        P = mpmath.erf(y)
+        return P * (gamma + (1 - gamma) * P**2)
+
+    def fall(z):
+        terms = zip(x, storage, strict=True)
+        total = sum(U * y * mpmath.exp(z) * mpmath.diff(s, y * mpmath.exp(z)) for y, U in terms)
+        return 0.5 * stiffness * mpmath.exp(-z) * total
+
+    rise = mpmath.diff(lambda z: mpmath.erf(end * mpmath.exp(z)), log_load)
+    expected = rise, fall(log_load), fall(log_load) - mpmath.diff(fall, log_load)
+    np.testing.assert_allclose(_slopes(point, log_load), [float(one) for one in expected], rtol=1e-10)
 
 
 def test_the_pull_off_force_is_that_of_the_least_energy():

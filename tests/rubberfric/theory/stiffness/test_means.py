@@ -8,6 +8,7 @@ from support.oracles.angular import angular_means, prony, with_spring
 from support.scenes.common import ROAD
 
 import rubberfric as rf
+from rubberfric.theory.stiffness.kinds import passing
 from rubberfric.theory.stiffness.means import factors_at, stiffness_means
 from rubberfric.theory.structure import AT_REFERENCE, MeansMethod, RequiredMeans, rough_surfaces_of
 
@@ -204,3 +205,17 @@ def test_at_rest(scene, points):
     assert slope > 0 and float(loss(0.0)) == 0.0
     for found in (jax.grad(loss)(0.0), jax.jvp(loss, (0.0,), (1.0,))[1]):
         assert float(found) == pytest.approx(slope, rel=1e-8)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_rest_at_shifts_beyond_the_range_of_numbers(dtype):
+    """At v = 0 a mean that is odd in v vanishes, even if exp(ln a_T) overflows."""
+    log_shift = jnp.asarray(2 * np.log(np.finfo(dtype).max), dtype)
+
+    def sign(v):
+        return passing(v, log_shift, jnp.asarray(-5.0, dtype), loss_at_rest=False).sign
+
+    found = sign(jnp.array([-1.0, 0.0, 1.0], dtype))
+    assert found.dtype == dtype
+    np.testing.assert_array_equal(found, [-1, 0, 1])
+    assert 0 < float(jax.grad(sign)(jnp.zeros((), dtype))) < np.inf
