@@ -52,7 +52,7 @@ _NEAR_FRAME = 0.43
 _TINY = 0.12
 # Smallest distance between contour labels, as a share of an axis. Labels do not cover each other.
 _APART = 0.09
-# The same two distances for levels without any label. Labels of neighbouring lines then stand side by side.
+# Largest distance from the middle, and smallest distance between labels, for levels without any other label.
 _AT_FRAME = 0.44
 _CLOSE = 0.055
 # Last place in viridis. Colours beyond are too light for lines on white.
@@ -216,7 +216,7 @@ def _lines_of(path, corner, size):
 
 
 def _distances(parts, places):
-    """Return the distance of each point to the closest of the places, or 1 if there is none."""
+    """Return the distance of each point to the closest place, or 1 if `places` is empty."""
     return np.min([np.hypot(*(parts - place).T) for place in places] or [np.ones(len(parts))], 0)
 
 
