@@ -1,4 +1,4 @@
-r"""Whether adhesion matters, and the pull-off force of a rough sphere with adhesion.
+r"""Pull-off force of a rough sphere, and a verdict on adhesion: matters or not.
 
 Solids that are pulled into full contact store the elastic energy
 

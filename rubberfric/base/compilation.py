@@ -199,10 +199,11 @@ def quick_jit(**options: Any) -> Callable[[Callable[_Given, _Found]], Callable[_
 
 def _is_traced() -> bool:
     """Return True within a trace, in which jax.jit refuses options of the compiler."""
-    import jax
     import jax.numpy as jnp
 
-    return isinstance(jnp.zeros(()), jax.core.Tracer)
+    from rubberfric.base.checks import is_concrete
+
+    return not is_concrete(jnp.zeros(()))
 
 
 def exact_products(function: Callable[_Given, _Found]) -> Callable[_Given, _Found]:

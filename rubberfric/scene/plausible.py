@@ -27,7 +27,7 @@ _CONDITIONS = {
     "pressure": (1.0, 1e10, "Pa"),
     "temperature": (*PLAUSIBLE_TEMPERATURE, "K"),
 }
-# What a warning says about switching it off.
+# End of a warning: how to switch it off.
 _OFF = 'warnings.simplefilter("ignore", rubberfric.UnitWarning) silences this warning'
 
 

@@ -236,6 +236,7 @@ def test_wild_starts_give_numbers():
     assert np.mean(runs.cost < runs.cost.min() * (1 + 1e-6)) >= 0.5
 
 
+@pytest.mark.slow
 def test_starts_that_are_not_finite_spoil_no_other():
     problem = master()
     starts = np.tile(problem.start, (5, 1))

@@ -148,6 +148,7 @@ def test_an_unknown_error_is_estimated_from_the_scatter():
     np.testing.assert_allclose(np.log(high / low), 2 * t * deviation, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_one_unknown_error_takes_no_second_fit():
     """All errors scale equally: equal minimum; cost and error bars equal a fit with the estimate."""
     data = modulus_data(noise=0.05, given=False)
@@ -168,6 +169,7 @@ def test_one_unknown_error_takes_no_second_fit():
     assert fit(SCENE, [data, fine], BOTH).njev > fit(SCENE, [data, fine], BOTH, scale_errors=False).njev
 
 
+@pytest.mark.slow
 def test_two_sets_of_unknown_errors_are_told_apart():
     fine = modulus_data(noise=0.01, seed=1, omega=np.logspace(-1, 7, 60), given=False)
     coarse = modulus_data(noise=0.08, seed=2, omega=np.logspace(-1, 7, 70), given=False)
@@ -178,6 +180,7 @@ def test_two_sets_of_unknown_errors_are_told_apart():
     np.testing.assert_allclose(result.stderr, alone.stderr, rtol=0.15)
 
 
+@pytest.mark.slow
 def test_a_robust_scatter_is_not_that_of_the_outliers():
     data = modulus_data(noise=0.03, omega=np.logspace(-1, 7, 60), given=False)
     measured = data.measured.copy()
@@ -300,6 +303,7 @@ def test_friction_at_light_load_cannot_tell_gamma_from_the_height_of_the_roughne
     every_gap_is_explained(result)
 
 
+@pytest.mark.slow
 def test_a_term_outside_the_measured_frequencies_is_named_alone():
     scene = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, [1e8, 5e7, 8e6, 2e6], [1e-14, *TAU])))
     result = fit(scene, modulus_data(noise=0.0), BOTH)

@@ -115,7 +115,7 @@ def test_every_name_has_an_example():
 
 
 def test_every_method_is_called_in_an_example():
-    """Of any class except the kinds of a scene, whose methods the theory calls."""
+    """Kinds of parts of a scene are left out, because the theory calls their methods."""
     missing = {
         place
         for place, method in METHODS.items()

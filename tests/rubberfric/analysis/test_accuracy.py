@@ -309,6 +309,7 @@ def test_csv_holds_every_row(tmp_path):
         found().write(tmp_path / "t.txt")
 
 
+@pytest.mark.slow
 def test_table_in_a_notebook():
     headings, *rows = html_tables.cells(found())
     assert headings[0] == "method" and headings[3] == "error of area [-]" and "time [ms]" in headings
@@ -319,6 +320,7 @@ def test_table_in_a_notebook():
     assert ["".join(row) for row in rows[len(table) :]][-1] in found().report()
 
 
+@pytest.mark.slow
 def test_plot_draws_every_row():
     ax = plot_accuracy(found())
     lines = {line.get_label(): line.get_xydata() for line in ax.lines}

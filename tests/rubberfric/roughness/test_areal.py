@@ -145,7 +145,7 @@ def test_profiles_that_a_filter_has_smoothed():
 
 
 def test_an_inversion_is_kept_for_equal_profiles():
-    """Other heights have a result of their own."""
+    """Other heights have another result."""
     z = heights(POINTS, LONGEST, 2 * LONGEST, SHORTEST, 0.8, 3)[:720, ::64].T
     measured, other = (rf.roughness.spectrum_of_profile(2 * np.pi / POINTS, a * z) for a in (1.0, 2.0))
     first = measured.areal()

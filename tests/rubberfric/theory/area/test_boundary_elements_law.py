@@ -158,6 +158,7 @@ def test_brute_force_of_grooves(ratio, angle):
         np.testing.assert_allclose(getattr(full, name), getattr(papers, name), rtol=1e-7, atol=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slab", [rf.Slab(5e-3, "bonded"), rf.Slab(2e-3, "frictionless")])
 def test_brute_force_of_a_slab(slab):
     """The stiffness of a slab is a factor of the modulus at every wavevector."""
@@ -358,6 +359,7 @@ def test_derivative_by_the_modulus():
     np.testing.assert_allclose(values, [one(factor) for factor in factors], rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "body",
     [

@@ -81,6 +81,7 @@ def test_means_of_random_tables(seed):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", slow_if(lambda seed: seed % 2, range(4)))
 def test_means_in_series_with_a_spring(seed):
     """One value for all nodes, or one for every node."""
