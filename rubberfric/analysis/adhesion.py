@@ -1,4 +1,4 @@
-r"""Pull-off force of a rough sphere, and a verdict on adhesion: matters or not.
+r"""Pull-off force of a rough sphere with adhesion, and the verdict whether adhesion matters.
 
 Solids that are pulled into full contact store the elastic energy
 
