@@ -159,14 +159,14 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
             f"--q1 {arguments.q1:g}: must be > 0 and <= {largest:.2g} 1/m, the distance of atoms"
         )
     show("inverting and fitting the spectrum")
-    found = fit_spectrum(measured, q1=arguments.q1)
+    road = fit_spectrum(measured, q1=arguments.q1)
     data = measured if isinstance(measured, SpectrumData) else spectrum_data(measured)
-    spectrum: Any = rf.TabulatedSpectrum(data.q, data.C) if arguments.table else found.spectrum
+    spectrum: Any = rf.TabulatedSpectrum(data.q, data.C) if arguments.table else road.spectrum
     if arguments.rms_slope is not None:
         spectrum = rf.with_cutoff(spectrum, arguments.rms_slope)
     q1 = float(spectrum.q[-1] if spectrum.q1 is None else spectrum.q1)
     slope, height = float(rf.rms_slope(spectrum)), float(rf.roughness.rms_height(spectrum))
-    texts = [text, found.report()]
+    texts = [text, road.report()]
     texts.append(
         f"The scene ends at q1 = {q1:.4g} 1/m, {_reason_of_cutoff(arguments, measured)}"
         f" Its rms height is {height:.3g} m, its rms slope {slope:.3g}.\n"
@@ -213,14 +213,14 @@ def measured_spectrum(
     if arguments.map:
         spacing = _one_or_two(arguments.spacing)
         surface = rf.io.read_heights(arguments.data, spacing, arguments.unit, outliers=outliers)
-        found = rf.roughness.spectrum_of_topography(surface.heights, surface.dx, surface.dy, **options)
+        measured = rf.roughness.spectrum_of_topography(surface.heights, surface.dx, surface.dy, **options)
         size = " x ".join(map(str, surface.heights.shape))
-        return found, f"{size} heights, {surface.holes:.1%} of them filled\n{found.report()}"
+        return measured, f"{size} heights, {surface.holes:.1%} of them filled\n{measured.report()}"
     x, traces = rf.io.read_traces(arguments.data, outliers)
-    found = rf.roughness.spectrum_of_profile(x, traces, **options)
+    measured = rf.roughness.spectrum_of_profile(x, traces, **options)
     count = f"{len(traces)} trace{'s' * (len(traces) > 1)}"
-    text = f"{count} of {x.size} heights; the surface is taken as isotropic\n{found.report()}"
-    return found, text
+    text = f"{count} of {x.size} heights; the surface is taken as isotropic\n{measured.report()}"
+    return measured, text
 
 
 def _is_spectrum(arguments):

@@ -303,8 +303,8 @@ class Measured:
         needed = tuple(columns[name] for name in cls.needed() if name in columns)
         optional = tuple(column for column in columns.values() if column not in needed)
         table = read_table(as_frame(frame, units), needed, optional, increasing=False, bad_rows=None)
-        found: dict[str, Any] = {name: table[c] for name, c in columns.items() if c in table}
-        return cls(**found | given)
+        columns_there: dict[str, Any] = {name: table[c] for name, c in columns.items() if c in table}
+        return cls(**columns_there | given)
 
     def to_dataframe(self) -> Any:
         """Return the data as a pandas.DataFrame with titles "name [unit]", for `fitting.read`.

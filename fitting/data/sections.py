@@ -197,10 +197,10 @@ def _settling_rows(where: str, friction: np.ndarray) -> int:
     total, square = np.cumsum(rest)[::-1], np.cumsum(rest**2)[::-1]
     error = (square - total**2 / count) / count.astype(float) ** 2
     allowed = int(_MOST_SETTLING * n)
-    found = int(np.argmin(error[: allowed + 1]))
-    if found == allowed:
+    settled = int(np.argmin(error[: allowed + 1]))
+    if settled == allowed:
         raise ValueError(
             f'{where}: discard = "settling": mu does not settle within half of a section of {n} rows; it must'
             " be a length or a time, or measure longer"
         )
-    return found
+    return settled

@@ -226,12 +226,12 @@ def _outliers(path, heights, threshold, profiles=False):
         return np.zeros(heights.shape, bool)
     name = f"{path}: outliers"
     check_values(name, as_leaf(name, threshold, 0), POSITIVE)
-    found = find_outliers(heights, threshold, profiles=profiles)
-    if found.any():
+    mask = find_outliers(heights, threshold, profiles=profiles)
+    if mask.any():
         warn_caller(
-            f"{path}: {found.mean():.2%} of the heights are outliers and are interpolated", UserWarning
+            f"{path}: {mask.mean():.2%} of the heights are outliers and are interpolated", UserWarning
         )
-    return found
+    return mask
 
 
 def _table(path):
@@ -338,8 +338,8 @@ def _units(path, titles, unit, count, named):
     """Return the length unit of every column in metres."""
     given = [unit] * count
     if unit is None:
-        found = [_IN_BRACKETS.search(title) for title in titles] if named else []
-        given = [match[1] for match in found if match is not None]
+        matches = [_IN_BRACKETS.search(title) for title in titles] if named else []
+        given = [match[1] for match in matches if match is not None]
         if len(given) != count:
             raise ValueError(f"{path}: unit is missing: must be one of {', '.join(LENGTHS)}")
     plain = [plain_unit(text) for text in given]

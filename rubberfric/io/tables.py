@@ -109,22 +109,22 @@ def read_table(
         _refuse(
             path, {"area": area, "block": block}, "the table has no load, and no columns with equal titles"
         )
-        found, place = project_table(path, text, needed, optional)
-        check_units(place, found)
-        plan = plan_for(wanted, quantities_of(found.names))
+        content, place = project_table(path, text, needed, optional)
+        check_units(place, content)
+        plan = plan_for(wanted, quantities_of(content.names))
     else:
         _refuse_shear(path, text, export, block, poisson, generic, columns)
         export = export._replace(names=with_wheel_names(export.names, export.titles))
         names = [SET_VALUES.get(name or "", name) for name in export.names]
         plan = plan_for(wanted, quantities_of(names), area is not None)
-        found = pick(export, plan.columns)
-        if wavenumber is not None and "wavenumber" in found.names:
-            pairs = zip(found.names, found.units, strict=True)
+        content = pick(export, plan.columns)
+        if wavenumber is not None and "wavenumber" in content.names:
+            pairs = zip(content.names, content.units, strict=True)
             replaced = [
                 f"{wavenumber}{u[1:]}" if n == "wavenumber" and u[:2] == "1/" else u for n, u in pairs
             ]
-            found = found._replace(units=replaced)
-        check_units(export.where, found)
+            content = content._replace(units=replaced)
+        check_units(export.where, content)
         if area is not None and "area" not in [relation.constant for relation in plan.relations]:
             own = [name for name in ("p", "A") if name in plan.columns]
             why = f"the file has {own[0]}" if own else "the table has no load F_n, or needs no pressure"
@@ -135,16 +135,16 @@ def read_table(
         and not any(step.constant == "poisson" for step in plan.relations)
     ):
         raise ValueError(
-            f"{found.where}: poisson = {shown(poisson)}: must not be given; the table has no shear moduli"
+            f"{content.where}: poisson = {shown(poisson)}: must not be given; the table has no shear moduli"
         )
-    table = table_values(path, found, bad_rows, wanted, history)
+    table = table_values(path, content, bad_rows, wanted, history)
     if plan.relations:
-        table = with_derived(path, found.where, table, plan, poisson, area, history)
+        table = with_derived(path, content.where, table, plan, poisson, area, history)
     table = {name: values for name, values in table.items() if name in wanted}
     for quantity in needed:
         if quantity not in table:
-            raise ValueError(missing_column(found.where, quantity) + ("" if columns else column_hint(path)))
-    return _ordered(path, found, table, needed[0], export is not None) if increasing else table
+            raise ValueError(missing_column(content.where, quantity) + ("" if columns else column_hint(path)))
+    return _ordered(path, content, table, needed[0], export is not None) if increasing else table
 
 
 def _refuse_shear(path, text, export, block, *stated):
@@ -172,7 +172,7 @@ def _refuse(path, arguments, why):
             raise ValueError(f"{path}: {name} = {shown(value)}: must not be given; {why}")
 
 
-def _ordered(path, found, table, quantity, either):
+def _ordered(path, content, table, quantity, either):
     """Return the table if the column `quantity` increases strictly, otherwise raise ValueError.
 
     If `either` is True, a table in which the column decreases strictly is reversed.
@@ -182,13 +182,13 @@ def _ordered(path, found, table, quantity, either):
         return {name: values[::-1] for name, values in table.items()}
     bad = np.flatnonzero(~(np.diff(first) > 0))
     if bad.size:
-        own = [COLUMNS[name or ""].name for name in found.names]
+        own = [COLUMNS[name or ""].name for name in content.names]
         if quantity not in own:  # computed from other columns
             raise ValueError(f"{path}: {quantity} = {first[bad[0] + 1]:g}: must increase strictly")
         i = own.index(quantity)
-        (_, before), (line, row) = found.rows[bad[0] : bad[0] + 2]
+        (_, before), (line, row) = content.rows[bad[0] : bad[0] + 2]
         raise ValueError(
-            f"{path}: line {line}: {found.titles[i]} = {row[i]} after {before[i]}: must increase strictly"
+            f"{path}: line {line}: {content.titles[i]} = {row[i]} after {before[i]}: must increase strictly"
         )
     return table
 
@@ -236,8 +236,8 @@ def read_columns(
         auxiliary |= {"t"}
     plain = tuple(name for name in quantities if name not in (*auxiliary, *moduli))
     if not plain and not moduli:
-        found = f"columns {listed(names)}: must have a measured quantity, such as E_stor, mu or C"
-        raise ValueError(f"{path}: {found}{column_hint(path)}")
+        fault = f"columns {listed(names)}: must have a measured quantity, such as E_stor, mu or C"
+        raise ValueError(f"{path}: {fault}{column_hint(path)}")
     return read_table(
         path, (*plain, *moduli), (), False, columns=columns, poisson=poisson, bad_rows=bad_rows, block=block
     )

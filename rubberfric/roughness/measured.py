@@ -225,9 +225,9 @@ class MeasuredSpectrum(NamedTuple):
         q1 = high if count < self.q.size else None
         ends = [high] if q1 else [high, _BEYOND * high][int(high < q[-1] * (1 + 1e-9)) :]
         at = np.append(q, ends)
-        found = areal_of_bins(q, C, relative, at, q1, self.cell, modes, self.sampling)
+        spectrum = areal_of_bins(q, C, relative, at, q1, self.cell, modes, self.sampling)
         n = at.size if q1 else at.size - 1
-        return ArealSpectrum(found.q[:n], found.C[:n], found.covariance[:n, :n])
+        return ArealSpectrum(spectrum.q[:n], spectrum.C[:n], spectrum.covariance[:n, :n])
 
     def _check_positive(self):
         if not (self.C > 0).all():
@@ -299,16 +299,16 @@ class MeasuredSpectrum(NamedTuple):
         """Return a text with rms height and slope, the range without noise and smoothing, and proposed q1."""
         kind = ("profile", "map")[self.dimensions - 1]
         along = " along the profile" * (self.dimensions == 1)
-        found, lines = self.resolved(), [f"Spectrum of a {kind}, {self.q[0]:.4g} ... {self.q[-1]:.4g} 1/m"]
+        resolved, lines = self.resolved(), [f"Spectrum of a {kind}, {self.q[0]:.4g} ... {self.q[-1]:.4g} 1/m"]
         lines.append(f"rms height {self.rms_height:.4g} m")
         lines.append(f"rms slope{along} {self.rms_slope:.4g}, from neighbouring points")
-        lines += [*self.remarks, _TEXT[found.limit]]
-        if np.isfinite(found.q1):
+        lines += [*self.remarks, _TEXT[resolved.limit]]
+        if np.isfinite(resolved.q1):
             table = self.table()
-            to_q1 = float(rms_slope(table, found.q1))
-            bar = f" +/- {found.error:.0%}" * (found.error > 0)
+            to_q1 = float(rms_slope(table, resolved.q1))
+            bar = f" +/- {resolved.error:.0%}" * (resolved.error > 0)
             lines.append(
-                f"resolved up to q = {found.q1:.4g} 1/m{bar}, with rms slope {to_q1:.4g} of the surface"
+                f"resolved up to q = {resolved.q1:.4g} 1/m{bar}, with rms slope {to_q1:.4g} of the surface"
             )
             if to_q1 > _LARGER * self.rms_slope * (1 if self.dimensions == 2 else np.sqrt(2)):
                 lines.append(

@@ -113,27 +113,27 @@ def solve_rises(thermal: Thermal, roughness: Roughness, points: HeatedPoints) ->
     assert coarse is not None
     places = _places(thermal, points, targets)
     residual = _residual(thermal, coarse.roughness, coarse.diffusion, points)
-    found = _refined(thermal, roughness, points, *arrive(residual, places, targets, _COARSE_STEP))
+    solution = _refined(thermal, roughness, points, *arrive(residual, places, targets, _COARSE_STEP))
 
     def mended(progress):
-        found, left = progress
+        solution, left = progress
         # One row at a time, because there are few.
         i = jnp.argmax(left)
         pick = functools.partial(jax.lax.dynamic_slice_in_dim, start_index=i, slice_size=1)
         one, target = tuple(map(pick, points)), pick(targets)
-        begin = begin_at(_before(thermal, _begin(thermal, one), target), jnp.zeros_like(found.rises[:1]))
+        begin = begin_at(_before(thermal, _begin(thermal, one), target), jnp.zeros_like(solution.rises[:1]))
         rises, arrived = arrive(
             _residual(thermal, roughness, thermal.diffusion, one), begin, target, _FINE_STEP
         )
         # If neither arrives, prefer a fixed point to an iterate.
-        better = arrived | ~pick(found.converged)
-        return found._replace(
-            rises=found.rises.at[i].set(jnp.where(better[0], rises[0], found.rises[i])),
-            converged=found.converged.at[i].set(arrived[0]),
+        better = arrived | ~pick(solution.converged)
+        return solution._replace(
+            rises=solution.rises.at[i].set(jnp.where(better[0], rises[0], solution.rises[i])),
+            converged=solution.converged.at[i].set(arrived[0]),
         ), left.at[i].set(False)
 
-    doubtful = ~found.converged
-    return jax.lax.while_loop(lambda progress: jnp.any(progress[1]), mended, (found, doubtful))[0]
+    doubtful = ~solution.converged
+    return jax.lax.while_loop(lambda progress: jnp.any(progress[1]), mended, (solution, doubtful))[0]
 
 
 def _residual(thermal, roughness, ready, points):

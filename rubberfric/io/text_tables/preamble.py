@@ -110,7 +110,7 @@ def stated_image(text: str) -> ImageHeader:
     Gwyddion writes them if the option "Add informational header" is set; the width is that of all points
     [https://gwyddion.net/documentation/user-guide-en/text-data-export.html].
     """
-    found: dict[str, float | str | None] = {}
+    stated: dict[str, float | str | None] = {}
     for line in text.splitlines():
         if has_fields(line):  # the first row of numbers; the header consists of comments
             break
@@ -118,12 +118,12 @@ def stated_image(text: str) -> ImageHeader:
             if not (match := pattern.fullmatch(line.strip())):
                 continue
             if name == "unit":
-                found[name] = match[1]
+                stated[name] = match[1]
             elif is_number(match[1]):
                 unit = known_unit(match[2], "x")
                 if unit in COLUMNS["x"].units:
-                    found[name] = COLUMNS["x"].units[unit] * float(match[1].replace(",", "."))
-    return ImageHeader(**found)  # pyright: ignore[reportArgumentType]
+                    stated[name] = COLUMNS["x"].units[unit] * float(match[1].replace(",", "."))
+    return ImageHeader(**stated)  # pyright: ignore[reportArgumentType]
 
 
 def _preamble(text):
