@@ -45,6 +45,8 @@ from fitting.uncertainty.verdict import common_ratio, rescaled_errors
 ROUNDS = 2
 # Number of other minima whose fits are continued after the errors have changed.
 _CONTINUED = 8
+# Decimals of x to which the ends of fits are compared.
+_DECIMALS = 3
 
 
 class FitInProgress:
@@ -222,10 +224,12 @@ class FitInProgress:
         If the errors of the data have changed since, the fits of the lowest minima are continued, because
         minima move with the errors.
         """
-        lowest = [run for run, _ in _distinct(runs)]
-        x = np.array([run.x for run in lowest])
+        x = np.array([run.x for run in sorted(runs, key=lambda run: run.cost) if succeeded(run.status)])
         if self.problem is self.searched or not succeeded(self.end.status):
             return x
+        # Fits that end in the same minimum agree to about the root of the tolerance.
+        first = np.sort(np.unique(np.round(x, _DECIMALS), axis=0, return_index=True)[1])
+        x = x[first]
         most, callback = self.limits
         ends = run_fits(self.solver, self.problem, x[:_CONTINUED], None, most, callback, self.batch)
         self.evaluations += ends.nfev.sum(), ends.njev.sum()
@@ -240,22 +244,17 @@ class FitInProgress:
 
 
 def distinct_minima(problem: Problem, runs: Sequence[Runs]) -> tuple[Minimum, ...]:
-    """Return the distinct minima that several fits found, lowest first."""
-    return tuple(Minimum(float(run.cost), count, problem.values(run.x)) for run, count in _distinct(runs))
-
-
-def _distinct(runs):
-    """Return (first fit, number of fits) of each distinct minimum, lowest first."""
+    """Return the minima of distinct cost that several fits found, lowest first."""
     minima = []
     for run in sorted(runs, key=lambda run: run.cost):
         if not succeeded(run.status):
             continue
         cost = float(run.cost)
-        if minima and cost - float(minima[-1][0].cost) <= NEGLIGIBLE * max(1.0, float(minima[-1][0].cost)):
-            minima[-1] = minima[-1][0], minima[-1][1] + 1
+        if minima and cost - minima[-1].cost <= NEGLIGIBLE * max(1.0, minima[-1].cost):
+            minima[-1] = minima[-1]._replace(count=minima[-1].count + 1)
         else:
-            minima.append((run, 1))
-    return minima
+            minima.append(Minimum(cost, 1, problem.values(run.x)))
+    return tuple(minima)
 
 
 def why_not_finite(problem: Problem, data: Sequence[Measured]) -> str:

@@ -52,6 +52,8 @@ def test_start_here(capsys):
 @pytest.mark.usefixtures("in_a_copy")
 def test_other_pages_need_no_other_page():
     assert bool(run_page("how_true")["contact"].converged)
+    # Tests run in double precision, so they do not show that a page leaves it out.
+    assert 'jax.config.update("jax_enable_x64", True)' in PAGE_SNIPPETS["how_true"][0]
     run_page("troubleshooting")
     names = run_page("options")
     assert float(names["mu"]) == pytest.approx(float(rf.friction(names["scene"], 0.01, 0.15e6)), rel=1e-12)

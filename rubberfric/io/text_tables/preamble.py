@@ -73,6 +73,12 @@ def stated_stroke(path: StrPath) -> float | None:
 
     Examples are "Stroke: 1 mm" and "Hub [mm];1,5". The result is None if the lines state several strokes.
     Raise ValueError if the file cannot be read.
+
+    Examples
+    --------
+    >>> np.savetxt("srv.txt", [[0.0, 0.31], [0.1, 0.32]], header="Stroke: 1 mm")
+    >>> rf.io.stated_stroke("srv.txt")
+    0.001
     """
     values = {value for line in _preamble(read_export(path)) for value in _named(line, ("stroke",))}
     return values.pop() if len(values) == 1 else None

@@ -186,7 +186,7 @@ PRIOR = '"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }'
 def test_bad_jobs(call, job, monkeypatch, old, new, message):
     assert JOB.count(old) >= 1
     job.write_text(JOB.replace(old, new, 1))
-    monkeypatch.setattr(sys.modules["fitting.fit"], "run_fits", None)  # nothing may be computed
+    monkeypatch.setattr(sys.modules["fitting.stages"], "run_fits", None)  # nothing may be computed
     status, printed, complaint = call("job.toml", "--out", "fit.h5", "--plot", "fit.png")
     assert (status, printed, complaint.count("\n")) == (2, "", 1)
     assert message in complaint
