@@ -41,7 +41,7 @@ def plot_profile(profile: Profile, ax: Panels | None = None, labels: Sequence[st
     >>> scene = rf.load_scene("data/tread_on_asphalt.toml")
     >>> profile = rf.analysis.profile(scene, [1e-3, 1e-1], 0.15e6)
     >>> axes = rf.plot.plot_profile(profile, labels=["1 mm/s", "10 cm/s"])
-    >>> round(float(axes[2].lines[0].get_ydata()[-1]), 2)  # the rms slope of all roughness
+    >>> round(float(axes[2].lines[0].get_ydata()[-1]), 1)  # the rms slope of all roughness
     1.3
     """
     check_kind("profile", profile, Profile)

@@ -228,9 +228,9 @@ def test_fit(scene):
 
 @pytest.mark.slow
 def test_in_a_coating(kinds):
-    """The kind that is a Prony series, on an elastic base and under one."""
+    """Both kinds on an elastic base, and one as a base."""
     zener = kinds["FractionalSolid"](**MATERIALS["FractionalSolid"])
-    with pytest.raises(ValueError, match=r"must be Elastic, Prony, FractionalSolid \(on a rigid base"):
+    with pytest.raises(ValueError, match="must be a deformable material"):
         rf.Coating(1e-3, rf.Rigid())
     bodies = (
         rf.Body(zener, None, rf.Coating(1e-3, rf.Elastic(1e9, 0.3))),
@@ -239,12 +239,11 @@ def test_in_a_coating(kinds):
     for body in bodies:
         mu = rf.friction(rf.Scene(rf.Body(rf.Rigid(), ROAD), body), 0.1, 1e5, quadrature=FAST)
         assert 0 < float(mu) < 1
-    # Its modulus is not a series, so it cannot be part of a coating.
+    # Its modulus is not a series.
     negami = kinds["HavriliakNegami"](**MATERIALS["HavriliakNegami"])
-    with pytest.raises(ValueError, match=r"^Body\.material is a HavriliakNegami with a Coating: must be"):
-        rf.Body(negami, None, rf.Coating(1e-3, rf.Elastic(1e9, 0.3)))
-    layered = rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(negami, None, rf.Slab(1e-3)))
-    assert 0 < float(rf.friction(layered, 0.1, 1e5, quadrature=FAST)) < 1
+    for layer in (rf.Coating(1e-3, rf.Elastic(1e9, 0.3)), rf.Slab(1e-3)):
+        layered = rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(negami, None, layer))
+        assert 0 < float(rf.friction(layered, 0.1, 1e5, quadrature=FAST)) < 1
 
 
 def test_a_new_shift_has_a_vertical_one(kinds):
