@@ -1,7 +1,9 @@
 """Spectra of measured heights as data of a fit: which wavevectors are used, and up to which one."""
 
 import numpy as np
+import scipy
 
+import rubberfric as rf
 from fitting.data.kinds import SpectrumData
 from rubberfric.roughness import ArealSpectrum, MeasuredSpectrum, bins_before_cliff
 
@@ -12,8 +14,8 @@ _UNKNOWN = 1.0
 # Ratio of the h_rms of a fit to the rms height of profiles from which on they contradict each other. Few long
 # waves fit into a profile, so its rms height scatters.
 _TOO_HIGH = 2.0
-# Points of ln q at which the rms height for a roll-off is computed. The error of qr is below 1e-4.
-_ROLLOFFS = 4001
+# Distance of ln q_r from the ends of a spectrum, whose table has an entry at each.
+_INSIDE = 1e-9
 
 
 def spectrum_data(measured: MeasuredSpectrum | ArealSpectrum) -> SpectrumData:
@@ -83,12 +85,15 @@ def rolloff_for_height(level: float, slope: float, q0: float, q1: float, height:
     q0, q1 : ends of the spectrum [1/m]
     height : rms height of the profiles [m]
     """
-    t = np.linspace(np.log(q0), np.log(q1), _ROLLOFFS)
-    fall = np.exp(level - slope * (t - t[0]))
-    waves = np.exp(2 * t) * fall
-    tail = np.append(np.cumsum((waves[1:] + waves[:-1])[::-1] / 2)[::-1] * (t[1] - t[0]), 0.0)
-    # Mean square height over the roll-off. It decreases, because C decreases at all q < q_r.
-    square = 2 * np.pi * (fall * (np.exp(2 * t) - q0**2) / 2 + tail)
-    if square[0] < (_TOO_HIGH * height) ** 2:
+    ends = np.log(q0) + _INSIDE, np.log(q1) - _INSIDE
+
+    def excess(log_qr):
+        qr = np.exp(log_qr)
+        plateau, end = np.exp(level - slope * np.log(np.array([qr, q1]) / q0))
+        spectrum = rf.TabulatedSpectrum([q0, qr, q1], [plateau, plateau, end])
+        return float(rf.roughness.rms_height(spectrum)) - height
+
+    if excess(ends[0]) < (_TOO_HIGH - 1) * height:
         return None
-    return float(np.exp(np.interp(-(height**2), -square, t)))
+    # The rms height decreases with q_r, because C decreases at all q < q_r.
+    return q1 if excess(ends[1]) > 0 else float(np.exp(scipy.optimize.brentq(excess, *ends)))

@@ -136,20 +136,20 @@ def fit_prony(
     kept = E > 0
     if not (kept & np.isfinite(series.tau)).any():
         raise ValueError(f"data {data.label!r}: the fit has no relaxing term; {_needed(data)}")
-    own = series.only(kept)
-    strength = own.cross_validated(E[kept]) if isinstance(smooth, str) else smooth
-    solution = own.solved(E[kept], strength)
-    fitted = matrix(reference, own.tau) @ solution.E + _known(reference, fixed)
+    used = series.only(kept)
+    strength = used.cross_validated(E[kept]) if isinstance(smooth, str) else smooth
+    solution = used.solved(E[kept], strength)
+    fitted = matrix(reference, used.tau) @ solution.E + _known(reference, fixed)
     compliance = None
     if is_creep:
         try:
-            material, own, solution, compliance = converted(own, solution, flow, poisson, shift)
+            material, used, solution, compliance = converted(used, solution, flow, poisson, shift)
         except ValueError as error:
             raise ValueError(f"data {data.label!r}: {error}") from None
     else:
-        terms = np.isfinite(own.tau)
+        terms = np.isfinite(used.tau)
         relaxed = float(solution.E[~terms].sum()) if fixed is None else fixed
-        material = rf.Prony(relaxed, solution.E[terms], own.tau[terms], poisson, shift)
+        material = rf.Prony(relaxed, solution.E[terms], used.tau[terms], poisson, shift)
     measured = np.where(reference.measured > 0, reference.measured, np.nan)
     again = functools.partial(
         fit_prony, data, E_inf=E_inf, poisson=poisson, shift=shift, smooth=strength, weights=weights
@@ -161,7 +161,7 @@ def fit_prony(
         data=data,
         smooth=strength,
         weights=(float(weight[0]), float(weight[-1])),
-        names=own.names,
+        names=used.names,
         solution=solution,
         count=series.measured.size,
         refit=again,

@@ -323,7 +323,12 @@ class MeasuredSpectrum(NamedTuple):
         return "\n    ".join(lines) + "\n"
 
 
-_ROUGH, _NOISE, _SMOOTHED = range(3)
+# State of a bin whose C falls like the C of a rough surface.
+_ROUGH = 0
+# State of a bin with noise.
+_NOISE = 1
+# State of a bin in which an instrument removed waves.
+_SMOOTHED = 2
 
 
 def _states(log_q, log_C, weight, dimensions):
