@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
+from problems import RIGID, ROAD, SHEAR, SHIFTED_TREAD, SOFT, TREAD, WORN, scene
 from support.cases.stored import as_arrays
-from support.scenes.common import RIGID, ROAD, SHEAR, SHIFTED_TREAD, SOFT, TREAD, WORN, scene
 from support.scenes.examples import EXAMPLES
 
 import fitting

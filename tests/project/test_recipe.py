@@ -3,8 +3,8 @@
 import jax
 import numpy as np
 import pytest
+from problems import ROAD, WORN
 from support.folders import RECIPE
-from support.scenes.common import ROAD, WORN
 
 import fitting
 import rubberfric as rf

@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from problems import ROAD, SHIFTED_TREAD, TREAD
 from support.cases.stored import slow_if
-from support.scenes.common import ROAD, SHIFTED_TREAD, TREAD
 from support.scenes.examples import EXAMPLES
 
 import rubberfric as rf

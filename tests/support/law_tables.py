@@ -6,7 +6,7 @@ from pathlib import Path
 
 import jax
 import numpy as np
-from support.scenes.common import CONTACT_MODELS
+from problems import CONTACT_MODELS
 
 import rubberfric as rf
 

@@ -9,11 +9,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from problems import ROAD
 from support.cases.parts import CASES, expected, reverse, value
 from support.cases.stored import arguments, as_arrays, scene
 from support.oracles import oracle
 from support.oracles.angular import angular_means, prony
-from support.scenes.common import ROAD
 
 import rubberfric as rf
 from rubberfric.theory.stiffness.table import means_table

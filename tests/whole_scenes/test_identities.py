@@ -5,9 +5,9 @@ import dataclasses
 import jax
 import numpy as np
 import pytest
+from problems import ROAD
+from problems import SOFT as RUBBER
 from support.cases.stored import as_arrays, slow_if, three
-from support.scenes.common import ROAD
-from support.scenes.common import SOFT as RUBBER
 
 import rubberfric as rf
 from rubberfric.theory import paper

@@ -10,8 +10,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from problems import RIGID, ROAD, SHEAR, SHIFTED_TREAD, SOFT, TREAD, WLF, WORN, scene
 from support.cases.stored import QUANTITIES, arguments, reference, slow_if
-from support.scenes.common import RIGID, ROAD, SHEAR, SHIFTED_TREAD, SOFT, TREAD, WLF, WORN, scene
 
 import rubberfric as rf
 from rubberfric.theory import paper

@@ -4,11 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from problems import ROAD
 from support.cases.parts import CASES, expected, reverse, value
 from support.cases.stored import arguments, as_arrays, slow_if
 from support.oracles import oracle
 from support.oracles.angular import angular_means, prony, with_spring
-from support.scenes.common import ROAD
 
 import rubberfric as rf
 from rubberfric.materials.in_series import in_series

@@ -9,8 +9,8 @@ import functools
 
 import numpy as np
 import pytest
+from problems import CONTACT_MODELS
 from support.published import needs
-from support.scenes.common import CONTACT_MODELS
 from support.scenes.tyre import PRESSURE, read, road, rubber
 
 import fitting

@@ -4,7 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
-from support.scenes.common import ROAD, TREAD
+from problems import ROAD, TREAD
 
 import rubberfric as rf
 from fitting import softening_from_sweep

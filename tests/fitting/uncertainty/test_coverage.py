@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from problems import CONTACT_MODELS
 from support.cases.sliding_curves import COUNT, TERMS, curve, drawn_scene, is_resolved
-from support.scenes.common import CONTACT_MODELS
 from support.scenes.fits import FAST, ROAD
 
 import fitting

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from numpy.polynomial import legendre
-from support.scenes.common import RIGID, SHIFTED_TREAD, scene
+from problems import RIGID, SHIFTED_TREAD, scene
 
 import fitting
 import rubberfric as rf

@@ -7,11 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from problems import ROAD, SHEAR
+from problems import SOFT as RUBBER
 from support.cases.stored import h_rms, reference
 from support.cases.stored import scene as scene_of
 from support.counting.compilations import compilations
-from support.scenes.common import ROAD, SHEAR
-from support.scenes.common import SOFT as RUBBER
 from support.scenes.fits import FAST
 
 import rubberfric as rf

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.scenes.common import ROAD, SHEAR, SHIFTED_TREAD
+from problems import ROAD, SHEAR, SHIFTED_TREAD
 
 import fitting
 import rubberfric as rf

@@ -6,7 +6,7 @@ import pydoc
 import jax
 import numpy as np
 import pytest
-from support.scenes.common import RIGID, ROAD, TREAD, scene
+from problems import RIGID, ROAD, TREAD, scene
 
 import fitting
 import rubberfric as rf

@@ -10,11 +10,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from problems import ROAD
+from problems import SHIFTED_TREAD as TREAD
 from support import html_tables
 from support.cases.stored import QUANTITIES, reference, scene, three
 from support.folders import DATA
-from support.scenes.common import ROAD
-from support.scenes.common import SHIFTED_TREAD as TREAD
 
 import rubberfric as rf
 from rubberfric.analysis import sweep

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.scenes.common import RIGID, TREAD, WLF, scene
+from problems import RIGID, TREAD, WLF, scene
 
 import rubberfric as rf
 from rubberfric.analysis import boundary_element, random_surface, sliding_contact

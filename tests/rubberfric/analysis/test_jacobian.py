@@ -4,8 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from problems import RIGID, ROAD, SHEAR, WLF
 from support.jacobians import residuals_and_jacobian
-from support.scenes.common import RIGID, ROAD, SHEAR, WLF
 
 import fitting
 import rubberfric as rf

@@ -4,8 +4,8 @@ import importlib.util
 
 import numpy as np
 import pytest
+from problems import RIGID, ROAD, TREAD, scene
 from support.folders import DATA, ROOT
-from support.scenes.common import RIGID, ROAD, TREAD, scene
 
 import rubberfric as rf
 from rubberfric.analysis import theory_error

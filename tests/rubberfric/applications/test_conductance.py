@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.special
-from support.scenes.common import RIGID, ROAD, SHIFTED_TREAD, TREAD, WORN
+from problems import RIGID, ROAD, SHIFTED_TREAD, TREAD, WORN
 
 import rubberfric as rf
 from rubberfric.applications import contact_conductance

@@ -10,7 +10,7 @@ import pytest
 import scipy.integrate
 import scipy.interpolate
 import scipy.optimize
-from support.scenes.common import ROAD, SHEAR, SHIFTED_TREAD
+from problems import ROAD, SHEAR, SHIFTED_TREAD
 
 import rubberfric as rf
 from rubberfric import MeasuredPressure, Patch, Trapezoid

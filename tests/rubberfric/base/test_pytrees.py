@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from problems import RIGID, ROAD, SHEAR, SHIFTED_TREAD, scene
 from support.cases.stored import as_arrays
-from support.scenes.common import RIGID, ROAD, SHEAR, SHIFTED_TREAD, scene
 from support.scenes.examples import EXAMPLES, examples
 
 import rubberfric as rf

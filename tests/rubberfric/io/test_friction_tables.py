@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pytest
+from problems import RIGID, SHIFTED_TREAD, scene
 from support.refusals import refused
-from support.scenes.common import RIGID, SHIFTED_TREAD, scene
 
 import fitting
 import rubberfric as rf

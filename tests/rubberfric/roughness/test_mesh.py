@@ -6,8 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from problems import ROAD
 from support.cases.stored import as_arrays, slow_if
-from support.scenes.common import ROAD
 
 import rubberfric as rf
 from rubberfric.base.quadrature import gauss

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
-from support.scenes.common import RIGID, ROAD, TREAD, WORN
+from problems import RIGID, ROAD, TREAD, WORN
 
 import rubberfric as rf
 

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.scenes.common import ROAD, WLF
+from problems import ROAD, WLF
 from support.scenes.fits import FAST
 
 import fitting

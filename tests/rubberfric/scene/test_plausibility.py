@@ -5,7 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
-from support.scenes.common import RIGID, ROAD, TREAD, scene
+from problems import RIGID, ROAD, TREAD, scene
 
 import fitting
 import rubberfric as rf

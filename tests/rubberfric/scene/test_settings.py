@@ -8,9 +8,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from problems import RIGID, ROAD, SOFT, TREAD, WORN, scene
 from support.cases import sane
 from support.oracles.tables import random_table
-from support.scenes.common import RIGID, ROAD, SOFT, TREAD, WORN, scene
 
 import rubberfric as rf
 from rubberfric.analysis import default_quadrature

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
+from problems import ROAD, SHEAR, TREAD, WORN
 from support.cases.stored import paths, slow_if
 from support.counting.operations import primitives
-from support.scenes.common import ROAD, SHEAR, TREAD, WORN
 from support.scenes.shifts import ARRHENIUS, TABLE, WLF
 
 import rubberfric as rf

@@ -4,11 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from problems import ROAD
+from problems import TREAD as RUBBER
 from support.cases.stored import as_arrays
 from support.counting.operations import equations
 from support.folders import DATA
-from support.scenes.common import ROAD
-from support.scenes.common import TREAD as RUBBER
 
 import rubberfric as rf
 

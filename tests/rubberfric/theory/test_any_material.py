@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.scenes.common import ROAD, TREAD, WLF, WORN
+from problems import ROAD, TREAD, WLF, WORN
 
 import rubberfric as rf
 from rubberfric.base import NONNEGATIVE, POSITIVE, Number, Vector, child, forget, leaf, physical

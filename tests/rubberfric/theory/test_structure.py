@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.extend.core import Literal
+from problems import RIGID, ROAD, TREAD, WORN, scene
 from support.cases.stored import QUANTITIES
 from support.counting.operations import costly, equations, per_point, primitives, work
-from support.scenes.common import RIGID, ROAD, TREAD, WORN, scene
 from support.scenes.kinds import scenes
 
 import rubberfric as rf

@@ -3,8 +3,8 @@
 import jax
 import numpy as np
 import pytest
-from support.scenes.common import RIGID, scene
-from support.scenes.common import TREAD as RUBBER
+from problems import RIGID, scene
+from problems import TREAD as RUBBER
 
 import rubberfric as rf
 from rubberfric.theory import paper

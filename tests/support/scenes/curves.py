@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.integrate
 import scipy.special
-from support.scenes.common import ROAD
+from problems import ROAD
 
 import rubberfric as rf
 from rubberfric.scene.interface import shear_friction

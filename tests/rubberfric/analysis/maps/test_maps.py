@@ -12,10 +12,10 @@ import h5py
 import jax
 import jax.numpy as jnp
 import numpy as np
+import problems
 import pytest
 from support.counting.compilations import compilations
 from support.folders import ROOT
-from support.scenes import common
 from support.scenes.maps import (
     BLOCK,
     FILE,
@@ -66,7 +66,7 @@ def test_requested_quantities_and_one_temperature_if_none_is_given():
 @pytest.mark.parametrize("quantity", ["area", "separation"])
 def test_the_default_setting_suits_the_quantities(monkeypatch, quantity):
     monkeypatch.setattr(maps, "_fill", lambda *_, **__: None)  # computes nothing
-    usual = common.scene((common.RIGID, common.ROAD), (common.TREAD,))
+    usual = problems.scene((problems.RIGID, problems.ROAD), (problems.TREAD,))
     found = rf.friction_map(usual, [0.1], [3e5], quantities=(quantity,)).quadrature
     assert found == rf.analysis.default_quadrature(usual, 3e5, separation=quantity == "separation")
     assert found != rf.analysis.default_quadrature(usual, 3e5, separation=quantity != "separation")

@@ -17,9 +17,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from problems import CONTACT_MODELS
 from support.folders import BOUNDARY_ELEMENTS, DATA, ROOT
 from support.law_tables import SETTING, computed, lines_of, material_rows, share, write_page
-from support.scenes.common import CONTACT_MODELS
 
 import rubberfric as rf
 from rubberfric.analysis.validity import AREAS, GROWTH, RATIOS, WIDER, WIDEST

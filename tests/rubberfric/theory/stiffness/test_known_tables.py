@@ -4,8 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from problems import RIGID, ROAD, TREAD, scene
 from support.counting.operations import primitives
-from support.scenes.common import RIGID, ROAD, TREAD, scene
 
 import rubberfric as rf
 from rubberfric.theory.stiffness import means

@@ -4,8 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from problems import ROAD
 from support.oracles.angular import angular_means, prony, with_spring
-from support.scenes.common import ROAD
 
 import rubberfric as rf
 from rubberfric.theory.stiffness.kinds import passing
