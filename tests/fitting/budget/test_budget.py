@@ -5,7 +5,9 @@ import math
 
 import numpy as np
 import pytest
-from support.scenes.fits import AFFINE, FAST, ROAD, SHIFTED
+from support.scenes.fits import AFFINE, FAST, ROAD, SHIFTED, E
+from support.scenes.fits import H_RMS as H
+from support.scenes.fits import WARM as SCENE
 
 import fitting
 import rubberfric as rf
@@ -19,10 +21,7 @@ T = 303.15  # [K]
 P = 2e5  # [Pa]
 # Relative error of the data, as of a careful measurement.
 ERROR = 0.03
-H = "lower.spectrum.h_rms"
-E = "upper.material.E"
 FREE = {H: fitting.Positive(), f"{E}[0]": fitting.Positive(), f"{E}[1]": fitting.Positive()}
-SCENE = rf.Scene(ROAD, rf.Body(SHIFTED))
 LAW = dataclasses.replace(SCENE, contact_model="boundary_elements")
 # A prior of a free number, and the stated error of a fixed one.
 PRIOR = {f"{E}[0]": fitting.Gaussian(5e7, 5e6), "upper.material.shift.C1": fitting.Gaussian(12.0, 0.5)}

@@ -2,24 +2,23 @@
 
 import numpy as np
 import pytest
+from support.scenes.fits import AFFINE, H_RMS, PLAIN, Q1, area_data
+from support.scenes.fits import HURST as H
 
 import fitting
 import rubberfric as rf
-from fitting import AreaData, Bounded, Positive
+from fitting import Bounded, Positive
 from fitting.parameters.plausible import implausible
 
 QUADRATURE = rf.Quadrature(order=8, panels=4, angular_order=8)
-H, Q1, H_RMS = (f"lower.spectrum.{name}" for name in ("hurst", "q1", "h_rms"))
-RUBBER = rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])
-TRUTH = rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 4e4, 0.8, 1e-4)), rf.Body(RUBBER))
+# The minima below are those of these numbers.
+TRUTH = rf.Scene(rf.Body(rf.Rigid(), AFFINE.replace(q1=4e4, h_rms=1e-4)), rf.Body(PLAIN))
 V = np.logspace(-4, 1, 8)
 FREE = {H_RMS: Positive(), Q1: Positive()}
 
 
 def data(scene=TRUTH):
-    area = np.asarray(rf.solve(scene, V, 5e5, quadrature=QUADRATURE, quantities=("area",)).area)
-    noise = np.exp(0.03 * np.random.default_rng(0).standard_normal(V.size))
-    return AreaData(V, area * noise, pressure=5e5, relative=0.03, check_units=False)
+    return area_data(scene, V, quadrature=QUADRATURE)
 
 
 def fit(start, **options):
