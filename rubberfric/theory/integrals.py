@@ -18,7 +18,6 @@ from rubberfric.roughness.mesh.nodes import build_mesh
 from rubberfric.roughness.moments import unscaled
 from rubberfric.scene.interface import Adhesion, ShearLaw, difference, shear_friction
 from rubberfric.scene.scene import Scene
-from rubberfric.scene.softening import knots
 from rubberfric.theory.adhesive_contact import adhesive_contact
 from rubberfric.theory.area.area_correction import correction_table
 from rubberfric.theory.area.boundary_elements_law import solve_law
@@ -26,7 +25,7 @@ from rubberfric.theory.area.law_roughness import Law, prepare_law
 from rubberfric.theory.contact import Contact, Roughness
 from rubberfric.theory.contributions import contribution, total
 from rubberfric.theory.heat_balance import Temperatures, Thermal, macroasperity, prepare_thermal
-from rubberfric.theory.stiffness.complex_stiffness import modulus_scale
+from rubberfric.theory.stiffness.complex_stiffness import kinks, modulus_scale
 from rubberfric.theory.stiffness.means import Tables
 from rubberfric.theory.stiffness.table import MeansTable
 from rubberfric.theory.structure import (
@@ -184,9 +183,7 @@ def _borders(scene, surfaces, asked):
     The wavevector of the macroasperities comes first, and the requested borders `asked` come last.
     """
     borders = [] if scene.heating is None else [macroasperity(scene.heating)[None]]
-    # Two solids with equal softening have the same knots.
-    softened = {id(one.softening): one for one in surfaces[0].softenings}
-    borders += [knots(one) for one in softened.values()]
+    borders += kinks(surfaces)
     borders += [] if asked is None else [asked]
     return jnp.concatenate(borders) if borders else None
 

@@ -15,15 +15,8 @@ import numpy as np
 from rubberfric.base.checks import ArrayLike
 from rubberfric.base.objects.labelled import Labelled, LabelledArrays
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum
-from rubberfric.scene.scene import (
-    Body,
-    Scene,
-    body_shifts,
-    layers_vary,
-    relaxes,
-    rough_surfaces,
-    softening_of,
-)
+from rubberfric.scene.body import Body, differs_by_wavevector, relaxes
+from rubberfric.scene.scene import Scene, rough_surfaces, softening_of
 from rubberfric.scene.softening import Softened
 
 QUANTITIES = ("area", "friction", "separation")
@@ -257,7 +250,7 @@ class RoughSurface(NamedTuple):
         return self.method is MeansMethod.TABLE and self.softened is not None
 
     @property
-    def softenings(self) -> list[Softened]:
+    def soft_solids(self) -> list[Softened]:
         """Return the softening of each solid that softens."""
         return [one for one in (self.softened, self.softened_rough) if one is not None]
 
@@ -293,7 +286,7 @@ class Structure:
             needs |= RequiredMeans(mean_storage=True)
         if not relaxing:
             needs = dataclasses.replace(needs, mean_cos_loss=False)
-        shifts = [*body_shifts(scene.lower), *body_shifts(scene.upper)]
+        shifts = [*scene.lower.shifts, *scene.upper.shifts]
         if scene.shear is not None and scene.heating is not None and scene.heating.shear_at == "flash":
             shifts += [scene.shear.shift] if scene.shear.shift is not None else []
         return cls(needs, bool(strained), heated, adhesive, bool(shifts))
@@ -326,15 +319,14 @@ def means_methods(scene: Scene) -> list[MeansMethod]:
 
 
 def _method(rough: Body, strained: Body, rough_softens: bool, strained_softens: bool) -> MeansMethod:
-    material, layer = strained.material, strained.layer
-    both = rough.material.deforms
+    material, both = strained.material, rough.material.deforms
     # A vertical shift changes one of two deformable solids; the base of a coating may have another shift.
-    vertical = any(shift.vertical is not None for body in (rough, strained) for shift in body_shifts(body))
-    if (layer is not None and layer.varies(material)) or (both and vertical):
+    vertical = any(shift.vertical is not None for body in (rough, strained) for shift in body.shifts)
+    if strained.shifts_apart or (both and vertical):
         return MeansMethod.AT_POINTS
     if not relaxes(strained):
         return MeansMethod.CONSTANT
-    if layers_vary(rough, strained) or (both and (rough_softens or strained_softens)):
+    if differs_by_wavevector(rough, strained) or (both and (rough_softens or strained_softens)):
         return MeansMethod.BY_NODE
     grooved = rough.spectrum is not None and rough.spectrum.harmonic_count()
     if both or grooved or strained_softens or not material.has_series:
@@ -349,8 +341,8 @@ def _surface(rough: Body, strained: Body, side, spectrum: Spectrum, law, softene
     if method is not MeansMethod.CONSTANT:
         softens = softened is not None or softened_rough is not None
         kinked = (rough.material.deforms and softens) or (relaxing and spectrum.harmonics_vary)
-        layered = layers_vary(rough, strained)
-        smooth = MeansInterpolation.LOGARITHMIC if layered else MeansInterpolation.LINEAR
+        steep = differs_by_wavevector(rough, strained)
+        smooth = MeansInterpolation.LOGARITHMIC if steep else MeansInterpolation.LINEAR
         interpolation = MeansInterpolation.NONE if kinked else smooth
     details = [one.detail for one in (strained.material, strained.below) if one is not None and one.relaxes]
     details = [detail for detail in details if detail is not None]

@@ -174,9 +174,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
         magnification=q / first,
         rms_slope=safe_root(slope2),
         rms_height=safe_root(height2),
-        strain=softened[0].softening.factor * safe_root(slope2)
-        if (softened := surfaces[0].softenings)
-        else None,
+        strain=soft[0].strain_at(safe_root(slope2)) if (soft := surfaces[0].soft_solids) else None,
         **results,
     )
     return result, converged

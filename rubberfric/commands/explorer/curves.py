@@ -320,9 +320,8 @@ def _materials(scene: Scene) -> dict[str, Material]:
     for name, body in (("upper", scene.upper), ("lower", scene.lower)):
         if body.material.deforms:
             materials[name] = body.material
-        below = None if body.layer is None else body.layer.below
-        if below is not None:
-            materials[f"{name}, base"] = below
+        if body.below is not None:
+            materials[f"{name}, base"] = body.below
     return materials
 
 
