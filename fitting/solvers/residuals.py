@@ -94,8 +94,8 @@ def contact_values(
     if quantity in SLIP_QUANTITIES:
         mu = contact_values("friction", quadrature, scene, _friction_points(scene, conditions))
         return _of_slip(quantity, scene, conditions, mu)
-    heated = () if "converged" not in rf.quantities_of(scene) else ("converged",)
-    solution = rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity, *heated))
+    also = () if "converged" not in rf.quantities_of(scene) else ("converged",)
+    solution = rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity, *also))
     values = getattr(solution, quantity)
     return values if solution.converged is None else jnp.where(solution.converged, values, jnp.nan)
 
