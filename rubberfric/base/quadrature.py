@@ -75,6 +75,23 @@ class Quadrature:
         if not (isinstance(self.ratio, int | float) and 1 < self.ratio < 1e6):
             raise ValueError(f"Quadrature.ratio = {self.ratio!r}: must be between 1 and 1e6")
 
+    def finer(self) -> "Quadrature":
+        """Return a setting with half as many nodes again, within the limits of each number.
+
+        Examples
+        --------
+        >>> rf.Quadrature(panels=20).finer().panels
+        30
+        """
+        return dataclasses.replace(
+            self,
+            order=min(64, self.order + 3),
+            panels=min(200, round(1.5 * self.panels)),
+            graded=min(40, self.graded + 2),
+            angular_order=min(64, self.angular_order + 3),
+            heat=min(2000, round(1.5 * self.heat)),
+        )
+
     def resolving(self, detail: float) -> "Quadrature":
         """Return a setting for angular means with finer detail over ln q than a Prony series has.
 

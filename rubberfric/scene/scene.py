@@ -261,7 +261,20 @@ def shifts(scene: Scene) -> list[Shift]:
 
 def takes_temperature(scene: Scene) -> bool:
     """Return True if anything in the scene depends on temperature."""
-    return scene.heating is not None or bool(shifts(scene))
+    return temperature_by_scale(scene) or bool(shifts(scene))
+
+
+def temperature_by_scale(scene: Scene) -> bool:
+    """Return True if the solids have a temperature for each length scale, which follows from the friction.
+
+    Otherwise the solids have the temperature of the conditions.
+    """
+    return scene.heating is not None
+
+
+def isothermal(scene: Scene) -> Scene:
+    """Return a scene whose solids have the temperature of the conditions."""
+    return scene.replace(heating=None)
 
 
 def check_background(scene: Scene, where: str = "", missing: str = "temperature is missing") -> None:
@@ -269,7 +282,7 @@ def check_background(scene: Scene, where: str = "", missing: str = "temperature 
 
     The message begins with `where` and `missing`.
     """
-    if scene.heating is not None:
+    if temperature_by_scale(scene):
         raise ValueError(f"{where}{missing}: a scene with heating requires it, far from the contact [K]")
 
 

@@ -39,7 +39,7 @@ from rubberfric.base.checks import (
 )
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.body import differs_by_wavevector
-from rubberfric.scene.scene import Scene, optional_parts, rough_surfaces
+from rubberfric.scene.scene import Scene, optional_parts, rough_surfaces, temperature_by_scale
 
 # Number of panels of the shortest roughness.
 _FIRST = 0.75
@@ -58,7 +58,7 @@ _LEAST_OF_LAW = 12
 _PER_FOLD_OF_DETAIL = 1.0
 
 # Factor of these panels in heated scenes, whose temperatures depend on the details at all wavevectors.
-_HEATED_DETAIL = 1.5
+_DETAIL_BY_SCALE = 1.5
 
 # Additional panels for two spectra, for layers, and for parts of a scene whose contact is iterated.
 _MORE = 1.8
@@ -150,7 +150,7 @@ def _setting(scene, extent, separation):
     law = scene.contact_model != "paper"
     rate = _PER_FOLD_OF_EACH_Q if differs else _PER_FOLD
     if detailed:
-        rate = _PER_FOLD_OF_DETAIL * (_HEATED_DETAIL if "heating" in parts else 1.0)
+        rate = _PER_FOLD_OF_DETAIL * (_DETAIL_BY_SCALE if temperature_by_scale(scene) else 1.0)
     iterated = bool(parts & {"heating", "adhesion"}) or law
     more = _MORE if len(rough) > 1 or differs or iterated else 0.0
     if separation:

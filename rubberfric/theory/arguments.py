@@ -29,7 +29,14 @@ from rubberfric.base.checks import (
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.shifts import largest_log_factor
 from rubberfric.scene.plausible import warn_of_conditions
-from rubberfric.scene.scene import Scene, check_background, result_dtype, shifts, takes_temperature
+from rubberfric.scene.scene import (
+    Scene,
+    check_background,
+    result_dtype,
+    shifts,
+    takes_temperature,
+    temperature_by_scale,
+)
 from rubberfric.scene.settings import ROBUST, default_quadrature
 from rubberfric.theory.structure import MeansMethod, Values, iterated, iterates, means_methods
 
@@ -114,13 +121,13 @@ def check_kinds(scene: object, quadrature: object) -> None:
     check_kind("quadrature", quadrature, Quadrature)
 
 
-def check_heated(scene: Scene, quantities: Iterable[str]) -> None:
-    """Raise ValueError if a scene without heating lacks one of the quantities.
+def check_quantities(scene: Scene, quantities: Iterable[str]) -> None:
+    """Raise ValueError if a scene has no "flash_temperature" or "converged", and it is one of the quantities.
 
     "flash_temperature" requires heating. "converged" requires heating or another iteration (`iterates`).
     """
     absent = {"flash_temperature"} if iterates(scene) else {"flash_temperature", "converged"}
-    if scene.heating is None and absent & set(quantities):
+    if not temperature_by_scale(scene) and absent & set(quantities):
         raise ValueError("quantities has 'flash_temperature' or 'converged': the scene must have heating")
 
 

@@ -22,7 +22,7 @@ from fitting.stages import why_not_finite
 from rubberfric.analysis import jacobian
 from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.base import fixed_points
-from rubberfric.theory import branch
+from rubberfric.theory.heat import branch
 
 NAMES = ("area", "viscoelastic_friction", "shear_friction", "friction", "separation", "flash_temperature")
 POINTS = 8

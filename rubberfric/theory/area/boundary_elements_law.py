@@ -224,11 +224,11 @@ def _below_q1(A, B, log_E_eff, moduli, law):
     @jax.checkpoint
     def ring(point):
         loss, odds, stiff = point
-        heat = loss / (1 + odds[:, None] * stiff)
-        return [[jnp.sum(weights * heat, -1) for weights in kind] for kind in kinds]
+        lost = loss / (1 + odds[:, None] * stiff)
+        return [[jnp.sum(weights * lost, -1) for weights in kind] for kind in kinds]
 
-    heat = [_at(B, kind) for kind in jax.lax.map(ring, (moduli.loss, around, stiff))]
-    return 1 / (1 + odds), [_weight(shape) * jnp.exp(log_S_bar) * one for one in heat]
+    lost = [_at(B, kind) for kind in jax.lax.map(ring, (moduli.loss, around, stiff))]
+    return 1 / (1 + odds), [_weight(shape) * jnp.exp(log_S_bar) * one for one in lost]
 
 
 def _beyond_q1(A, B, log_E_eff, moduli, law):

@@ -17,7 +17,7 @@ from rubberfric.base.checks import is_concrete
 from rubberfric.base.compilation import exact_products, quick_options
 from rubberfric.materials.material import series_of
 from rubberfric.materials.shifts import Shift, log_vertical
-from rubberfric.scene.scene import Scene
+from rubberfric.scene.scene import Scene, temperature_by_scale
 from rubberfric.theory.stiffness.by_node import at_points, grid_is_cheaper, on_grid
 from rubberfric.theory.stiffness.closed_form import Harmonics, Means, PronyStiffness
 from rubberfric.theory.stiffness.complex_stiffness import (
@@ -233,7 +233,7 @@ def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> 
     dtype : dtype of the tables
     """
     details = (body.material.detail for body in (scene.lower, scene.upper) if body.material.deforms)
-    if scene.heating is not None or all(detail is None for detail in details):
+    if temperature_by_scale(scene) or all(detail is None for detail in details):
         return None
     needs = Structure.of(scene, quantities).needs
     if not needs.mean_abs2 or not all(map(is_concrete, jax.tree.leaves(scene))):
