@@ -41,7 +41,7 @@ def replaced(scene, cls, new):
 
 
 def with_layer(layer):
-    """Each solid that deforms becomes a layer of its own."""
+    """Make each solid that deforms a layer."""
 
     def change(scene):
         deforming = [body for body in BODIES if not isinstance(getattr(scene, body).material, rf.Rigid)]

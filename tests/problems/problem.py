@@ -44,7 +44,7 @@ class Problem(NamedTuple):
 
     @property
     def tags(self):
-        """What the scene has."""
+        """Return what the scene has."""
         return tags_of(self.scene, self.velocity) | ({self.source} - {""})
 
     def solved(self, dtype=float, quadrature=None, **changes):
@@ -54,7 +54,7 @@ class Problem(NamedTuple):
 
 
 def tags_of(scene, velocity):
-    """What a scene has, read from its classes."""
+    """Return what a scene has, from its classes."""
     bodies = scene.lower, scene.upper
     materials = [body.material for body in bodies]
     spectra = [body.spectrum for body in bodies if body.spectrum is not None]

@@ -7,7 +7,7 @@ from support.cases.stored import slow_if
 
 import rubberfric as rf
 from rubberfric.base import fixed_points
-from rubberfric.theory import branch
+from rubberfric.theory.heat import branch
 
 ITERATED = {name: one for name, one in PROBLEMS.items() if "converged" in rf.quantities_of(one.scene)}
 HEATED = {name: one for name, one in ITERATED.items() if one.scene.heating is not None}
