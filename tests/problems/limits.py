@@ -172,7 +172,7 @@ LIMITS = {
     "thick slab": Limit(
         with_layer(lambda _: rf.Slab(1e3)),
         lacks=("layer", "coating", "shear modulus"),
-        ordinary=("rubber", "law"),
+        ordinary=("rubber",),
     ),
     "thick sliding slab": Limit(
         with_layer(lambda _: rf.Slab(1e3, "frictionless")), lacks=("layer", "coating", "shear modulus")
@@ -234,7 +234,7 @@ LIMITS = {
         temperatures=(WARM, None),
         ordinary=("rubber",),
     ),
-    "split terms": Limit(with_split_terms, has=("prony",), lacks=("heating",), ordinary=("softening",)),
+    "split terms": Limit(with_split_terms, has=("prony",), lacks=("heating",), ordinary=("rubber",)),
     "S = 1": Limit(
         lambda scene: scene.replace({"gamma": 1.0, "area_correction": True}),
         other=lambda scene: scene.replace({"gamma": 1.0, "area_correction": False}),
@@ -252,13 +252,13 @@ LIMITS = {
         lacks=("softening", "anisotropic", "coating", "correlation", "law", "static", "tabulated", "heating"),
     ),
     "a table of each body": Limit(
-        with_tables_of_the_bodies, has=("softening",), ordinary=("soft-two-rubbers",)
+        with_tables_of_the_bodies,
+        has=("softening",),
     ),
     "no heat": Limit(
         lambda scene: scene.replace({"heating.heat_capacity": 1e30}),
         other=lambda scene: scene.replace(heating=None),
         has=("heating",),
-        ordinary=("heating",),
     ),
     "no shear": Limit(
         lambda scene: scene.replace({"shear.tau_f0": 0.0}),

@@ -68,7 +68,7 @@ def tolerance(problem):
     return 1e-5 if problem.tags & {"heating", "law"} else 1e-6
 
 
-ORDINARY = ("rubber", "slab", "contact shear", "two rubbers")
+ORDINARY = ("rubber", "contact shear")
 
 
 @pytest.mark.parametrize("name", slow_if(lambda name: name not in ORDINARY, PROBLEMS.keys()))
@@ -141,8 +141,8 @@ def slopes_over_velocity(scene, velocity, conditions, names):
 
 
 AT_REST = {one.name: one for one in having(without=("correlation",))}
-# One scene for each way to the means; those of one structure compile once.
-ORDINARY_AT_REST = ("rubber", "liquid", "law", "law, liquid", "tabulated modulus")
+# Scenes of one structure compile once.
+ORDINARY_AT_REST = ("rubber", "liquid", "law", "law, liquid")
 
 
 @pytest.mark.parametrize("name", slow_if(lambda name: name not in ORDINARY_AT_REST, AT_REST.keys()))

@@ -9,7 +9,7 @@ from support.cases.stored import slow_if
 
 import rubberfric as rf
 
-ORDINARY = ("rubber", "two rubbers")
+ORDINARY = ("rubber",)
 each_problem = pytest.mark.parametrize("name", slow_if(lambda name: name not in ORDINARY, PROBLEMS.keys()))
 # Outside jit a call takes the setting that fits, within it cannot know.
 USUAL = rf.Quadrature()
@@ -52,7 +52,7 @@ def test_all_ways_of_a_call_return_the_same(name):
         assert_equal({quantity: x[k] for quantity, x in mapped.items()}, expected, rtol)
 
 
-@pytest.mark.parametrize("name", slow_if(lambda name: name not in ("rubber", "law"), PROBLEMS.keys()))
+@pytest.mark.parametrize("name", slow_if(lambda name: name not in ORDINARY, PROBLEMS.keys()))
 def test_a_point_alone_equals_itself_in_a_curve(name):
     """Bit by bit: iterations of the others end earlier or later, and do not matter."""
     problem = PROBLEMS[name]
@@ -78,7 +78,7 @@ def test_one_quantity_alone(name):
         assert [x for x, value in only._asdict().items() if value is not None] == [quantity]
 
 
-ORDINARY_SINGLE = ("rubber", "contact shear", "slab")
+ORDINARY_SINGLE = ("rubber", "contact shear")
 
 
 @pytest.mark.parametrize("name", slow_if(lambda name: name not in ORDINARY_SINGLE, PROBLEMS.keys()))

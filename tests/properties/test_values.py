@@ -77,7 +77,7 @@ OF_PAPER = {one.name: one for one in having("paper")}
 SLOW = (
     *("shear relaxes", "shear relaxes on a slab", "shear relaxes on elastic", "rough rubber", "two slabs"),
     *("vertical shift", "tabulated spectrum", "short plateau", "S in G", "contact shear", "two elastic"),
-    *("S in G, two rough", "table of shifts", "frictionless slab", "rubber on elastic"),
+    *("two rubbers", "S in G, two rough", "table of shifts", "frictionless slab", "rubber on elastic"),
 )
 
 
