@@ -150,8 +150,8 @@ def _with_body(arguments, other, **changes):
 
 def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
     """Compute and fit the spectrum of a measured surface, write files, and return the exit status."""
-    from fitting.characterise.from_heights import spectrum_data
     from fitting.characterise.spectrum import fit_spectrum
+    from fitting.data.heights import spectrum_data
 
     del interrupts
     show(f"reading {arguments.data}")
