@@ -21,8 +21,8 @@ from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.scenes import by_name
 from fitting.parameters.variables import to_scene
 from fitting.solvers.evaluation import evaluate_rows
-from fitting.solvers.problem import CONTACT_QUANTITIES, Problem
-from fitting.solvers.residuals import contact_values, padded
+from fitting.solvers.problem import CONTACT_QUANTITIES, CURVE_QUANTITIES, Problem
+from fitting.solvers.residuals import curve_values, padded, slip_group
 from fitting.uncertainty.discrepancy import model_covariance
 from rubberfric.base import quick_jit
 from rubberfric.scene import takes_temperature
@@ -126,9 +126,9 @@ def rows_by_law(problem: Problem, x: np.ndarray) -> RowsByLaw:
             continue
         law = laws[block.scene]
         where, options = slice(*block.rows), (block.quantity, of.structure.quadrature)
-        value = _curve(*options, law.law, _at(law.law, conditions))
+        value = _values(*options, law.law, _at(law.law, conditions))
         if law.without:
-            ratio = value / _curve(*options, law.theory, _at(law.theory, conditions))
+            ratio = value / _values(*options, law.theory, _at(law.theory, conditions))
             rows[where] = rows[where] + np.log(ratio) if block.logarithmic else rows[where] * ratio
             without += law.without
         else:
@@ -161,12 +161,18 @@ def _at(scene, conditions):
     return conditions if takes_temperature(scene) else (*conditions[:-1], None)
 
 
-def _curve(quantity, quadrature, scene, conditions):
+def _values(quantity, quadrature, scene, conditions):
+    """Return a quantity of `CONTACT_QUANTITIES` under the conditions of its kind of data."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.asarray(_contact_values(quantity, quadrature, scene, conditions))
+        if quantity in CURVE_QUANTITIES:
+            return np.asarray(_curve_values(quantity, quadrature, scene, conditions))
+        # Forces and moments share the compiled friction.
+        group = slip_group("", {0: (quantity, conditions)})
+        mu = _curve_values("friction", quadrature, scene, group.points(scene))
+        return np.asarray(group.rows(scene, mu))
 
 
-_contact_values = quick_jit(static_argnums=(0, 1))(contact_values)
+_curve_values = quick_jit(static_argnums=(0, 1))(curve_values)
 
 
 def covariance_of_law(

@@ -9,7 +9,7 @@ import mpmath
 import numpy as np
 import optax
 import pytest
-from support.scenes.fits import E_INF, ROAD, E
+from support.scenes.fits import E_INF, FOUR, SHEAR, WARM, E
 
 import fitting
 import rubberfric as rf
@@ -19,9 +19,9 @@ from fitting.parameters.variables import element_names, free_parameters, slopes,
 from fitting.solvers.search import random_starts
 from rubberfric.scene.scene import cast
 
-RUBBER = rf.Prony(3e6, [5e8, 5e7, 8e6, 2e6], [1e-7, 1e-5, 1e-3, 1e-1], shift=rf.WLF(12.0, 150.0, 293.15))
-SCENE = cast(rf.Scene(ROAD, rf.Body(RUBBER)), np.float64)
-SHEARED = cast(dataclasses.replace(SCENE, shear=rf.ContactShear(6.5e6, 0.1, 6e-3)), np.float64)
+SCENE = cast(FOUR.replace({"upper.material.shift": WARM.upper.material.shift}), np.float64)
+RUBBER = SCENE.upper.material
+SHEARED = cast(SCENE.replace(shear=SHEAR), np.float64)
 
 
 def one_line(call):

@@ -2,21 +2,17 @@
 
 import numpy as np
 import pytest
-from support.scenes.fits import AFFINE, PLAIN
+from support.scenes.fits import H_RMS as H
+from support.scenes.fits import HURST, Q1, SHEAR
+from support.scenes.fits import SCENE as SHEARLESS
 
-import rubberfric as rf
 from fitting import Bounded, Positive
 from fitting.parameters.variables import free_parameters
 from fitting.uncertainty.covariance import describe_direction
 
-SCENE = rf.Scene(
-    rf.Body(rf.Rigid(), AFFINE), rf.Body(PLAIN), gamma=0.5, shear=rf.ContactShear(5e6, 0.1, 1e-3)
-)
+SCENE = SHEARLESS.replace(shear=SHEAR)
 GAMMA = "gamma"
-H = "lower.spectrum.h_rms"
-Q1 = "lower.spectrum.q1"
 V0 = "shear.v0"
-HURST = "lower.spectrum.hurst"
 
 
 def said(**loadings):
