@@ -13,8 +13,7 @@ of several sweeps, raw data with a wrong compliance of the instrument, or a stra
 import dataclasses
 
 import numpy as np
-import scipy.linalg
-import scipy.stats
+import scipy
 
 from fitting.characterise.prony_series import columns, nonnegative_logarithmic, reduced
 from fitting.data.kinds import ModulusData
@@ -111,7 +110,7 @@ class KramersKronig:
         if not c.any():
             return np.nan
         square = self.contradiction[c] @ np.linalg.solve(self.covariance[np.ix_(c, c)], self.contradiction[c])
-        return float(scipy.stats.chi2.sf(square, c.sum()))
+        return float(scipy.special.chdtrc(c.sum(), square))
 
     @property
     def consistent(self) -> bool:

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-import scipy.stats
+import scipy
 from scipy.optimize import least_squares
 
 import rubberfric as rf
@@ -44,7 +44,7 @@ class ShiftLaw(NamedTuple):
 
         A law without degrees of freedom always holds.
         """
-        return self.freedom == 0 or bool(scipy.stats.chi2.sf(self.chisqr, self.freedom) > _CHANCE)
+        return self.freedom == 0 or bool(scipy.special.chdtrc(self.freedom, self.chisqr) > _CHANCE)
 
     @property
     def aic(self) -> float:

@@ -21,11 +21,6 @@ from typing import Any, Literal, cast
 import numpy as np
 
 import rubberfric as rf
-from fitting.characterise.from_heights import spectrum_data
-from fitting.characterise.master_curve import fit_master_curve
-from fitting.characterise.prony import fit_prony
-from fitting.characterise.softening import softening_from_sweep
-from fitting.characterise.spectrum import fit_spectrum
 from fitting.commands.options import HEIGHTS, reading_options
 from fitting.commands.work import Output, finish
 from fitting.data.averages import average
@@ -60,6 +55,11 @@ _FREE_PATCH = {"force": "patch.stiffness", "moment": "patch.length"}
 
 def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
     """Fit shifts and a Prony series to moduli, write files, and return the exit status."""
+    # Other commands do not need these, whose imports take half a second.
+    from fitting.characterise.master_curve import fit_master_curve
+    from fitting.characterise.prony import fit_prony
+    from fitting.characterise.softening import softening_from_sweep
+
     del interrupts
     given = arguments.temperature or [None] * len(arguments.data)
     if len(given) != len(arguments.data):
@@ -150,6 +150,9 @@ def _with_body(arguments, other, **changes):
 
 def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
     """Compute and fit the spectrum of a measured surface, write files, and return the exit status."""
+    from fitting.characterise.from_heights import spectrum_data
+    from fitting.characterise.spectrum import fit_spectrum
+
     del interrupts
     show(f"reading {arguments.data}")
     measured, text = measured_spectrum(arguments)

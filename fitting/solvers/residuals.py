@@ -8,8 +8,9 @@ example, 6 and 7 points share a compiled function. The rows of the priors follow
 (`fitting.parameters.priors`), and rows that keep arrays smooth during a search (`fitting.solvers.search`).
 """
 
-from collections.abc import Callable, Collection
-from typing import Any, NamedTuple
+import functools
+from collections.abc import Callable, Collection, Mapping
+from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -23,6 +24,7 @@ from fitting.solvers.objective import Loss, Objective
 from fitting.solvers.ordered import x_of
 from fitting.solvers.problem import (
     CONTACT_QUANTITIES,
+    CURVE_QUANTITIES,
     SLIP_QUANTITIES,
     FitStructure,
     Numbers,
@@ -58,8 +60,15 @@ def loss_of(structure: FitStructure, numbers: Numbers) -> Loss:
 def predictions(structure: FitStructure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, Any]:
     """Return the predictions of all data, of shape (rows,), and the scene or the dict of scenes at x."""
     scene = to_scene(structure.variables, numbers.constants, x)
-    scenes, pairs = by_name(scene), zip(structure.blocks, numbers.conditions, strict=True)
-    rows = [_predicted(structure, block, at, scenes[block.scene]) for block, at in pairs]
+    scenes, slip_rows = by_name(scene), {}
+    for group in _slip_groups(structure, numbers):
+        own = scenes[group.scene]
+        mu = curve_values("friction", structure.quadrature, own, group.points(own))
+        slip_rows |= group.split(group.rows(own, mu))
+    rows = [
+        _predicted(structure, block, at, scenes[block.scene], slip_rows.get(i))
+        for i, (block, at) in enumerate(zip(structure.blocks, numbers.conditions, strict=True))
+    ]
     return _if_in_order(structure, scene, jnp.concatenate(rows)), scene
 
 
@@ -69,10 +78,15 @@ def _if_in_order(structure, scene, rows):
     return jnp.where(in_order(order, jax.tree.leaves(scene)), rows, jnp.nan) if order else rows
 
 
-def _predicted(structure, block, conditions, scene):
-    """Return the predictions of one block, or the logarithms if the block is logarithmic."""
-    if block.quantity in CONTACT_QUANTITIES:
-        values = contact_values(block.quantity, structure.quadrature, scene, conditions)
+def _predicted(structure, block, conditions, scene, slip_rows=None):
+    """Return the predictions of one block, or the logarithms if the block is logarithmic.
+
+    `slip_rows` are the predictions of a block of slip data.
+    """
+    if slip_rows is not None:
+        values = slip_rows
+    elif block.quantity in CURVE_QUANTITIES:
+        values = curve_values(block.quantity, structure.quadrature, scene, conditions)
     elif block.quantity == "modulus":
         modulus = rf.complex_modulus(getattr(scene, block.body).material, *conditions)
         values = jnp.concatenate([modulus.real, modulus.imag])
@@ -83,21 +97,71 @@ def _predicted(structure, block, conditions, scene):
     return jnp.log(values) if block.logarithmic else values
 
 
-def contact_values(
+def curve_values(
     quantity: str, quadrature: rf.Quadrature, scene: rf.Scene, conditions: tuple[Any, ...]
 ) -> jax.Array:
-    """Return a quantity of `CONTACT_QUANTITIES` under the conditions of its kind of data.
+    """Return a quantity of `CURVE_QUANTITIES` at velocities, pressures and temperatures.
 
     The values are NaN where the temperatures did not converge, so that no step is accepted there and a start
     is refused.
     """
-    if quantity in SLIP_QUANTITIES:
-        mu = contact_values("friction", quadrature, scene, _friction_points(scene, conditions))
-        return _of_slip(quantity, scene, conditions, mu)
-    heated = () if "converged" not in rf.quantities_of(scene) else ("converged",)
-    solution = rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity, *heated))
+    also = () if "converged" not in rf.quantities_of(scene) else ("converged",)
+    solution = rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity, *also))
     values = getattr(solution, quantity)
     return values if solution.converged is None else jnp.where(solution.converged, values, jnp.nan)
+
+
+class SlipGroup(NamedTuple):
+    """Blocks of slip data of one scene, as forces and moments, whose friction is one call of the theory.
+
+    One call for both forces and moments takes half the time to compile.
+    """
+
+    scene: str
+    kind: Literal["angle", "ratio"]  # of the slip
+    conditions: tuple[Any, ...]  # slip, speed, load and temperature of all blocks in turn
+    quantities: dict[int, str]  # position of a block -> its quantity
+    ends: np.ndarray  # of the blocks' parts
+
+    def points(self, scene: rf.Scene) -> tuple[Any, ...]:
+        """Return the conditions (v, p, T) of the friction that `rows` needs, vectors of equal length."""
+        slip, speed, load, temperature = self.conditions
+        patch: Any = scene.patch  # make_problem refuses a scene without a patch
+        at = friction_points(patch, slip, speed, load, temperature, self.kind)
+        shape = jnp.broadcast_shapes(*(c.shape for c in at if c is not None))
+        return tuple(None if c is None else jnp.broadcast_to(c, shape).ravel() for c in at)
+
+    def rows(self, scene: rf.Scene, mu: jax.Array) -> jax.Array:
+        """Return the forces or moments of all blocks in turn, from the friction at `points`."""
+        slip, _, load, _ = self.conditions
+        grip = grip_of_friction(scene.patch, slip, load, mu.reshape(slip.size, -1), self.kind)
+        parts = zip(self.quantities.values(), [0, *self.ends[:-1]], self.ends, strict=True)
+        return jnp.concatenate([getattr(grip, quantity)[first:last] for quantity, first, last in parts])
+
+    def split(self, rows: jax.Array) -> dict[int, jax.Array]:
+        """Return the rows of each block, by its position."""
+        return dict(zip(self.quantities, jnp.split(rows, self.ends[:-1]), strict=True))
+
+
+def slip_group(scene: str, blocks: Mapping[int, tuple[str, tuple[Any, ...]]]) -> SlipGroup:
+    """Return the group of blocks with the same kind of slip: position -> quantity and conditions."""
+    kinds, conditions = zip(*(_slip_of(at) for _, at in blocks.values()), strict=True)
+    columns = tuple(
+        None if any(c is None for c in column) else jnp.concatenate(column)
+        for column in zip(*conditions, strict=True)
+    )
+    ends = np.cumsum([slip.size for slip, *_ in conditions])
+    return SlipGroup(scene, kinds[0], columns, {i: quantity for i, (quantity, _) in blocks.items()}, ends)
+
+
+def _slip_groups(structure, numbers):
+    """Return the `SlipGroup`s of a problem: for each scene, kind of slip, and with or without temperature."""
+    members: dict[Any, dict[int, Any]] = {}
+    for i, (block, at) in enumerate(zip(structure.blocks, numbers.conditions, strict=True)):
+        if block.quantity in SLIP_QUANTITIES:
+            key = block.scene, _slip_of(at)[0], at[-1] is None
+            members.setdefault(key, {})[i] = block.quantity, at
+    return [slip_group(scene, blocks) for (scene, *_), blocks in members.items()]
 
 
 def _slip_of(conditions):
@@ -105,18 +169,6 @@ def _slip_of(conditions):
     *slips, speed, load, temperature = conditions
     kind = "angle" if slips[0] is not None else "ratio"
     return kind, (next(slip for slip in slips if slip is not None), speed, load, temperature)
-
-
-def _friction_points(scene, conditions):
-    """Return the conditions (v, p, T) of the friction that slip data need, shape (points, pressures)."""
-    kind, conditions = _slip_of(conditions)
-    return friction_points(scene.patch, *conditions, kind)
-
-
-def _of_slip(quantity, scene, conditions, mu):
-    """Return the force or the moment of a patch from the friction at `_friction_points`."""
-    kind, (slip, _, load, _) = _slip_of(conditions)
-    return getattr(grip_of_friction(scene.patch, slip, load, mu, kind), quantity)
 
 
 def rows_of(structure: FitStructure, numbers: Numbers, x: jax.Array) -> jax.Array:
@@ -131,18 +183,22 @@ def rows_of(structure: FitStructure, numbers: Numbers, x: jax.Array) -> jax.Arra
 def rows_and_slopes(structure: FitStructure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Return the result of `rows_of`, and the derivatives with respect to x, of shape (rows, size)."""
 
-    def scene_of(x):
-        return to_scene(structure.variables, numbers.constants, x)
+    def scene_of(x, name=None):
+        scene = to_scene(structure.variables, numbers.constants, x)
+        return scene if name is None else by_name(scene)[name]
 
+    slip = {}
+    for group in _slip_groups(structure, numbers):
+        values, slopes = _slip_slopes(group, functools.partial(scene_of, name=group.scene), x, structure)
+        slopes = group.split(slopes)
+        slip |= {i: (one, slopes[i]) for i, one in group.split(values).items()}
     parts = []
-    for block, conditions in zip(structure.blocks, numbers.conditions, strict=True):
-
-        def own_scene(x, name=block.scene):
-            return by_name(scene_of(x))[name]
-
+    for i, (block, conditions) in enumerate(zip(structure.blocks, numbers.conditions, strict=True)):
+        own_scene = functools.partial(scene_of, name=block.scene)
         if block.quantity in CONTACT_QUANTITIES:
-            slopes_of = _slip_slopes if block.quantity in SLIP_QUANTITIES else value_and_jacobian
-            values, slopes = slopes_of(own_scene, x, conditions, block.quantity, structure.quadrature)
+            values, slopes = slip.get(i) or value_and_jacobian(
+                own_scene, x, conditions, block.quantity, structure.quadrature
+            )
             if block.logarithmic:
                 values, slopes = jnp.log(values), slopes / values[:, None]
         else:
@@ -157,23 +213,13 @@ def rows_and_slopes(structure: FitStructure, numbers: Numbers, x: jax.Array) -> 
     return rows, slopes
 
 
-def _slip_slopes(scene_of, x, conditions, quantity, quadrature):
-    """Return values of slip data and their derivatives, as `rubberfric.analysis.value_and_jacobian`."""
-
-    def points(x):
-        at = _friction_points(scene_of(x), conditions)
-        shape = jnp.broadcast_shapes(*(c.shape for c in at if c is not None))
-        return tuple(None if c is None else jnp.broadcast_to(c, shape).ravel() for c in at)
-
-    mu, slopes = value_and_jacobian(scene_of, x, points, "friction", quadrature)
-    count = conditions[-2].size
-
-    def values(x, mu):
-        return _of_slip(quantity, scene_of(x), conditions, mu)
-
-    value, push = jax.linearize(values, x, mu.reshape(count, -1))
-    along = slopes.T.reshape(x.size, count, -1)
-    return value, jax.vmap(push)(jnp.eye(x.size, dtype=x.dtype), along).T
+def _slip_slopes(group, scene_of, x, structure):
+    """Return the rows of a `SlipGroup` and their derivatives, as `rubberfric.analysis.value_and_jacobian`."""
+    mu, slopes = value_and_jacobian(
+        scene_of, x, lambda x: group.points(scene_of(x)), "friction", structure.quadrature
+    )
+    value, push = jax.linearize(lambda x, mu: group.rows(scene_of(x), mu), x, mu)
+    return value, jax.vmap(push)(jnp.eye(x.size, dtype=x.dtype), slopes.T).T
 
 
 def in_errors(structure: FitStructure, numbers: Numbers, targets: Targets, rows: Array) -> jax.Array:

@@ -150,6 +150,7 @@ def test_sizes_and_their_text(fit):
     text = tiny.report()
     assert "temperature: all temperatures + 0.01 K\n" in text
     assert "pressure: all pressures x 1.05 (default)" in text
+    assert "hurst of lower +0.05" in text
     assert tiny["temperature"].stated and not tiny["pressure"].stated
     with pytest.raises(ValueError, match=r"velocity = -1: must be a finite number >= 0"):
         fit.budget(velocity=-1)
@@ -264,6 +265,20 @@ def test_fixed_numbers_with_an_error(fit):
         fitted(data_of(), prior={"gamma": fitting.Gaussian((0.5, 0.5), 0.1)})
     assert "upper.material.shift.C1: fixed, its error enters the budget" in fit.report()
     assert fit.problem.numbers.prior[0].size == 1 and len(fit.problem.numbers.prior) == 1
+
+
+def test_the_tables_show_the_shifts(budget):
+    """The first in units of the numbers, the second in standard errors; "?" is an unknown shift."""
+    number = len(budget.sources) + 2
+    expected = np.stack([budget.noise, *(part.shift for part in budget.contributions), budget.total], 1)
+    tables = budget.report().split("in standard errors:")
+    for table, scale in zip(tables, (np.ones_like(budget.noise), budget.noise), strict=True):
+        cells = {line.split()[0]: line.split()[-number:] for line in table.split("\n") if line.strip()}
+        for name, values, unit in zip(budget.names, expected, scale, strict=True):
+            np.testing.assert_allclose(np.array(cells[name], float), values / unit, rtol=0.05, atol=0.0051)
+    unknown = budget.contributions[0]._replace(shift=np.full(len(budget.names), np.nan))
+    text = dataclasses.replace(budget, contributions=(unknown, *budget.contributions[1:])).report()
+    assert text.count(" ? ") == 2 * len(budget.names)
 
 
 def test_file_html_and_picture(budget, tmp_path):

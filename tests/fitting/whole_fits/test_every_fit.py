@@ -32,7 +32,7 @@ def deviations(result):
 
 
 def moved(result, share):
-    """x away from the minimum by a share of its standard errors, and by 0.01 where there is none."""
+    """Return x away from the minimum by a share of each standard error, or by 0.01 without one."""
     return result.x + share * np.where(deviations(result) < 1, deviations(result), 0.01)
 
 
@@ -84,7 +84,7 @@ def test_minimum_is_that_of_optimistix(name):
 
 @pytest.mark.parametrize("name", PARAMETERS)
 def test_covariance_is_the_inverse_of_the_normal_matrix(name):
-    """Of least squares, of all x that the data determine."""
+    """The estimates are those of least squares, for all x that the data determine."""
     result = fitted(name)
     if result.problem.structure.loss != "linear" or result.unidentified:
         pytest.skip("robust losses have weights; unidentified directions are cut off")
