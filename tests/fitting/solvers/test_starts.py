@@ -123,15 +123,18 @@ def test_several_starts_find_several_minima_and_the_lowest():
     assert len(once.minima) == 1 and once.cost >= result.cost
 
 
-def test_random_starts_are_uniform_in_their_ranges():
+@pytest.mark.parametrize(("key", "decades"), [(None, 0.5), (jax.random.key(3), 2.0)])
+def test_random_starts_are_uniform_in_their_ranges(key, decades):
     """Widths of uniform distributions, of ln E over decades, between bounds, and of the scale of a number."""
     free = {E: Positive(), "lower.spectrum.hurst": Bounded(0.3, 1.0), "gamma": Free(0.1)}
     variables, _, x = free_parameters(cast(SCENE, np.float64), free)
-    found = np.asarray(random_starts(variables, x, None, 4001, decades=0.5))
+    found = np.asarray(random_starts(variables, x, key, 4001, decades=decades))
     np.testing.assert_array_equal(found[0], x)
     kinds = [group.kind for group in variables.own for _ in range(*group.slot)]
     moved = np.where(np.array(kinds) == "Bounded", 1 / (1 + np.exp(-found)) - 0.5, found - found[0])[1:]
-    half = np.array([{"Positive": 0.5 * np.log(10), "Bounded": 0.49, "Free": 1.0}[kind] for kind in kinds])
+    half = np.array(
+        [{"Positive": decades * np.log(10), "Bounded": 0.49, "Free": 1.0}[kind] for kind in kinds]
+    )
     assert np.all(np.abs(moved) <= half) and np.all(np.abs(moved).max(0) > 0.99 * half)
     np.testing.assert_allclose(moved.std(0), half / np.sqrt(3), rtol=0.05)
     np.testing.assert_allclose(moved.mean(0) / half, 0, atol=0.05)
@@ -141,3 +144,15 @@ def test_several_starts_are_decided_by_their_key():
     one, two = (one_peak(starts=3, key=jax.random.key(5)) for _ in range(2))
     np.testing.assert_array_equal(one.values, two.values)
     assert one.nfev == two.nfev and one.cost == two.cost
+
+
+def test_random_starts_are_decided_by_their_key():
+    variables, _, x = free_parameters(SCENE, {E: Positive(), "gamma": Bounded(0.1, 0.9)})
+    one, two, other = (random_starts(variables, x, jax.random.key(k), 4) for k in (1, 1, 2))
+    np.testing.assert_array_equal(one, two)
+    assert np.all(one[1:] != other[1:])
+    assert len({tuple(row) for row in np.asarray(one).tolist()}) == 4
+    for count in (1, 2):
+        fewer = random_starts(variables, x, jax.random.key(1), count)
+        assert fewer.shape == (count, x.size)
+        np.testing.assert_array_equal(fewer[0], x)

@@ -16,6 +16,7 @@ SCENE = rf.Scene(ROAD, rf.Body(PLAIN))
 WARM = rf.Scene(ROAD, rf.Body(SHIFTED))
 THREE = rf.Scene(ROAD, rf.Body(THREE_TERMS))
 FOUR = rf.Scene(ROAD, rf.Body(FOUR_TERMS))
+FOUR_WARM = FOUR.replace({"upper.material.shift": SHIFTED.shift})
 SHEAR = rf.ContactShear(6.5e6, 0.1, 6e-3)
 E = "upper.material.E"
 E_INF = "upper.material.E_inf"
