@@ -1,4 +1,4 @@
-"""One solid of a scene: material, roughness, finite thickness, and what they tell about its stiffness."""
+"""One solid of a scene: its material, roughness and layer, and the factor of its stiffness."""
 
 import jax
 import jax.numpy as jnp

@@ -9,7 +9,7 @@ import numpy as np
 import rubberfric as rf
 from problems.solids import HEATING, SHEAR, SOFT
 from rubberfric.base.objects.physical import parts_of
-from rubberfric.scene.scene import relaxes
+from rubberfric.scene.body import relaxes
 
 BODIES = ("lower", "upper")
 STIFF = rf.Elastic(1e21, 0.3)  # so stiff that only the other solid deforms

@@ -9,7 +9,7 @@ from support.cases.stored import as_arrays
 
 import rubberfric as rf
 from rubberfric.roughness.anisotropy import Anisotropic, TabulatedAnisotropic
-from rubberfric.scene.scene import relaxes
+from rubberfric.scene.body import relaxes
 
 # Points of each call, so that every property uses the same compiled function of a structure.
 POINTS = 4

@@ -116,7 +116,7 @@ def prepare_thermal(
     ----------
     scene : Scene with heating
     roughness : Roughness
-    quadrature : Quadrature, of which `heat` is used
+    quadrature : Quadrature; its `heat` is the number of nodes of the sum over ln k
     coarse : Roughness on the mesh of `COARSE`; None if the heat does not depend on the temperature
     """
     heating = scene.heating
