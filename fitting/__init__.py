@@ -4,7 +4,6 @@ from rubberfric.base import lazily
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
-    from fitting.characterise.from_heights import spectrum_data as spectrum_data
     from fitting.characterise.kramers_kronig import KramersKronig as KramersKronig
     from fitting.characterise.kramers_kronig import kramers_kronig as kramers_kronig
     from fitting.characterise.master_curve import MasterCurve as MasterCurve
@@ -17,6 +16,7 @@ if TYPE_CHECKING:
     from fitting.data.averages import average as average
     from fitting.data.files import read as read
     from fitting.data.files import write as write
+    from fitting.data.heights import spectrum_data as spectrum_data
     from fitting.data.kinds import AreaData as AreaData
     from fitting.data.kinds import CreepData as CreepData
     from fitting.data.kinds import FrictionData as FrictionData

@@ -2,18 +2,17 @@ r"""Fit a self-affine spectrum to a measured one: h_rms, H, q_r and their errors
 
 .. math:: \ln C = \ln C_0 \; (q < q_r), \qquad \ln C = \ln C_0 - 2(1 + H) \ln(q/q_r) \; (q > q_r)
 
-If the interval between neighbouring points that contains the roll-off is known, the fit is a linear problem.
-All intervals are tried, which gives the global minimum. `fitting.fit` starts at this minimum and computes
-errors, correlations and the directions that the data do not determine.
+`fitting.characterise.broken_line` finds the global minimum. `fitting.fit` starts there and computes errors,
+correlations and the directions that the data do not determine.
 """
 
 import dataclasses
-from typing import NamedTuple
 
 import numpy as np
 
 import rubberfric as rf
-from fitting.characterise.from_heights import resolved_ends, rolloff_for_height, spectrum_data
+from fitting.characterise.broken_line import limited_by_height, start_line
+from fitting.data.heights import resolved_ends, spectrum_data
 from fitting.data.kinds import SpectrumData
 from fitting.fit import fit
 from fitting.parameters.constraints import Bounded, Constraint, Positive, is_number
@@ -31,8 +30,6 @@ _POOR = 0.4
 # Difference of the fitted rms height from that of the heights, which the report questions if it also exceeds
 # two standard errors. Single surfaces scatter by some percent.
 _OTHER_HEIGHT = 0.1
-# Variance of ln C due to rounding.
-_EXACT = 1e-20
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -142,15 +139,6 @@ class SpectrumFit:
         return rows
 
 
-class Line(NamedTuple):
-    """Broken line of ln C over t = ln q, which is constant up to a kink and then falls."""
-
-    cost: float  # weighted sum of squares
-    level: float  # ln C of the plateau
-    slope: float  # of the decrease, -d ln C / dt > 0
-    kink: float  # t of the roll-off
-
-
 def fit_spectrum(
     data: SpectrumData
     | MeasuredSpectrum
@@ -235,21 +223,14 @@ def fit_spectrum(
     t, y = np.log(data.q), np.log(np.maximum(data.C, 1e-12 * data.C.max()))
     weight = _weights(data)
     slopes = _SLOPES if fixed_H is None else (2 * (1 + fixed_H),) * 2
-    line, no_kink = _start(t, y, weight, slopes, fixed_qr, q0, q1, known=data.error is not None)
+    line, no_kink = start_line(t, y, weight, slopes, fixed_qr, q0, q1, known=data.error is not None)
     if no_kink and of_profiles and rms_height is not None:
-        line, no_kink = _limited_by_height(line, no_kink, q0, q1, rms_height, data.q.min())
+        line, no_kink = limited_by_height(line, no_kink, q0, q1, rms_height, data.q.min())
     remarks += no_kink
     H = line.slope / 2 - 1
     spectrum = rf.SelfAffine.from_C0(q0, *_ordered(line, q0, q1, H), np.exp(line.level))
-    free: dict[str, Constraint] = {f"{body}.spectrum.h_rms": Positive()}
-    if fixed_H is None:
-        if _AT_END < H < 1 - _AT_END:
-            free[f"{body}.spectrum.hurst"] = Bounded(0.0, 1.0)
-        else:
-            steeper = "steeper than H = 1" if H > 0.5 else "flatter than H = 0"
-            remarks.append(f"the decrease is {steeper}: H is fixed at this limit")
-    if fixed_qr is None and not no_kink:
-        free[f"{body}.spectrum.qr"] = Positive()
+    free, held = _free(body, H, fixed_H is None, fixed_qr is None and not no_kink)
+    remarks += held
     # A scene needs a deformable solid; its modulus is not used.
     own, other = rf.Body(rf.Rigid(), spectrum), rf.Body(rf.Elastic(1e6, 0.5))
     scene = rf.Scene(own, other) if body == "lower" else rf.Scene(other, own)
@@ -266,6 +247,20 @@ def fit_spectrum(
     if rms_height is None and q0 == data.q.min() and q1 == data.q.max():
         rms_height = _height_of_points(data)
     return SpectrumFit(spectrum, residuals, tuple(remarks), result, rms_height)
+
+
+def _free(body, H, fits_hurst, fits_rolloff):
+    """Return the free parameters of the fit, and remarks on parameters that are fixed at their limits."""
+    free: dict[str, Constraint] = {f"{body}.spectrum.h_rms": Positive()}
+    remarks = []
+    if fits_hurst and _AT_END < H < 1 - _AT_END:
+        free[f"{body}.spectrum.hurst"] = Bounded(0.0, 1.0)
+    elif fits_hurst:
+        steeper = "steeper than H = 1" if H > 0.5 else "flatter than H = 0"
+        remarks = [f"the decrease is {steeper}: H is fixed at this limit"]
+    if fits_rolloff:
+        free[f"{body}.spectrum.qr"] = Positive()
+    return free, remarks
 
 
 def _height_of_points(data):
@@ -340,76 +335,3 @@ def _ordered(line, q0, q1, H):
     """
     qr = next((q for q in (q0, q1) if abs(line.kink - np.log(q)) < 1e-12), np.exp(line.kink))
     return float(np.clip(qr, q0, q1)), q1, float(np.clip(H, 0.0, 1.0))
-
-
-def _start(t, y, weight, slopes, fixed_qr, q0, q1, known):
-    """Return the best `Line`, and a list of remarks on parameters that are fixed.
-
-    If `fixed_qr` is a number, the kink is at this wavevector. Otherwise the line has a plateau only if the
-    data show a roll-off.
-    """
-    if fixed_qr is not None:
-        return _line(t, y, weight, slopes, np.log(fixed_qr)), []
-    flat = _line(t, y, weight, slopes, np.log(q0))
-    broken = broken_line(t, y, weight, slopes, np.log(q0), np.log(q1))
-    # Schwarz's penalty of one more parameter. Unknown errors follow from the scatter.
-    floor = _EXACT * t.size
-    ratio = (flat.cost + floor) / (broken.cost + floor)
-    gain = flat.cost - broken.cost if known else t.size * np.log(ratio)
-    below = np.sum(t < broken.kink)
-    if below > 1 and gain > np.log(t.size):
-        return broken, []
-    return flat, [f"no roll-off is seen above {np.exp(t.min()):.3g} 1/m: qr is held at q0 = {q0:.4g} 1/m"]
-
-
-def _limited_by_height(line, remarks, q0, q1, height, first):
-    """Return a `Line` without roll-off and its remarks, or with the roll-off that the rms height requires."""
-    qr = rolloff_for_height(line.level, line.slope, q0, q1, height)
-    if qr is None:
-        return line, remarks
-    level = line.level - line.slope * np.log(qr / q0)
-    remark = (
-        f"C is unknown below {first:.3g} 1/m: qr is held at {qr:.4g} 1/m, so that h_rms agrees with the rms"
-        f" height of the profiles, {height:.3g} m"
-    )
-    return line._replace(level=level, kink=float(np.log(qr))), [remark]
-
-
-def broken_line(
-    t: np.ndarray, y: np.ndarray, weight: np.ndarray, slopes: tuple[float, float], low: float, high: float
-) -> Line:
-    """Fit a line that is constant up to a kink and then falls, by weighted least squares.
-
-    The slope lies within the bounds `slopes`, and the kink lies between `low` and `high`. Every interval
-    between neighbouring t is tried. The best kink inside an interval is the intersection of the best level
-    before the interval and the best straight line behind the interval. If the intersection is outside the
-    interval, the best kink is at an end of the interval.
-    """
-    order = np.argsort(t, kind="stable")
-    t, y, weight = t[order], y[order], weight[order]
-    best = min(
-        (_line(t, y, weight, slopes, kink) for kink in np.clip(t, low, high)), key=lambda one: one.cost
-    )
-    for k in range(1, t.size - 1):
-        level = np.average(y[:k], weights=weight[:k])
-        w, x, z = weight[k:], t[k:], y[k:]
-        middle, height = np.average(x, weights=w), np.average(z, weights=w)
-        spread = np.sum(w * (x - middle) ** 2)
-        slope = -np.sum(w * (x - middle) * (z - height)) / spread if spread > 0 else slopes[0]
-        slope = float(np.clip(slope, *slopes))
-        kink = middle + (height - level) / slope
-        if t[k - 1] <= kink <= t[k] and low <= kink <= high:
-            fall = level - slope * (x - kink)
-            cost = np.sum(weight[:k] * (y[:k] - level) ** 2) + np.sum(w * (z - fall) ** 2)
-            best = min(best, Line(float(cost), float(level), slope, float(kink)), key=lambda one: one.cost)
-    return best
-
-
-def _line(t, y, weight, slopes, kink):
-    fall = np.maximum(t - kink, 0.0)
-    middle, height = np.average(fall, weights=weight), np.average(y, weights=weight)
-    spread = np.sum(weight * (fall - middle) ** 2)
-    slope = -np.sum(weight * (fall - middle) * (y - height)) / spread if spread > 0 else slopes[0]
-    slope = float(np.clip(slope, *slopes))
-    level = height + slope * middle
-    return Line(float(np.sum(weight * (y - level + slope * fall) ** 2)), float(level), slope, float(kink))

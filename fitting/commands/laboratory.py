@@ -150,8 +150,8 @@ def _with_body(arguments, other, **changes):
 
 def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
     """Compute and fit the spectrum of a measured surface, write files, and return the exit status."""
-    from fitting.characterise.from_heights import spectrum_data
     from fitting.characterise.spectrum import fit_spectrum
+    from fitting.data.heights import spectrum_data
 
     del interrupts
     show(f"reading {arguments.data}")
@@ -249,10 +249,16 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
         check_writable(place, (".toml",))
     reading = reading_options(arguments)
     kinds = [{"kind": kind} for kind in dict.fromkeys(reading.pop("kind", []))] or [{}]
+    # In a file with several kinds of data, --relative is for those without errors.
+    relative = reading.pop("relative", None) if len(kinds) > 1 else None
     sets = [([path], reading | kind) for path in arguments.data for kind in kinds]
-    if len(kinds) > 1 and "relative" in reading:
-        sets = [(paths, _without_second_error(paths[0], given)) for paths, given in sets]
-    data: Any = [read(path, **given) for (path,), given in sets]
+    data: Any = []
+    for (path,), given in sets:
+        one: Any = read(path, **given)
+        if relative is not None and one.error is None:
+            given["relative"] = relative
+            one = dataclasses.replace(one, relative=relative, check_units=False)
+        data.append(one)
     if arguments.average and len(arguments.data) > 1:
         data, sets = [average(data)], [(arguments.data, reading | kinds[0])]
     data = as_data_sets(data)
@@ -280,12 +286,6 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
         rf.save_scene(place, scene, like=arguments.scene)
     finish(show, text, ("writing", str(out), lambda path: write_durably(path, text.encode())))
     return 0
-
-
-def _without_second_error(path, given):
-    """Return the options for reading one kind of several in a file, without `relative` if it has errors."""
-    others = {name: value for name, value in given.items() if name != "relative"}
-    return given if read(path, **others).error is None else others
 
 
 def _new_scene(out):

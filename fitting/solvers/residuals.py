@@ -134,7 +134,8 @@ class SlipGroup(NamedTuple):
     def rows(self, scene: rf.Scene, mu: jax.Array) -> jax.Array:
         """Return the forces or moments of all blocks in turn, from the friction at `points`."""
         slip, _, load, _ = self.conditions
-        grip = grip_of_friction(scene.patch, slip, load, mu.reshape(slip.size, -1), self.kind)
+        patch: Any = scene.patch
+        grip = grip_of_friction(patch, slip, load, mu.reshape(slip.size, -1), self.kind)
         parts = zip(self.quantities.values(), [0, *self.ends[:-1]], self.ends, strict=True)
         return jnp.concatenate([getattr(grip, quantity)[first:last] for quantity, first, last in parts])
 

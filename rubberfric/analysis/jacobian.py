@@ -27,10 +27,10 @@ from rubberfric.base.checks import ArrayLike
 from rubberfric.base.compilation import exact_products
 from rubberfric.base.fixed_points import linear_fixed_point
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.scene import Scene
+from rubberfric.scene.scene import Scene, iterates
 from rubberfric.theory.integrals import evaluate, fixed_point_of, imbalance_of, prepare
 from rubberfric.theory.model import solve
-from rubberfric.theory.structure import MeansMethod, Structure, iterates, means_methods
+from rubberfric.theory.structure import MeansMethod, Structure, means_methods
 
 # Points evaluated together on a GPU, and the most points of a heated scene that are differentiated in forward
 # mode. Each keeps its derivatives with respect to all prepared leaves, about 0.2 MB.

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.checks import ArrayLike
+from rubberfric.base.compilation import quick_jit
 from rubberfric.base.units import to_celsius
 from rubberfric.materials.material import Material, complex_modulus
 from rubberfric.materials.shifts import log_vertical
@@ -336,8 +337,8 @@ def _values(spectrum: Spectrum, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.exp(log_C), slope
 
 
-@jax.jit
-def _log_C_and_slope(spectrum: Spectrum, q: jax.Array) -> tuple[jax.Array, jax.Array]:
+@quick_jit()
+def _log_C_and_slope(spectrum: Spectrum, q: jax.Array | np.ndarray) -> tuple[jax.Array, jax.Array]:
     return log_power_spectrum(spectrum.power_law(), q), rms_slope(spectrum, q)
 
 

@@ -20,9 +20,8 @@ estimated error of the prediction: the deviance plus twice the trace of the infl
 [Golub et al., Technometrics 21 (1979) 215].
 """
 
-import functools
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -70,8 +69,6 @@ _KNOTS = 100
 # Corrections of the bins of a profile for window and detrending; the third changes the rms height by less
 # than 1 %, for profiles as short as the longest wave.
 _CORRECTIONS = 3
-# Inversions of profiles that are kept, because a report and a fit need the same one.
-_KEPT = 4
 
 
 class ArealSpectrum(NamedTuple):
@@ -191,20 +188,9 @@ def areal_of_bins(
     """Return the areal spectrum of profiles, corrected for their window, detrending and bins.
 
     C_1D is divided by the ratio of the expected bins (`expected_bins`) to the projection, both for the C of
-    the previous inversion. The arguments are those of `areal_spectrum` and `expected_bins`. The last results
-    are kept.
+    the previous inversion. The arguments are those of `areal_spectrum` and `expected_bins`.
     """
-    arrays = (q, C_1D, relative, at, modes, sampling.window, sampling.trends)
-    keys = tuple((np.shape(x), np.asarray(x, float).tobytes()) for x in arrays)
-    return _areal_of_bins(keys, q1, cell, jnp.asarray(0.0).dtype)
-
-
-@functools.lru_cache(_KEPT)
-def _areal_of_bins(keys, q1, cell, dtype):
-    """Return the result of `areal_of_bins`, which depends on JAX's floating-point dtype."""
-    del dtype
-    q, C_1D, relative, at, modes, *own = (np.frombuffer(text).reshape(shape) for shape, text in keys)
-    sampling, ratio = Sampling(*own), 1.0
+    ratio: Any = 1.0
     for _ in range(_CORRECTIONS):
         table = areal_spectrum(q, C_1D / ratio, relative, at=at, q1=q1).table()
         expected = expected_bins(

@@ -272,6 +272,11 @@ def temperature_by_scale(scene: Scene) -> bool:
     return scene.heating is not None
 
 
+def iterates(scene: Scene) -> bool:
+    """Return True if the contact is found by an iteration, which may fail to converge."""
+    return temperature_by_scale(scene) or scene.adhesion is not None or scene.contact_model != "paper"
+
+
 def isothermal(scene: Scene) -> Scene:
     """Return a scene whose solids have the temperature of the conditions."""
     return scene.replace(heating=None)

@@ -39,7 +39,7 @@ from rubberfric.base.checks import (
 )
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.body import differs_by_wavevector
-from rubberfric.scene.scene import Scene, optional_parts, rough_surfaces, temperature_by_scale
+from rubberfric.scene.scene import Scene, iterates, rough_surfaces, temperature_by_scale
 
 # Number of panels of the shortest roughness.
 _FIRST = 0.75
@@ -141,7 +141,7 @@ def _chosen(scene, pressure, margin, separation):
 
 def _setting(scene, extent, separation):
     """Return the setting of a scene with the given `Extent`."""
-    rough, parts = rough_surfaces(scene), optional_parts(scene)
+    rough = rough_surfaces(scene)
     bodies = scene.lower, scene.upper
     pairs = [pair for pair in (bodies, bodies[::-1]) if pair[0].spectrum is not None]
     differs = any(differs_by_wavevector(*pair) for pair in pairs)
@@ -151,8 +151,7 @@ def _setting(scene, extent, separation):
     rate = _PER_FOLD_OF_EACH_Q if differs else _PER_FOLD
     if detailed:
         rate = _PER_FOLD_OF_DETAIL * (_DETAIL_BY_SCALE if temperature_by_scale(scene) else 1.0)
-    iterated = bool(parts & {"heating", "adhesion"}) or law
-    more = _MORE if len(rough) > 1 or differs or iterated else 0.0
+    more = _MORE if len(rough) > 1 or differs or iterates(scene) else 0.0
     if separation:
         share = (_LIGHT - extent.heaviest) / _TRANSITION
         more = max(more, _MORE_FOR_SEPARATION * min(max(share, 0.0), 1.0))

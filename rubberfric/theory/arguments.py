@@ -32,13 +32,14 @@ from rubberfric.scene.plausible import warn_of_conditions
 from rubberfric.scene.scene import (
     Scene,
     check_background,
+    iterates,
     result_dtype,
     shifts,
     takes_temperature,
     temperature_by_scale,
 )
 from rubberfric.scene.settings import ROBUST, default_quadrature
-from rubberfric.theory.structure import MeansMethod, Values, iterated, iterates, means_methods
+from rubberfric.theory.structure import MeansMethod, Values, iterated, means_methods
 
 # Rule for the velocity of solids that are both rough with correlated heights.
 AT_REST: Rule = (

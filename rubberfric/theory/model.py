@@ -21,11 +21,11 @@ import jax
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import ArrayLike
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.scene import Scene
+from rubberfric.scene.scene import Scene, iterates
 from rubberfric.theory.arguments import check_quantities, span_of_speeds, validate, warn_of_last_iterates
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.stiffness.means import known_tables
-from rubberfric.theory.structure import QUANTITIES, Solution, iterates
+from rubberfric.theory.structure import QUANTITIES, Solution
 
 # Points that are evaluated together.
 BLOCK = 512

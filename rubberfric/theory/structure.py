@@ -16,7 +16,7 @@ from rubberfric.base.checks import ArrayLike
 from rubberfric.base.objects.labelled import Labelled, LabelledArrays
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum
 from rubberfric.scene.body import Body, differs_by_wavevector, relaxes
-from rubberfric.scene.scene import Scene, rough_surfaces, softening_of, temperature_by_scale
+from rubberfric.scene.scene import Scene, iterates, rough_surfaces, softening_of, temperature_by_scale
 from rubberfric.scene.softening import Softened
 
 QUANTITIES = ("area", "friction", "separation")
@@ -135,11 +135,6 @@ def quantities_of(scene: Scene) -> tuple[str, ...]:
     if iterates(scene):
         names.append("converged")
     return tuple(names)
-
-
-def iterates(scene: Scene) -> bool:
-    """Return True if the contact is found by an iteration, which may fail to converge."""
-    return temperature_by_scale(scene) or scene.adhesion is not None or scene.contact_model != "paper"
 
 
 def iterated(scene: Scene) -> str:

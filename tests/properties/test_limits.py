@@ -42,7 +42,9 @@ def test_both_scenes_agree(name):
         problem.solved(scene=scene, velocity=velocity, temperature=temperature)
         for scene, temperature in zip(scenes, temperatures, strict=True)
     )
-    rtol = max(limit.rtol, 1e-6 if "tabulated" in problem.tags else 0.0)
+    # Nodes across kinks of a table, and nodes of the law, differ between the scenes.
+    nodes = 1e-6 if "tabulated" in problem.tags else 1e-7 if "law" in problem.tags else 0.0
+    rtol = max(limit.rtol, nodes)
     for quantity in set(expected) & set(found) - {"converged"}:
         scale = np.abs(expected["friction"]) if quantity.endswith("friction") else 0.0
         error = np.abs(found[quantity] - expected[quantity])

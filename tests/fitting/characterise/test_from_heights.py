@@ -6,7 +6,8 @@ from scipy.integrate import quad
 
 import fitting
 import rubberfric as rf
-from fitting.characterise.from_heights import resolved_ends, rolloff_for_height
+from fitting.characterise.broken_line import rolloff_for_height
+from fitting.data.heights import resolved_ends
 
 # A side of the map [m], and the spectrum of its modes.
 LENGTH, POINTS = 1e-3, 256

@@ -8,7 +8,7 @@ from support.published import needs, outside
 
 import rubberfric as rf
 from fitting import SpectrumData, SpectrumFit, fit_spectrum
-from fitting.characterise.spectrum import broken_line
+from fitting.characterise.broken_line import broken_line
 
 TRUTH = rf.SelfAffine(100.0, 1000.0, 1e6, 0.8, 5e-4)
 Q = np.geomspace(100.0, 1e6, 60)
