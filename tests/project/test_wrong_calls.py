@@ -7,13 +7,13 @@ import warnings
 
 import numpy as np
 import pytest
-from support.scenes.fits import PLAIN, ROAD, SHIFTED
+from support.scenes.fits import PLAIN, ROAD
+from support.scenes.fits import WARM as SCENE
 
 import fitting
 import rubberfric as rf
 from fitting import FrictionData, Positive
 
-SCENE = rf.Scene(ROAD, rf.Body(SHIFTED))
 DATA = FrictionData([1e-3, 1.0], [0.3, 0.4], pressure=1e5)
 
 

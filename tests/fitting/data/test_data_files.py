@@ -120,7 +120,6 @@ ABSENT = "must not be given; "
     ("text", "given", "expected"),
     [
         ("v,mue\nm/s,-\n1,0.5\n", {}, f"columns v, mue: 'mue': did you mean 'mu'? {ALL_KINDS}"),
-        ("f,E_store,E_loss\nHz,Pa,Pa\n1,1e6,1e5\n", {}, "'E_store': did you mean 'E_stor'? must be"),
         ("T,aT\nK,-\n300,1\n", {}, f"columns T, aT: {ALL_KINDS}"),
         ("v,mu,A_over_A0\nm/s,-,-\n1,0.5,0.1\n", {}, f"columns v, mu, A_over_A0: {ALL_KINDS}"),
         ("v,mu,pp\nm/s,-,Pa\n1,0.5,1e5\n", {}, "line 1: column 'pp': did you mean 'p'? must be one of"),
@@ -213,8 +212,7 @@ def test_file_says_what_it_holds(tmp_path):
         assert (file.attrs["format"], file.attrs["format_version"]) == ("rubberfric data", 1)
         assert dict(file["data"].attrs) == {"kind": "modulus", "name": "rubber", "body": "upper"}
         units = {name: values.attrs["units"] for name, values in file["data"].items()}
-    assert units.pop("omega") == "rad/s"
-    assert units.pop("temperature") == "K"
+    assert (units.pop("omega"), units.pop("temperature")) == ("rad/s", "K")
     assert units == dict.fromkeys(("storage", "loss", "sigma_storage", "sigma_loss"), "Pa")
 
 

@@ -14,7 +14,7 @@ AFFINE = rf.SelfAffine(1e2, 1e3, 1e5, 0.8, 1e-4)
 SHIFT = rf.TabulatedShift([273.15, 293.15, 313.15], [10.0, 1.0, 0.1], 293.15)
 STRAIN = 1e-2 * np.array([1.0, 10.0, 100.0])
 C_ISO = np.arange(1.0, 11.0).reshape(2, 5) * 1e-24 / (2 * np.pi) ** 2
-# Scene: parts by their key path, as Python makes them.
+# Parts of each scene by their key path.
 PARTS = {
     "full": {
         "lower.material": rf.Prony(1e6, [1e6, 2e6], [1e-3, 1.0], 0.5, rf.WLF(8.0, 100.0, 293.15)),
@@ -131,8 +131,7 @@ def test_defaults_and_other_ways_to_say_it(tmp_path, name):
             assert found == value
         else:
             np.testing.assert_allclose(found, value, rtol=1e-12)
-    if name == "defaults":
-        assert (conditions, title) == (None, "")
+    assert name != "defaults" or (conditions, title) == (None, "")
 
 
 def test_logarithmic_velocities(tmp_path):
@@ -170,7 +169,6 @@ def test_every_key_refuses_wrong_values(tmp_path, key):
         path = write_scene(tmp_path, put(FULL, {key: value}))
         message = refused(path, lambda path=path: rf.load_scene(path))
         assert last in message, (value, message)
-    # an unknown key, and a missing key
     path = write_scene(tmp_path, put(FULL, {key + "x": 1.0}))
     assert f"{key}x: unknown key; " in refused(path, lambda: rf.load_scene(path))
     path = write_scene(tmp_path, put(FULL, {key: ...}))

@@ -172,6 +172,7 @@ SHORT = ("moduli", "linear", "without effect", "many terms", "spectrum")
 # Names for tests: the short ones in the ordinary run, the others in the slow set. Tests that fit again take
 # FEW in the ordinary run.
 PARAMETERS = slow_if(lambda name: name not in SHORT, tuple(FITS))
+WITH_FRICTION = slow_if(lambda name: name not in (*SHORT, "friction"), tuple(FITS))
 FEW = slow_if(lambda name: name not in ("moduli", "spectrum"), tuple(FITS))
 
 

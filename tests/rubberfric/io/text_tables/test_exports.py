@@ -195,23 +195,6 @@ def test_wrong_columns(tmp_path, columns, message):
     assert message in refused(path, lambda: read(path, columns=columns))
 
 
-def test_scene_and_job_files_say_columns_too(tmp_path):
-    put(tmp_path, "-3 6.5 5.4\n-2 6.6 5.5\n", "master.dat")
-    put(tmp_path, "f,G_stor,G_loss\nHz,MPa,MPa\n1,2,0.5\n10,3,0.7\n", "shear.csv")
-    titles = '["log10_f [log10(Hz)]", "log10_E_stor [log10(Pa)]", "log10_E_loss [log10(Pa)]"]'
-    scene = put(
-        tmp_path,
-        f'lower.material = {{kind = "tabulated", file = "master.dat", columns = {titles}}}\n'
-        'upper.material = {kind = "tabulated", file = "shear.csv", poisson = 0.25}\n',
-        "scene.toml",
-    )
-    found = rf.load_scene(scene)
-    np.testing.assert_allclose(found.lower.material.storage, 10 ** np.array([6.5, 6.6]), rtol=1e-14)
-    np.testing.assert_allclose(found.upper.material.storage, [5e6, 7.5e6], rtol=1e-14)
-    scene.write_text(scene.read_text().replace(", poisson = 0.25", ""))
-    assert "poisson must be given" in refused(tmp_path / "shear.csv", lambda: rf.load_scene(scene))
-
-
 # --- faulty tables
 
 

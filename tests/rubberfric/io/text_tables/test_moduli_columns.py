@@ -8,6 +8,7 @@ from support.exports import put
 from support.refusals import refused
 
 import fitting
+import rubberfric as rf
 from rubberfric.io import stated_frequency
 from rubberfric.io.columns import known_name
 
@@ -143,3 +144,20 @@ def test_samples_beside_each_other(tmp_path):
         np.testing.assert_allclose([data.storage, data.loss], [[8e6, 5e6], [6e6, 2e6]])
         T = [294.15, 304.15] if "21" in first else [293.15, 303.15]
         np.testing.assert_allclose([*data.temperature, *data.omega], [*T, 10 * HZ, 10 * HZ])
+
+
+def test_scene_and_job_files_say_columns_too(tmp_path):
+    put(tmp_path, "-3 6.5 5.4\n-2 6.6 5.5\n", "master.dat")
+    put(tmp_path, "f,G_stor,G_loss\nHz,MPa,MPa\n1,2,0.5\n10,3,0.7\n", "shear.csv")
+    titles = '["log10_f [log10(Hz)]", "log10_E_stor [log10(Pa)]", "log10_E_loss [log10(Pa)]"]'
+    scene = put(
+        tmp_path,
+        f'lower.material = {{kind = "tabulated", file = "master.dat", columns = {titles}}}\n'
+        'upper.material = {kind = "tabulated", file = "shear.csv", poisson = 0.25}\n',
+        "scene.toml",
+    )
+    found = rf.load_scene(scene)
+    np.testing.assert_allclose(found.lower.material.storage, 10 ** np.array([6.5, 6.6]), rtol=1e-14)
+    np.testing.assert_allclose(found.upper.material.storage, [5e6, 7.5e6], rtol=1e-14)
+    scene.write_text(scene.read_text().replace(", poisson = 0.25", ""))
+    assert "poisson must be given" in refused(tmp_path / "shear.csv", lambda: rf.load_scene(scene))
