@@ -26,9 +26,10 @@ from rubberfric.materials.material import Material
 from rubberfric.materials.shifts import Shift, VerticalShift
 from rubberfric.materials.slab import Layer
 from rubberfric.roughness.spectra import Spectrum
+from rubberfric.scene.body import Body
 from rubberfric.scene.interface import ShearLaw
 from rubberfric.scene.patch import PressureShape
-from rubberfric.scene.scene import Body, Scene
+from rubberfric.scene.scene import Scene
 
 HERE = Path(__file__).parent
 INTRODUCTION = HERE / "formats_introduction.md"

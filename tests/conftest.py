@@ -14,7 +14,7 @@ import pytest
 
 jax.config.update("jax_enable_x64", True)
 
-pytest.register_assert_rewrite("support")
+pytest.register_assert_rewrite("support", "problems")
 
 from support.processes import memory, outside  # noqa: E402
 
@@ -64,11 +64,12 @@ COUNTING = (
 
 # Files that take longest follow, so that the workers of a parallel run end together.
 LONG = (
-    *("test_paper", "test_reference", "test_readme", "test_extremes", "test_boundary_elements_law"),
+    *("test_values", "test_derivatives", "test_limits", "test_transformations_of_calls", "test_scaling"),
+    *("test_readme", "test_extremes", "test_boundary_elements_law"),
     *("test_fit_solvers", "test_tabulated_means", "test_accuracy", "test_series", "test_notebooks"),
     *("test_shear", "test_fit_uncertainty", "test_command", "test_constant_area", "test_least_squares"),
-    *("test_branches", "test_moments", "test_random_scenes", "test_vertical_shifts", "test_at_rest"),
-    *("test_heated_scenes", "test_identities", "test_parts", "test_anisotropy", "test_softening"),
+    *("test_branches", "test_moments", "test_random_scenes", "test_vertical_shifts", "test_paper"),
+    *("test_heated_scenes", "test_identities", "test_anisotropy", "test_softening"),
     *("test_numbers_of_calls", "test_laboratory_commands", "test_grip", "test_leak", "test_means"),
     *("test_single", "test_discrepancy", "test_spectrum_command", "test_browser", "test_plots", "test_types"),
 )

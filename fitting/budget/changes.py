@@ -15,7 +15,6 @@ Fixed numbers of contact shear, shifts, heating, softening, adhesion and layers 
 exact unless a `Gaussian` states an error.
 """
 
-import dataclasses
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
@@ -79,16 +78,7 @@ def changes(problem: Problem, sizes: Sizes, prior: Mapping[str, Prior]) -> Itera
 
 def finer_quadrature(problem: Problem) -> Change:
     """Return the problem with a quadrature of half as many nodes again."""
-    old = problem.structure.quadrature
-    more = dataclasses.replace(
-        old,
-        order=min(64, old.order + 3),
-        panels=min(200, round(1.5 * old.panels)),
-        graded=min(40, old.graded + 2),
-        angular_order=min(64, old.angular_order + 3),
-        heat=min(2000, round(1.5 * old.heat)),
-    )
-    structure = problem.structure._replace(quadrature=more)
+    structure = problem.structure._replace(quadrature=problem.structure.quadrature.finer())
     return Change("numerical", "1.5 times as many nodes", problem._replace(structure=structure))
 
 

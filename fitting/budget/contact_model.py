@@ -35,7 +35,9 @@ _UNKNOWN = 0.1
 # Half-width of a 90 % range in standard deviations.
 _NINETY = 1.645
 
+# Parts of a scene and of its bodies that the law lacks.
 _PARTS = ("heating", "softening", "adhesion", "correlation")
+_PARTS_OF_BODIES = ("softening",)
 
 
 class LawScene(NamedTuple):
@@ -65,19 +67,21 @@ def law_scene(scene: rf.Scene) -> LawScene:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", rf.UnitWarning)  # the fit has given them
         without = [name for name in _PARTS if getattr(scene, name) is not None]
-        half_spaces = dataclasses.replace(scene, **dict.fromkeys(without))
-        bodies = {"lower": half_spaces.lower, "upper": half_spaces.upper}
-        if any(body.softening is not None for body in bodies.values()):
-            without.append("softening")
-            bodies = {name: dataclasses.replace(body, softening=None) for name, body in bodies.items()}
-        if all(body.spectrum is not None for body in bodies.values()):
-            spectra = {name: body.spectrum for name, body in bodies.items() if body.spectrum is not None}
+        bodies = {"lower": scene.lower, "upper": scene.upper}
+        own = {
+            f"{name}.{part}": part
+            for name, body in bodies.items()
+            for part in _PARTS_OF_BODIES
+            if getattr(body, part) is not None
+        }
+        spectra = {name: body.spectrum for name, body in bodies.items() if body.spectrum is not None}
+        smoother = []
+        if len(spectra) == 2:
             slopes = {name: float(rf.rms_slope(spectrum)) for name, spectrum in spectra.items()}
-            name = min(slopes, key=slopes.__getitem__)
-            without.append(f"{name}.spectrum")
-            bodies[name] = dataclasses.replace(bodies[name], spectrum=None)
-        half_spaces = dataclasses.replace(half_spaces, **bodies)
-        for reduced, parts in _reduced(half_spaces):
+            smoother = [f"{min(slopes, key=slopes.__getitem__)}.spectrum"]
+        plain = scene.replace(dict.fromkeys([*without, *own, *smoother]))
+        without += [*own.values(), *smoother]
+        for reduced, parts in _reduced(plain):
             try:
                 law = dataclasses.replace(reduced, contact_model=_LAW, area_correction=False)
             except ValueError as error:
@@ -91,17 +95,16 @@ def _reduced(scene):
     """Yield the scene, the scene without layers, and the scene without layers and grooves."""
     yield scene, []
     bodies = {"lower": scene.lower, "upper": scene.upper}
-    parts = [f"{name}.layer" for name, body in bodies.items() if body.layer is not None]
-    bodies = {name: dataclasses.replace(body, layer=None) for name, body in bodies.items()}
+    parts = [f"{name}.layer" for name, body in bodies.items() if not body.half_space]
+    half_spaces = scene.replace(dict.fromkeys(parts))
     if parts:
-        yield dataclasses.replace(scene, **bodies), parts
+        yield half_spaces, parts
     for name, body in bodies.items():
         base = getattr(body.spectrum, "base", None)
         if base is not None:
             grooves = f"{name}.spectrum.ratio"
-            plain = {name: dataclasses.replace(body, spectrum=base)}
-            yield dataclasses.replace(scene, **plain), [grooves]
-            yield dataclasses.replace(scene, **bodies | plain), [*parts, grooves]
+            yield scene.replace(f"{name}.spectrum", base), [grooves]
+            yield half_spaces.replace(f"{name}.spectrum", base), [*parts, grooves]
 
 
 def rows_by_law(problem: Problem, x: np.ndarray) -> RowsByLaw:

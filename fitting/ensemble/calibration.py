@@ -282,10 +282,11 @@ def calibration(
 
 def _planned(scene, data, free, prior, discrepancy, quadrature):
     """Return the problem of a planned fit, or raise ValueError if data cannot be drawn for it."""
-    for one in data:
-        if one.error is None:
+    for dataset in data:
+        if dataset.error is None:
             raise ValueError(
-                f"data {one.label!r} have no errors; give errors, because simulated data are drawn with them"
+                f"data {dataset.label!r} have no errors; give errors, because simulated"
+                " data are drawn with them"
             )
     problem = make_problem(scene, data, free, prior, quadrature=quadrature)
     if discrepancy is not None:
@@ -301,7 +302,7 @@ def _covariances(problem, x):
     """Return the covariance at every row of x, the minima of several fits, shape (fits, size, size)."""
     of = padded(problem)
     _, slopes = evaluate_rows(of.structure, of.numbers, x, slopes=True)
-    jacobian = np.stack([errors_of_slopes(of, one) for one in slopes])
+    jacobian = np.stack([errors_of_slopes(of, at_fit) for at_fit in slopes])
     return np.linalg.inv(np.swapaxes(jacobian, 1, 2) @ jacobian)
 
 

@@ -54,16 +54,16 @@ class Comparison:
     @property
     def best(self) -> str:
         """Name of the variant in `alike` with the fewest parameters."""
-        return min(self.alike, key=lambda one: one.parameters).name
+        return min(self.alike, key=lambda variant: variant.parameters).name
 
     @property
     def alike(self) -> tuple[Variant, ...]:
         """Variants that the data do not distinguish from the variant with the lowest loo."""
-        return tuple(one for one in self.variants if not is_distinguishable(one))
+        return tuple(variant for variant in self.variants if not is_distinguishable(variant))
 
     def __getitem__(self, name: str) -> Variant:
         """Return the variant with the given name."""
-        return next(one for one in self.variants if one.name == name)
+        return next(variant for variant in self.variants if variant.name == name)
 
     def report(self) -> str:
         """Return the table of the variants and the interpretation as text of several lines."""
@@ -72,7 +72,9 @@ class Comparison:
     def to_dataframe(self) -> Any:
         """Return the variants as a pandas.DataFrame indexed by name. Pandas must be installed."""
         return (
-            optional_library("pandas").DataFrame([one._asdict() for one in self.variants]).set_index("name")
+            optional_library("pandas")
+            .DataFrame([variant._asdict() for variant in self.variants])
+            .set_index("name")
         )
 
     def _repr_html_(self) -> str:
@@ -85,16 +87,16 @@ class Comparison:
         said = {True: "yes", False: "NO", None: "?"}
         return [
             (
-                one.name,
-                f"{one.parameters:.3g}",
-                f"{one.chisqr:.4g}",
-                f"{one.redchi:.3g}" if np.isfinite(one.redchi) else "none",
-                *(f"{value:.2f}" for value in (one.aic, one.aicc, one.bic, one.loo)),
-                f"{one.worse:.2f}",
-                f"{one.worse_stderr:.2f}",
-                said[one.explains],
+                variant.name,
+                f"{variant.parameters:.3g}",
+                f"{variant.chisqr:.4g}",
+                f"{variant.redchi:.3g}" if np.isfinite(variant.redchi) else "none",
+                *(f"{value:.2f}" for value in (variant.aic, variant.aicc, variant.bic, variant.loo)),
+                f"{variant.worse:.2f}",
+                f"{variant.worse_stderr:.2f}",
+                said[variant.explains],
             )
-            for one in self.variants
+            for variant in self.variants
         ]
 
 
@@ -145,13 +147,13 @@ def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Compariso
     """
     named = _named(results)
     fits = list(named.values())
-    for name, one in list(named.items())[1:]:
-        _check_same(next(iter(named)), fits[0], name, one)
+    for name, result in list(named.items())[1:]:
+        _check_same(next(iter(named)), fits[0], name, result)
     by_name = {}
-    for name, one in named.items():
+    for name, result in named.items():
         # An estimated amplitude and width of the model error are further parameters.
-        error = one.discrepancy
-        by_name[name] = criteria(one, 0 if error is None else error.estimated + bool(error.parts))
+        error = result.discrepancy
+        by_name[name] = criteria(result, 0 if error is None else error.estimated + bool(error.parts))
     order = sorted(named, key=lambda name: by_name[name].loo)
     variants = []
     for name in order:
@@ -163,35 +165,37 @@ def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Compariso
     return Comparison(tuple(variants), tuple(_words(variants, named, by_name)))
 
 
-def is_distinguishable(one: Variant) -> bool:
+def is_distinguishable(variant: Variant) -> bool:
     """Return True if the data distinguish a variant from the variant with the lowest loo."""
-    return one.worse > max(2 * SMALL, ERRORS * one.worse_stderr)
+    return variant.worse > max(2 * SMALL, ERRORS * variant.worse_stderr)
 
 
 def _words(variants: list[Variant], fits: dict[str, FitRecord], by_name: dict[str, Criteria]) -> list[str]:
-    alike = [one for one in variants if not is_distinguishable(one)]
-    worse = [one for one in variants if is_distinguishable(one)]
+    alike = [variant for variant in variants if not is_distinguishable(variant)]
+    worse = [variant for variant in variants if is_distinguishable(variant)]
     first = alike[0].name
     if len(alike) == 1:
         lines = [f"{first!r} predicts left-out values best, by more than chance"]
     else:
-        simplest = min(alike, key=lambda one: one.parameters)
-        names = ", ".join(repr(one.name) for one in alike)
+        simplest = min(alike, key=lambda variant: variant.parameters)
+        names = ", ".join(repr(variant.name) for variant in alike)
         lines = [
             f"the data cannot tell {names} apart: the simplest is {simplest.name!r}"
             f" ({simplest.parameters:.3g} numbers determined by the data)"
         ]
-    for one in worse:
-        errors = one.worse / one.worse_stderr if one.worse_stderr > 0 else np.inf
-        lines.append(f"{one.name!r} predicts worse than {first!r}, by {one.worse:.3g} ({errors:.2g} errors)")
-    by_aicc = min(variants, key=lambda one: one.aicc)
+    for variant in worse:
+        errors = variant.worse / variant.worse_stderr if variant.worse_stderr > 0 else np.inf
+        lines.append(
+            f"{variant.name!r} predicts worse than {first!r}, by {variant.worse:.3g} ({errors:.2g} errors)"
+        )
+    by_aicc = min(variants, key=lambda variant: variant.aicc)
     if is_distinguishable(by_aicc):
         lines.append(
             f"AICc prefers {by_aicc.name!r}: it fits the values better than it predicts them; do not"
             " rely on it"
         )
-    explains = [one.explains for one in variants]
-    if all(one is False for one in explains):
+    explains = [variant.explains for variant in variants]
+    if all(answer is False for answer in explains):
         lines.append("NONE OF THEM EXPLAINS THE DATA: all scenes lack something")
     elif alike[0].explains is False:
         lines.append(f"{first!r} predicts best, but does not explain the data: see its verdict")
@@ -213,10 +217,10 @@ def _words(variants: list[Variant], fits: dict[str, FitRecord], by_name: dict[st
 
 def _place(fit, k):
     """Describe the data set and the conditions of value `k`, where `k` counts the values of all data sets."""
-    for one in fit.data:
-        if k < len(one):
-            return f"{one.label!r} at {one.place(k)}"
-        k -= len(one)
+    for dataset in fit.data:
+        if k < len(dataset):
+            return f"{dataset.label!r} at {dataset.place(k)}"
+        k -= len(dataset)
     raise IndexError(k)
 
 
@@ -226,15 +230,15 @@ def _named(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> dict[str, 
         named = dict(results)
     elif isinstance(results, list | tuple):
         named = {}
-        for i, one in enumerate(results):
-            name = _what(one) if isinstance(one, FitRecord) else f"results[{i}]"
+        for i, result in enumerate(results):
+            name = _what(result) if isinstance(result, FitRecord) else f"results[{i}]"
             same = sum(known == name or known.startswith(f"{name} #") for known in named)
-            named[f"{name} #{same + 1}" if same else name] = one
+            named[f"{name} #{same + 1}" if same else name] = result
     else:
         raise ValueError(f"results is a {type(results).__name__}: must be a list or a dict of FitResults")
-    for name, one in named.items():
-        if not isinstance(one, FitRecord):
-            raise ValueError(f"{name}: is a {type(one).__name__}: must be a FitResult")
+    for name, result in named.items():
+        if not isinstance(result, FitRecord):
+            raise ValueError(f"{name}: is a {type(result).__name__}: must be a FitResult")
     if len(named) < 2:
         raise ValueError(f"results has {len(named)} fits; there must be at least two")
     return named
@@ -243,8 +247,8 @@ def _named(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> dict[str, 
 def _what(fit: FitRecord) -> str:
     """Name the optional parts of the scene of a fit."""
     scenes = by_name(fit.scene_at_start).values()
-    parts = [name for name in _OPTIONS if any(getattr(one, name) is not None for one in scenes)]
-    parts += ["area_correction"] * any(one.area_correction for one in scenes)
+    parts = [name for name in _OPTIONS if any(getattr(scene, name) is not None for scene in scenes)]
+    parts += ["area_correction"] * any(scene.area_correction for scene in scenes)
     parts += ["discrepancy"] * (fit.discrepancy is not None)
     return " + ".join(parts) or "plain"
 

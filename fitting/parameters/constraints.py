@@ -183,10 +183,10 @@ def common_values(
     `places`. A shared element must have one value in all scenes, unless the rule gives a start value.
     """
     values = [leaves[leaf][list(elements)] if elements else leaves[leaf][None] for leaf, elements in places]
-    for one, (_, elements), here in zip(paths, places, values, strict=True):
+    for other_path, (_, elements), here in zip(paths, places, values, strict=True):
         if elements != places[0][1]:
             raise ValueError(
-                f"free[{path!r}]: {paths[0]} has {values[0].size} elements, {one} has {here.size};"
+                f"free[{path!r}]: {paths[0]} has {values[0].size} elements, {other_path} has {here.size};"
                 " shared parameters must have equal elements in all scenes, so free them separately or tie"
                 " them"
             )
@@ -194,7 +194,7 @@ def common_values(
             k = int(np.flatnonzero(here != values[0])[0])
             raise ValueError(
                 f"free[{path!r}]: starts at {values[0][k]:g} in {paths[0].split('.')[0]}, at {here[k]:g} in"
-                f" {one.split('.')[0]}; a shared parameter needs one start value: give start="
+                f" {other_path.split('.')[0]}; a shared parameter needs one start value: give start="
             )
     return values[0]
 
@@ -222,14 +222,14 @@ def value_range(
     path: str, rule: Positive | Bounded | Free, values: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return `low` and `width` of `Constants`. Raise ValueError if a start value is outside the range."""
-    zero, one = np.zeros(values.shape), np.ones(values.shape)
+    zero, ones = np.zeros(values.shape), np.ones(values.shape)
     if isinstance(rule, Positive):
         if not (values > 0).all():
             raise ValueError(
                 f"free[{path!r}]: starts at {values.min():g}: must start at a value > 0, because it is"
                 " Positive; give start=..."
             )
-        return zero, one
+        return zero, ones
     if isinstance(rule, Bounded):
         inside = np.minimum(values - rule.low, rule.high - values)
         if not (inside > 0).all():
@@ -238,8 +238,8 @@ def value_range(
                 f"free[{path!r}]: starts at {worst:g}: must start inside the bounds"
                 f" {rule.low:g} ... {rule.high:g}, not on them; give start=..."
             )
-        return rule.low * one, (rule.high - rule.low) * one
-    return zero, one * (rule.scale or np.where(values != 0, np.abs(values), 1.0))
+        return rule.low * ones, (rule.high - rule.low) * ones
+    return zero, ones * (rule.scale or np.where(values != 0, np.abs(values), 1.0))
 
 
 def with_starts(scene: Scenes, free: Mapping[str, Constraint]) -> Scenes:
@@ -261,8 +261,8 @@ def with_starts(scene: Scenes, free: Mapping[str, Constraint]) -> Scenes:
         else:
             continue
         if isinstance(scene, dict):
-            one, _, below = path.partition(".")
-            scene = scene | {one: scene[one].replace({below: value})}
+            body, _, below = path.partition(".")
+            scene = scene | {body: scene[body].replace({below: value})}
         else:
             scene = scene.replace({path: value})
     return scene
@@ -296,5 +296,5 @@ def cutoff_path(scene: Scenes, path: str | None) -> str:
 
 def last_wavevector(scene: Scenes, path: str) -> float:
     """Return the largest possible q1 [1/m], the last wavevector of a table, or inf for other spectra."""
-    ends = [getattr(owner_of(scene, one)[0], "q", None) for one in paths_of(scene, path)]
+    ends = [getattr(owner_of(scene, below)[0], "q", None) for below in paths_of(scene, path)]
     return min((float(q[-1]) for q in ends if q is not None), default=float("inf"))

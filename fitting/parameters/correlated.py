@@ -72,7 +72,7 @@ class Correlated:
                 raise ValueError(f"Correlated: {name} must be numbers of the shape {shape}")
             # Tuples, so that equal priors compare equal.
             object.__setattr__(
-                self, name, tuple(tuple(one) if np.ndim(one) else float(one) for one in numbers)
+                self, name, tuple(tuple(row) if np.ndim(row) else float(row) for row in numbers)
             )
         C = np.array(self.covariance)
         if not (np.isfinite(C).all() and np.allclose(C, C.T, rtol=1e-6) and (np.diag(C) > 0).all()):

@@ -129,7 +129,7 @@ class Discrepancy:
     @property
     def level(self) -> float:
         """Root mean square of `law` [-], 0 without it."""
-        known = np.array([one for one in self.law if one])
+        known = np.array([number for number in self.law if number])
         return float(np.sqrt(np.mean(known**2))) if known.size else 0.0
 
     @property

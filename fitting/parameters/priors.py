@@ -272,8 +272,8 @@ class Sum:
     sigma: float = 0.05
 
     def __post_init__(self) -> None:
-        given = [limit for limit in (self.low, self.high) if limit is not None]
-        if not given or not all(is_number(limit) and limit > 0 for limit in given):
+        limits = [limit for limit in (self.low, self.high) if limit is not None]
+        if not limits or not all(is_number(limit) and limit > 0 for limit in limits):
             raise ValueError(
                 f"Sum: low = {self.low!r}, high = {self.high!r}: must be numbers > 0, at least one of them"
                 " given"

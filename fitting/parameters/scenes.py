@@ -45,11 +45,11 @@ def as_scenes(scene: rf.Scene | Mapping[str, rf.Scene]) -> Scenes:
         raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene, or a dict of them")
     if not scene:
         raise ValueError("scene is empty: must hold at least one scene")
-    for name, one in scene.items():
+    for name, part in scene.items():
         if not (isinstance(name, str) and _NAME.fullmatch(name)):
             raise ValueError(f"scene: name {shown(name)}: must be a letter, then letters, digits or _")
-        if not isinstance(one, rf.Scene):
-            raise ValueError(f"scene[{name!r}] is a {type(one).__name__}: must be a Scene")
+        if not isinstance(part, rf.Scene):
+            raise ValueError(f"scene[{name!r}] is a {type(part).__name__}: must be a Scene")
     return dict(scene)
 
 
@@ -188,8 +188,8 @@ class OrderedPair(NamedTuple):
 def ordered_pairs(scene: Scenes) -> tuple[OrderedPair, ...]:
     """Return the pairs of numbers that must satisfy low <= high, in one scene or in several."""
     names, pairs = {name: i for i, name in enumerate(scene_paths(scene))}, []
-    for prefix, one in by_name(scene).items():
-        for path, part in parts_of(one, prefix):
+    for prefix, part_scene in by_name(scene).items():
+        for path, part in parts_of(part_scene, prefix):
             for chain in rising_of(part):
                 ends = [
                     End(names[f"{path}.{field}" if path else field], element)
@@ -219,8 +219,8 @@ def check_start(scene: Scenes, pairs: tuple[OrderedPair, ...], leaves: list[np.n
     for low, high in pairs:
         below, above = (float(end.value(leaves)) for end in (low, high))
         if below - above > _ROUNDING * abs(above):
-            one, other = (end.name(names) for end in (high, low))
+            first, other = (end.name(names) for end in (high, low))
             raise ValueError(
-                f"free: {one} starts at {above:g}, below {other} at {below:g}: the first must be >= the"
+                f"free: {first} starts at {above:g}, below {other} at {below:g}: the first must be >= the"
                 " second; give start="
             )

@@ -64,7 +64,7 @@ class Selection(NamedTuple):
         """Return booleans of shape (size,), True for elements that are free or depend on free ones."""
         free = {(group.leaf, chosen) for group in variables.groups for chosen in group.elements or (None,)}
         pairs = zip(self.leaves, self.elements, strict=True)
-        return np.array([(leaf, one) in free for leaf, chosen in pairs for one in chosen or (None,)])
+        return np.array([(leaf, element) in free for leaf, chosen in pairs for element in chosen or (None,)])
 
 
 class PriorContext(NamedTuple):
@@ -92,7 +92,9 @@ class PriorContext(NamedTuple):
         """
         paths = tuple(path.strip() for path in self.key.split(separator))
         places = [find(self.scene, path) for path in paths]
-        chosen = Selection(paths, tuple(leaf for leaf, _ in places), tuple(one for _, one in places))
+        chosen = Selection(
+            paths, tuple(leaf for leaf, _ in places), tuple(elements for _, elements in places)
+        )
         if not chosen.changing(self.variables).any():
             free = ", ".join(group.path for group in self.variables.groups)
             raise ValueError(

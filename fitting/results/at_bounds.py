@@ -196,7 +196,9 @@ def _places(solved, i):
         low, width = np.asarray(constants.low[i]), np.asarray(constants.width[i])
         places = to_x("Bounded", low, width, low + width * np.array(_PLACES))
     elif sides := [side for k, side, _ in edges(problem.variables, constants, solved.x) if k == i]:
-        places = np.concatenate([x + np.array(_AWAY) * (1 if one == "lower" else -1) for one in sides])
+        places = np.concatenate(
+            [x + np.array(_AWAY) * (1 if which_side == "lower" else -1) for which_side in sides]
+        )
     elif solved.uncertainty.stretch[i] != 1:
         places = problem.start[i] + np.log(_FROM_ZERO)
     else:

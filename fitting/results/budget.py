@@ -56,29 +56,29 @@ class Budget:
     @property
     def sources(self) -> tuple[str, ...]:
         """Names of the sources except the noise."""
-        return tuple(one.source for one in self.contributions)
+        return tuple(part.source for part in self.contributions)
 
     def __getitem__(self, source: str) -> Contribution:
-        """Return the contribution of a source, such as budget["temperature"]. Raise KeyError without one."""
-        for one in self.contributions:
-            if one.source == source:
-                return one
+        """Return the part of a source, such as budget["temperature"]. Raise KeyError without one."""
+        for part in self.contributions:
+            if part.source == source:
+                return part
         raise KeyError(f"{source!r}: must be one of {', '.join(self.sources)}")
 
     @property
     def total(self) -> np.ndarray:
         """Root of the sum of squares of noise and all contributions, in the units of the parameters."""
-        parts = [np.nan_to_num(one.shift) ** 2 for one in self.contributions]
+        parts = [np.nan_to_num(part.shift) ** 2 for part in self.contributions]
         return np.sqrt(self.noise**2 + np.sum(parts, 0)) if parts else self.noise
 
     @property
     def share(self) -> np.ndarray:
         """Contributions in standard errors, shape (parameters, sources)."""
-        return np.stack([one.shift / self.noise for one in self.contributions], 1)
+        return np.stack([part.shift / self.noise for part in self.contributions], 1)
 
     @property
     def largest(self) -> str:
-        """Sentence on the largest contribution above the noise, or "" if all are smaller.
+        """Sentence on the largest part above the noise, or "" if all are smaller.
 
         The difference between theory and law counts, and stated errors. Default sizes do not count, because
         nothing is known about such errors.
@@ -112,9 +112,9 @@ class Budget:
         return f"{name} = {self.fit.values[i]:.4g} {unit(self.fit.scene_at_start, name)}".rstrip()
 
     def _texts(self):
-        for one in self.contributions:
-            default = "" if one.stated or one.source not in Sizes._fields else " (default)"
-            yield f"{one.source}: {one.text}{default}"
+        for part in self.contributions:
+            default = "" if part.stated or part.source not in Sizes._fields else " (default)"
+            yield f"{part.source}: {part.text}{default}"
         yield from self.notes
         yield "a shift is the change of the fitted value if the input changes as stated"
         yield "sources without a sign add several changes as squares; so does the total, with the noise"
@@ -135,7 +135,7 @@ class Budget:
         known = np.flatnonzero(np.isfinite(self.noise))
         names = [self.names[i].removeprefix("lower.").removeprefix("upper.") for i in known]
         axes = style.one_axes(ax, (max(6.4, 1.5 + 0.6 * len(names)), 4.6))
-        squares = np.stack([self.noise, *(one.shift for one in self.contributions)], 1)[known] ** 2
+        squares = np.stack([self.noise, *(part.shift for part in self.contributions)], 1)[known] ** 2
         shares = np.nan_to_num(squares) / self.total[known, None] ** 2
         order = np.argsort(-shares.sum(0), kind="stable")
         labels, bottom = ("noise", *self.sources), np.zeros(len(names))
@@ -153,7 +153,7 @@ class Budget:
     def to_dataframe(self) -> Any:
         """Return shifts as a pandas.DataFrame, a row for each parameter. Pandas must be installed."""
         columns = {"value": self.fit.values, "noise": self.noise}
-        columns |= {one.source: one.shift for one in self.contributions} | {"total": self.total}
+        columns |= {part.source: part.shift for part in self.contributions} | {"total": self.total}
         return optional_library("pandas").DataFrame(columns, index=list(self.names))
 
     def save(self, path: StrPath) -> None:
@@ -167,11 +167,11 @@ class Budget:
         """Write the budget to an open, empty HDF5 group."""
         hdf5.write_texts(group, "sources", self.sources)
         for name in ("text", "without"):
-            values = [getattr(one, name) for one in self.contributions]
+            values = [getattr(part, name) for part in self.contributions]
             hdf5.write_texts(group, name, [v if isinstance(v, str) else ", ".join(v) for v in values])
         for name in ("signed", "stated"):
-            group[name] = np.array([getattr(one, name) for one in self.contributions], int)
-        shifts = np.array([one.shift for one in self.contributions], float).reshape(-1, len(self.names))
+            group[name] = np.array([getattr(part, name) for part in self.contributions], int)
+        shifts = np.array([part.shift for part in self.contributions], float).reshape(-1, len(self.names))
         hdf5.write_values(group, "shift", shifts, "as in /parameters/units")
         hdf5.write_values(group, "total", np.asarray(self.total), "as in /parameters/units")
         hdf5.write_texts(group, "notes", self.notes)
@@ -208,9 +208,9 @@ class Budget:
         return f"<Budget: {len(self.names)} parameters, noise, {', '.join(self.sources)}>"
 
 
-def budget_of(fit: FitRecord, given: dict[str, float | None]) -> Budget:
+def budget_of(fit: FitRecord, stated_or_none: dict[str, float | None]) -> Budget:
     """Return the budget of a fit. See `fitting.FitResult.budget`."""
-    stated = {name: value for name, value in given.items() if value is not None}
+    stated = {name: value for name, value in stated_or_none.items() if value is not None}
     for name, value in stated.items():
         if not (is_number(value) and value >= 0):
             raise ValueError(f"{name} = {value!r}: must be a finite number >= 0")

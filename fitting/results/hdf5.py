@@ -92,39 +92,39 @@ def _write_scenes(parent: h5py.Group, name: str, scenes: Scenes) -> None:
 def _read_scenes(group: h5py.Group) -> Any:
     if "kind" in group.attrs:
         return read_object(group)
-    return {name: read_object(one) for name, one in group.items()}
+    return {name: read_object(subgroup) for name, subgroup in group.items()}
 
 
 def _write_rules(group: h5py.Group, rules: Mapping[str, Constraint | Prior]) -> None:
     """Write rules or priors as numbered groups, because a key path cannot name a group."""
     for i, (path, rule) in enumerate(rules.items()):
-        one = group.create_group(str(i))
-        one.attrs.update(path=path, rule=type(rule).__name__)
+        subgroup = group.create_group(str(i))
+        subgroup.attrs.update(path=path, rule=type(rule).__name__)
         for field in dataclasses.fields(rule):
             value = getattr(rule, field.name)
             if np.ndim(value) == 2:  # too large for an attribute
-                hdf5.write_values(one, field.name, value, "-")
+                hdf5.write_values(subgroup, field.name, value, "-")
             elif value is not None:
-                one.attrs[field.name] = value if isinstance(value, str) else np.asarray(value, float)
+                subgroup.attrs[field.name] = value if isinstance(value, str) else np.asarray(value, float)
 
 
 def _read_rules(group: h5py.Group, classes: Mapping[str, type[RuleOrPrior]]) -> dict[str, RuleOrPrior]:
     """Read the rules or priors in a group as a dict by key path."""
     rules = {}
-    for one in _numbered(group):
+    for subgroup in _numbered(group):
         attributes = {
-            k: v.tolist() if isinstance(v, np.generic | np.ndarray) else v for k, v in one.attrs.items()
+            k: v.tolist() if isinstance(v, np.generic | np.ndarray) else v for k, v in subgroup.attrs.items()
         }
-        attributes |= {name: hdf5.read_values(one, name, "-").tolist() for name in list(one)}
+        attributes |= {name: hdf5.read_values(subgroup, name, "-").tolist() for name in list(subgroup)}
         kind, path = attributes.pop("rule", None), attributes.pop("path", None)
         if kind not in classes:
-            raise ValueError(f"{one.name}: rule = {kind!r}: {closest(kind, tuple(classes))}")
+            raise ValueError(f"{subgroup.name}: rule = {kind!r}: {closest(kind, tuple(classes))}")
         fields = tuple(field.name for field in dataclasses.fields(classes[kind]))
-        hdf5.check_names(one, fields, ("path", "rule", *fields))
+        hdf5.check_names(subgroup, fields, ("path", "rule", *fields))
         try:
             rules[path] = classes[kind](**attributes)
         except (ValueError, TypeError) as error:
-            raise ValueError(f"{one.name}: {error}") from None
+            raise ValueError(f"{subgroup.name}: {error}") from None
     return rules
 
 
@@ -182,24 +182,24 @@ def _read_minima(group: h5py.Group, size: int) -> tuple[Minimum, ...]:
 
 def _write_bounds(group: h5py.Group, bounds: Iterable[AtBound]) -> None:
     for i, bound in enumerate(bounds):
-        one = group.create_group(str(i))
-        one.attrs.update(name=bound.name, where=bound.where, value=bound.value, complete=bound.complete)
-        hdf5.write_values(one, "held", np.array(bound.held), "as in units")
-        hdf5.write_values(one, "rises", np.array(bound.rises), "-")
-        hdf5.write_values(one, "interval", np.array(bound.interval), "as in units")
-        hdf5.write_texts(one, "names", list(bound.intervals))
+        subgroup = group.create_group(str(i))
+        subgroup.attrs.update(name=bound.name, where=bound.where, value=bound.value, complete=bound.complete)
+        hdf5.write_values(subgroup, "held", np.array(bound.held), "as in units")
+        hdf5.write_values(subgroup, "rises", np.array(bound.rises), "-")
+        hdf5.write_values(subgroup, "interval", np.array(bound.interval), "as in units")
+        hdf5.write_texts(subgroup, "names", list(bound.intervals))
         ends = np.array(list(bound.intervals.values()), float).reshape(-1, 2)
-        hdf5.write_values(one, "intervals", ends, "as in units")
+        hdf5.write_values(subgroup, "intervals", ends, "as in units")
 
 
 def _read_bounds(group: h5py.Group) -> tuple[AtBound, ...]:
     bounds = []
-    for one in _numbered(group):
-        names = hdf5.read_texts(one, "names")
-        ends = hdf5.read_array(one, "intervals", "as in units", (len(names), 2)).tolist()
-        kept = hdf5.attributes(one, {"name": str, "where": str, "value": float, "complete": bool})
+    for subgroup in _numbered(group):
+        names = hdf5.read_texts(subgroup, "names")
+        ends = hdf5.read_array(subgroup, "intervals", "as in units", (len(names), 2)).tolist()
+        kept = hdf5.attributes(subgroup, {"name": str, "where": str, "value": float, "complete": bool})
         kept |= {
-            name: tuple(np.asarray(hdf5.read_values(one, name, units)).tolist())
+            name: tuple(np.asarray(hdf5.read_values(subgroup, name, units)).tolist())
             for name, units in (("held", "as in units"), ("rises", "-"), ("interval", "as in units"))
         }
         pairs = zip(names, ends, strict=True)
@@ -250,8 +250,8 @@ def save(
             if "scene" in file:
                 del file["scene"]
         group = file.create_group("data")
-        for i, one in enumerate(result.data):
-            one.write_group(group.create_group(str(i)))
+        for i, dataset in enumerate(result.data):
+            dataset.write_group(group.create_group(str(i)))
         _write_rules(file.create_group("free"), result.free)
         _write_rules(file.create_group("prior"), result.prior)
         write_quadrature(file, structure.quadrature)

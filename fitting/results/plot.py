@@ -118,7 +118,7 @@ def save_plot(path: StrPath, result: FitRecord, title: str = "") -> None:
 
 
 def _present(result):
-    return [name for name in LABELS if any(one.quantity == name for one in result.data)]
+    return [name for name in LABELS if any(dataset.quantity == name for dataset in result.data)]
 
 
 def _new_axes(present, title=""):
@@ -268,26 +268,26 @@ def measured_points(result: FitRecord, quantity: str) -> PlottedPoints:
     problem = result.problem
     model, residual = model_rows(problem, result.x), residual_rows(problem, result.x)
     parts = []
-    for one, rows, scene in zip(result.data, problem.order, result.data_scenes, strict=True):
-        if one.quantity != quantity:
+    for dataset, rows, scene in zip(result.data, problem.order, result.data_scenes, strict=True):
+        if dataset.quantity != quantity:
             continue
-        parts_of_one, size = len(one.values), rows.size // len(one.values)
+        parts_of_one, size = len(dataset.values), rows.size // len(dataset.values)
         body = next(b.body for b in problem.structure.blocks if b.rows[0] <= rows[0] < b.rows[1])
-        measured, error, fitted = one.measured, np.asarray(problem.targets.error)[rows], model[rows]
+        measured, error, fitted = dataset.measured, np.asarray(problem.targets.error)[rows], model[rows]
         below = above = error
-        if one.logarithmic:
+        if dataset.logarithmic:
             below, above, fitted = -measured * np.expm1(-error), measured * np.expm1(error), np.exp(fitted)
 
-        abscissa, *others = [name for name in one.conditions if getattr(one, name) is not None]
+        abscissa, *others = [name for name in dataset.conditions if getattr(dataset, name) is not None]
         conditions = np.empty(size, object)
         for k in range(size):
-            values = tuple((name, float(getattr(one, name)[k])) for name in others)
+            values = tuple((name, float(getattr(dataset, name)[k])) for name in others)
             conditions[k] = CurveConditions(scene, body or "", abscissa, values)
-        x = np.abs(one.abscissa) if quantity in SLIP_QUANTITIES else one.abscissa
+        x = np.abs(dataset.abscissa) if quantity in SLIP_QUANTITIES else dataset.abscissa
         parts.append(
             (
                 np.tile(x, parts_of_one), measured, below, above, fitted, -residual[rows],
-                np.repeat(np.arange(parts_of_one), size), np.full(rows.size, one.label),
+                np.repeat(np.arange(parts_of_one), size), np.full(rows.size, dataset.label),
                 np.tile(conditions, parts_of_one),
             )
         )  # fmt: skip

@@ -204,16 +204,16 @@ def _bounds(result):
     """Return lines on parameters without error bars that were followed, and the intervals of the others."""
     threshold = result.quantile(LEVEL) ** 2 if result.bounds else 0.0
     lines, joint = [], {}
-    for one in result.bounds:
-        text = f"{one.name} = {one.value:.4g}, {one.where}: "
-        if np.isfinite(one.interval[0]):
-            low, high = one.interval
+    for bound in result.bounds:
+        text = f"{bound.name} = {bound.value:.4g}, {bound.where}: "
+        if np.isfinite(bound.interval[0]):
+            low, high = bound.interval
             text += f"chi-square rises by less than {threshold:.3g} from {low:.4g} to {high:.4g}"
-            text += "" if one.complete else ", as far as time allowed"
+            text += "" if bound.complete else ", as far as time allowed"
         else:
             text += "not followed, so correlated error bars are withheld"
         lines.append(text)
-        for name, (low, high) in one.intervals.items():
+        for name, (low, high) in bound.intervals.items():
             before = joint.get(name, (low, high))
             joint[name] = min(low, before[0]), max(high, before[1])
     known = {name: ends for name, ends in joint.items() if np.isfinite(ends[0])}
@@ -239,7 +239,7 @@ def _fit(result):
 
 def _contact_model(result):
     pairs = zip(result.data, each_scene(result.scene, result.data_scenes), strict=True)
-    texts = [_contact_text(scene) for one, scene in pairs if one.quantity in CONTACT_QUANTITIES]
+    texts = [_contact_text(scene) for dataset, scene in pairs if dataset.quantity in CONTACT_QUANTITIES]
     return {"contact": "; ".join(dict.fromkeys(texts))} if texts else {}
 
 
@@ -254,9 +254,11 @@ def _contact_text(scene):
 def _data(result):
     lines = []
     sets = zip(result.data, result.residuals, result.estimated, strict=True)
-    for i, (one, rows, scale) in enumerate(sets, 1):
-        lines.append(f"{i}: {one.label}: {_count(len(one), 'value')}, {_errors(one, scale, result)}")
-        lines += [f"   {text}" for text in one.history]
+    for i, (dataset, rows, scale) in enumerate(sets, 1):
+        lines.append(
+            f"{i}: {dataset.label}: {_count(len(dataset), 'value')}, {_errors(dataset, scale, result)}"
+        )
+        lines += [f"   {text}" for text in dataset.history]
         lines.append(f"   chi-square per value = {np.mean(rows**2):.4g}")
     return lines
 

@@ -105,8 +105,8 @@ def curve_values(
     The values are NaN where the temperatures did not converge, so that no step is accepted there and a start
     is refused.
     """
-    heated = () if "converged" not in rf.quantities_of(scene) else ("converged",)
-    solution = rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity, *heated))
+    also = () if "converged" not in rf.quantities_of(scene) else ("converged",)
+    solution = rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity, *also))
     values = getattr(solution, quantity)
     return values if solution.converged is None else jnp.where(solution.converged, values, jnp.nan)
 

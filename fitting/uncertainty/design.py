@@ -230,10 +230,12 @@ def design(
 
 def _expected(known, old, new, criterion, target):
     """Return the fields of `Design` for the expected errors, with the information `old` and `new`."""
-    before, after = (known.stretch * np.sqrt(np.diag(np.linalg.inv(one[0]))) for one in (old, new))
+    before, after = (
+        known.stretch * np.sqrt(np.diag(np.linalg.inv(information[0]))) for information in (old, new)
+    )
     predicted = None
     if isinstance(criterion, prediction):
-        predicted = tuple(float(np.sqrt(variance(one, target[:1])[0])) for one in (old, new))
+        predicted = tuple(float(np.sqrt(variance(information, target[:1])[0])) for information in (old, new))
     values = np.asarray(to_values(known.variables, known.constants, known.x))
     rate = np.abs(slopes(known.variables, known.constants, known.x) / np.where(values == 0, np.nan, values))
     return {"names": known.names, "before": before, "after": after, "rate": rate, "predicted": predicted}
@@ -242,18 +244,18 @@ def _expected(known, old, new, criterion, target):
 def _points(candidates) -> Conditions:
     if not isinstance(candidates, tuple) or len(candidates) not in (2, 3):
         raise ValueError("candidates: must be (velocity, pressure) or (velocity, pressure, temperature)")
-    given = candidates if len(candidates) == 3 and candidates[2] is not None else candidates[:2]
+    columns = candidates if len(candidates) == 3 and candidates[2] is not None else candidates[:2]
     arrays = []
-    for name, values in zip(("velocity", "pressure", "temperature"), given, strict=False):
+    for name, values in zip(("velocity", "pressure", "temperature"), columns, strict=False):
         arrays.append(np.asarray(as_leaf(f"candidates: {name}", values, np.ndim(values)), float))
         check_values(f"candidates: {name}", arrays[-1], POSITIVE)
     try:
-        given = np.broadcast_arrays(*arrays)
+        columns = np.broadcast_arrays(*arrays)
     except ValueError:
         shapes = ", ".join(str(x.shape) for x in arrays)
         raise ValueError(f"candidates: shapes {shapes}: must broadcast") from None
-    check_count(given[0].shape, "candidates: the conditions")
-    flat = [np.array(x).ravel() for x in given]
+    check_count(columns[0].shape, "candidates: the conditions")
+    flat = [np.array(x).ravel() for x in columns]
     return flat[0], flat[1], flat[2] if len(flat) == 3 else None
 
 

@@ -68,15 +68,15 @@ def check_discrepancy(
     if not isinstance(discrepancy, Discrepancy):
         kind = type(discrepancy).__name__
         raise ValueError(f"discrepancy is a {kind}: must be a fitting.Discrepancy, or None")
-    curves = [one for one in data if isinstance(one, FrictionData)]
+    curves = [curve for curve in data if isinstance(curve, FrictionData)]
     if not curves:
         raise ValueError("discrepancy: must be None, because there are no friction data")
-    for one in curves:
-        if one.error is None:
-            raise ValueError(f"discrepancy: data {one.label!r} have no errors: must have sigma or relative")
-        if not np.all(one.velocity):
+    for curve in curves:
+        if curve.error is None:
+            raise ValueError(f"discrepancy: data {curve.label!r} have no errors: must have sigma or relative")
+        if not np.all(curve.velocity):
             raise ValueError(
-                f"discrepancy: data {one.label!r} have a velocity 0: must be != 0, because ln v is needed"
+                f"discrepancy: data {curve.label!r} have a velocity 0: must be != 0, because ln v is needed"
             )
     if loss != "linear":
         raise ValueError(f"discrepancy: not possible with loss = {loss!r}; loss must be 'linear'")
@@ -289,10 +289,10 @@ class _Likelihood:
 def _per_error(problem, data):
     """Return 1 / relative error of all friction and area values, 0 for other data."""
     scaled, error = np.zeros(data_rows(problem.structure)), np.asarray(problem.targets.error)
-    for one, rows in zip(data, problem.order, strict=True):
-        if isinstance(one, FrictionData | AreaData):
+    for dataset, rows in zip(data, problem.order, strict=True):
+        if isinstance(dataset, FrictionData | AreaData):
             # The error of the logarithm is the error of the value divided by the value.
-            scaled[rows] = (1.0 if one.logarithmic else np.abs(one.measured)) / error[rows]
+            scaled[rows] = (1.0 if dataset.logarithmic else np.abs(dataset.measured)) / error[rows]
     return scaled
 
 
@@ -301,15 +301,15 @@ def _places(problem, scenes, data):
     scaled, x, curve = (np.zeros(data_rows(problem.structure)) for _ in range(3))
     per_error = _per_error(problem, data)
     places: dict[tuple, int] = {}
-    for number, (one, scene, rows) in enumerate(zip(data, scenes, problem.order, strict=True)):
-        if not isinstance(one, FrictionData):
+    for number, (dataset, scene, rows) in enumerate(zip(data, scenes, problem.order, strict=True)):
+        if not isinstance(dataset, FrictionData):
             continue
         scaled[rows] = per_error[rows]
-        x[rows] = np.log(np.abs(one.velocity))
+        x[rows] = np.log(np.abs(dataset.velocity))
         moved = shifts(scene)
-        if one.temperature is not None and moved:
-            x[rows] += np.asarray(moved[0].log_factor(one.temperature))
-        warm = np.zeros_like(one.velocity) if one.temperature is None else one.temperature
-        keys = [(number, p, T) for p, T in zip(one.pressure.tolist(), warm.tolist(), strict=True)]
+        if dataset.temperature is not None and moved:
+            x[rows] += np.asarray(moved[0].log_factor(dataset.temperature))
+        warm = np.zeros_like(dataset.velocity) if dataset.temperature is None else dataset.temperature
+        keys = [(number, p, T) for p, T in zip(dataset.pressure.tolist(), warm.tolist(), strict=True)]
         curve[rows] = [places.setdefault(key, len(places)) for key in keys]
     return scaled, x, curve

@@ -87,7 +87,7 @@ def tail_index(log_weight: np.ndarray) -> np.ndarray:
     rows = log_weight.shape[1]
     count = _tail(rows)
     ordered = np.sort(relative(log_weight), 1)
-    return np.array([_pareto_shape(one[-count:] - one[-count - 1]) for one in ordered])
+    return np.array([_pareto_shape(column[-count:] - column[-count - 1]) for column in ordered])
 
 
 def doubtful(size: np.ndarray, index: np.ndarray, draws: int) -> np.ndarray:
@@ -207,8 +207,8 @@ def log_weights(
 
     def density(first):
         which = np.minimum(np.arange(first, first + _POINTS), count - 1)
-        given = jax.tree.map(lambda a: a[which // rows if len(a) == fits else 0 * which], of.targets)
-        return np.asarray(_densities(of.structure, of.numbers, given, points[which]))[: count - first]
+        repeated = jax.tree.map(lambda a: a[which // rows if len(a) == fits else 0 * which], of.targets)
+        return np.asarray(_densities(of.structure, of.numbers, repeated, points[which]))[: count - first]
 
     # The first call compiles. A call keeps one core busy and releases Python's lock; an accelerator takes
     # one call at a time.

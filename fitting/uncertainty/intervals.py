@@ -155,8 +155,8 @@ class SolvedProblem(WithUncertainty):
         """
         conditions = velocity, pressure, temperature
         broadcast_shape(velocity=velocity, pressure=pressure, temperature=temperature)
-        given = np.broadcast_arrays(*(np.asarray(c, float) for c in conditions if c is not None))
-        columns = (*(c.reshape(-1) for c in given), *[None] * (temperature is None))
+        arrays = np.broadcast_arrays(*(np.asarray(c, float) for c in conditions if c is not None))
+        columns = (*(c.reshape(-1) for c in arrays), *[None] * (temperature is None))
 
         def predicted(x):
             return self.predicted(x, conditions, quantity, scene)

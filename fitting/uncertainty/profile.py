@@ -172,7 +172,7 @@ class _Trace:
         """Fit all parameters again from a fit with a cost below the known minimum; True if there is one."""
         known = self.anchor.cost if self.better is None else self.better[1]
         k = self.best
-        if self.stopped or not self.good.any() or self.cost[k] >= known - self.little(known):
+        if self.stopped or self.cost[k] >= known - self.little(known):
             return False
         runs = self.add(self.x[k : k + 1], free=True)
         lower = bool(succeeded(runs.status[0])) and runs.cost[0] <= self.cost[k]

@@ -129,11 +129,11 @@ def _sensitivity(scene, velocity, pressure, temperature, *, rows, quantity, quad
         new = [old * jnp.exp(exponents[i]) if i in exponents else old for i, old in enumerate(leaves)]
         return jax.tree_util.tree_unflatten(tree, new)
 
-    given = [c for c in (velocity, pressure, temperature) if c is not None]
-    shape = jnp.broadcast_shapes(*(c.shape for c in given))
+    conditions = [c for c in (velocity, pressure, temperature) if c is not None]
+    shape = jnp.broadcast_shapes(*(c.shape for c in conditions))
     v, p = (jnp.broadcast_to(c, shape).reshape(-1) for c in (velocity, pressure))
     T = None if temperature is None else jnp.broadcast_to(temperature, shape).reshape(-1)
-    x = jnp.zeros(len(rows), given[0].dtype)
+    x = jnp.zeros(len(rows), conditions[0].dtype)
     value, slope = value_and_jacobian(moved, x, (v, p, T), quantity, quadrature)
     nothing = value == 0
     # Divided by 1 if Q = 0, because the unused quotient and its derivatives must not be NaN.

@@ -55,7 +55,7 @@ class _Set(NamedTuple):
     data: Measured
     rows: np.ndarray  # (model - measured) / error, with the given errors
     freedom: float  # share of the set in the degrees of freedom
-    given: bool  # True if errors were given
+    has_errors: bool  # True if errors were given
 
 
 def verdict(
@@ -84,22 +84,22 @@ def verdict(
     share = 1 - parameters / count
     triples = zip(data, rows, estimated, strict=True)
     sets = [_Set(one, r, r.size * share, scale is None) for one, r, scale in triples]
-    given, robust = [one for one in sets if one.given], loss != "linear"
+    with_errors, robust = [one for one in sets if one.has_errors], loss != "linear"
     orders = [order for one in sets for order in _order(one)]
-    reasons = _size(given, robust) + [text for text, within in orders if not within]
+    reasons = _size(with_errors, robust) + [text for text, within in orders if not within]
     far = _far(sets)
     if not robust:
         reasons += [_named(*one) for one in far[:_WORST]]
         reasons += [f"and {len(far) - _WORST} further outliers"] * (len(far) > _WORST)
-        reasons += _advice(far, given, rows) if plausible else []
+        reasons += _advice(far, with_errors, rows) if plausible else []
     if reasons:
         return Verdict(False, "THE SCENE DOES NOT EXPLAIN THE DATA", tuple(reasons))
-    if not given:
+    if not with_errors:
         text = "nothing contradicts it; but the data have no errors: their scatter was used instead"
         return Verdict(None, text, ())
-    total, freedom = sum(np.sum(one.rows**2) for one in given), sum(one.freedom for one in given)
+    total, freedom = sum(np.sum(one.rows**2) for one in with_errors), sum(one.freedom for one in with_errors)
     if robust:
-        squares = _squares_by_median(np.concatenate([one.rows for one in given]))
+        squares = _squares_by_median(np.concatenate([one.rows for one in with_errors]))
         outliers = f" except {len(far)} outlier{'s' * (len(far) > 1)} of {count} values" if far else ""
         text = f"explains the data{outliers}: chi-square by the median {squares:.4g}"
     else:
@@ -112,13 +112,13 @@ def verdict(
     return Verdict(True, text, ())
 
 
-def _advice(far, given, rows):
+def _advice(far, with_errors, rows):
     """Return a line that recommends a robust loss where a minority of outliers spoils the fit."""
     if not far:
         return []
     few = len(far) <= _FEW * sum(one.size for one in rows)
     share = far[0][0] ** 2 / sum(np.sum(one**2) for one in rows)
-    if given and few and not _size(_without(given, far), robust=False):
+    if with_errors and few and not _size(_without(with_errors, far), robust=False):
         return ['the other values agree with their errors: check the outliers, or use loss="huber"']
     if share > _DOMINANT:
         return [
@@ -132,8 +132,12 @@ def _size(sets, robust):
     """Return a line for each sum of squares that is too large to be due to chance."""
     if not sets:
         return []
-    everything = ("", np.concatenate([one.rows for one in sets]), sum(one.freedom for one in sets))
-    parts = [(f"data {one.data.label!r}: ", one.rows, one.freedom) for one in sets] * (len(sets) > 1)
+    everything = (
+        "",
+        np.concatenate([entry.rows for entry in sets]),
+        sum(entry.freedom for entry in sets),
+    )
+    parts = [(f"data {entry.data.label!r}: ", entry.rows, entry.freedom) for entry in sets] * (len(sets) > 1)
     by, reasons = "by the median " * robust, []
     for where, rows, freedom in [everything, *parts]:
         ratio, squares = 1.0, float(np.sum(rows**2))
@@ -154,17 +158,17 @@ def _squares_by_median(rows):
     return rows.size * float(_NORMAL * np.median(np.abs(rows))) ** 2
 
 
-def _order(one):
+def _order(entry):
     """Return a line for each curve along which the residuals change sign too rarely.
 
     The second entry of each result is True if the residuals are within given errors.
     """
-    data, parts = one.data, len(one.data.values)
+    data, parts = entry.data, len(entry.data.values)
     conditions = [getattr(data, name) for name in data.conditions]
     # lexsort takes its last key first: along the first condition, the others fixed.
     order = np.lexsort([values for values in conditions if values is not None])
     reasons = []
-    for name, rows in zip(data.values, np.split(one.rows, parts), strict=True):
+    for name, rows in zip(data.values, np.split(entry.rows, parts), strict=True):
         signs = np.sign(rows[order])
         signs = signs[signs != 0]
         changes, neighbours = int(np.sum(signs[1:] != signs[:-1])), max(signs.size - 1, 1)
@@ -175,39 +179,39 @@ def _order(one):
                 f"data {data.label!r}: residuals{what} change their sign {changes} times in {signs.size}"
                 f" values along {data.conditions[0]}, chance gives so few changes once in {1 / chance:.2g}"
             )
-            reasons.append((text, one.given and float(np.mean(rows**2)) < 1.0))
+            reasons.append((text, entry.has_errors and float(np.mean(rows**2)) < 1.0))
     return reasons
 
 
 def _far(sets):
     """Return a tuple (|residual|, set, index) for each outlier, sorted by decreasing |residual|."""
-    outliers, count = [], sum(one.rows.size for one in sets)
-    for one in sets:
-        size = np.abs(one.rows)
-        if one.given:
+    outliers, count = [], sum(entry.rows.size for entry in sets)
+    for entry in sets:
+        size = np.abs(entry.rows)
+        if entry.has_errors:
             chance = 2 * count * scipy.special.ndtr(-size)
         else:
-            freedom = max(one.freedom, 1.5)
+            freedom = max(entry.freedom, 1.5)
             # Studentised: scatter without the value's own contribution, inf if all scatter is its own.
             rest = np.maximum(freedom - size**2, 1e-12 * freedom)
             chance = 2 * count * scipy.special.stdtr(freedom - 1, -size * np.sqrt((freedom - 1) / rest))
-        outliers += [(float(size[k]), one, int(k)) for k in np.flatnonzero(chance < _SIGNIFICANCE)]
+        outliers += [(float(size[k]), entry, int(k)) for k in np.flatnonzero(chance < _SIGNIFICANCE)]
     return sorted(outliers, key=lambda far: -far[0])
 
 
 def _without(sets, far):
     rest = []
-    for one in sets:
-        kept = np.delete(one.rows, [k for _, other, k in far if other is one])
-        share = kept.size / one.rows.size
-        rest.append(one._replace(rows=kept, freedom=one.freedom * share))
+    for entry in sets:
+        kept = np.delete(entry.rows, [k for _, other, k in far if other is entry])
+        share = kept.size / entry.rows.size
+        rest.append(entry._replace(rows=kept, freedom=entry.freedom * share))
     return rest
 
 
-def _named(size, one, k):
-    value, way = one.data.measured[k], "above" if one.rows[k] > 0 else "below"
+def _named(size, entry, k):
+    value, way = entry.data.measured[k], "above" if entry.rows[k] > 0 else "below"
     return (
-        f"data {one.data.label!r}: at {one.data.place(k)} the fit is {size:.3g} errors {way} the measured"
+        f"data {entry.data.label!r}: at {entry.data.place(k)} the fit is {size:.3g} errors {way} the measured"
         f" {value:.4g}"
     )
 
@@ -234,9 +238,9 @@ def rescaled_errors(
     # Noise-free data are fitted to rounding; their error must not become zero.
     if rescaled:
         pairs = zip(problem.order, scales, strict=True)
-        given = np.concatenate([where for where, scale in pairs if scale is None])
-        factor = max(_scatter(problem, known, rows[given]), 1e-10 / error_scale)
-        error[given] *= factor
+        without_scale = np.concatenate([where for where, scale in pairs if scale is None])
+        factor = max(_scatter(problem, known, rows[without_scale]), 1e-10 / error_scale)
+        error[without_scale] *= factor
     for i, (scale, where) in enumerate(zip(scales, problem.order, strict=True)):
         if scale is not None:
             new_scales[i] = max(scale * _scatter(problem, known, rows[where]), 1e-10)

@@ -31,7 +31,7 @@ import numpy as np
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import POSITIVE, ArrayLike, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature, gauss, typed
-from rubberfric.scene.scene import Scene, rough_surfaces
+from rubberfric.scene.scene import Scene, isothermal, rough_surfaces
 from rubberfric.theory.adhesive_contact import relative_attraction, work_of_separation
 from rubberfric.theory.area.partial_contact import contact_argument
 from rubberfric.theory.arguments import checked_arguments
@@ -125,7 +125,7 @@ def full_contact_energy(
     >>> f"{1e7 / 0.75 / 4 * float(rf.roughness.moment(seal.lower.spectrum, 1)):.4g}"
     '0.007244'
     """
-    scene = scene.replace(heating=None, adhesion=None)
+    scene = isothermal(scene).replace(adhesion=None)
     scene, (velocity, _, temperature) = checked_arguments(scene, velocity, 1.0, temperature, quadrature)
     return _full_contact_energy(scene, velocity, temperature, quadrature=quadrature)
 

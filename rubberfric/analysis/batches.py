@@ -216,7 +216,9 @@ def _evaluate(scene, velocity, pressure, temperature, *, mesh, group, quadrature
 
     def share(scene, velocity, pressure, temperature):
         ready = prepare(scene, quantities, quadrature)
-        found_at = functools.partial(_heated if ready.thermal else _shared, ready, quantities, pressure)
+        found_at = functools.partial(
+            _point_by_point if ready.stiffness_by_pressure else _shared, ready, quantities, pressure
+        )
         pairs = [None if x is None else x.reshape(-1, group) for x in (velocity, temperature)]
         results = jax.lax.map(found_at, pairs)
         results = {name: jnp.swapaxes(x, 0, 1).reshape(pressure.size, -1) for name, x in results.items()}
@@ -236,7 +238,7 @@ def _evaluate(scene, velocity, pressure, temperature, *, mesh, group, quadrature
 
 
 def _shared(ready, quantities, pressure, pairs):
-    """Compute (pressures, pairs) without heating, where work independent of the pressure is done once."""
+    """Compute (pressures, pairs), where work independent of the pressure is done once."""
     velocity, temperature = pairs
 
     def at(pressure):
@@ -246,8 +248,8 @@ def _shared(ready, quantities, pressure, pairs):
     return jax.vmap(at)(pressure)
 
 
-def _heated(ready, quantities, pressure, pairs):
-    """Compute (pressures, pairs) with heating, where temperatures depend on the pressure."""
+def _point_by_point(ready, quantities, pressure, pairs):
+    """Compute (pressures, pairs) if the stiffness depends on the pressure."""
     shape = pressure.size, pairs[0].size
     conditions = (jnp.broadcast_to(x, shape).reshape(-1) for x in (pairs[0], pressure[:, None], pairs[1]))
     results = evaluate(ready, quantities, list(conditions))

@@ -38,9 +38,9 @@ from rubberfric.materials.material import (
     E_r,
     Material,
     Rigid,
-    poisson_of,
 )
-from rubberfric.scene.scene import Body, Scene, optional_parts
+from rubberfric.scene.body import Body
+from rubberfric.scene.scene import Scene, optional_parts
 from rubberfric.theory.arguments import checked_arguments
 
 
@@ -252,10 +252,7 @@ def _modes(n, length, bodies, velocity, temperature, shape):
             moduli.append(None)
             continue
         modulus = np.mean([_modulus_along(body.material, qx * velocity, temperature) for qx in along], 0)
-        if body.layer is not None:
-            thick = body.layer.stiffening(poisson_of(body.material), jnp.asarray(np.maximum(q, unit)))
-            modulus = modulus * np.asarray(thick)
-        moduli.append(modulus)
+        moduli.append(modulus * np.asarray(body.S_bar(jnp.asarray(np.maximum(q, unit)))))
     shares = [0.0 if modulus is None else 1.0 for modulus in moduli]
     if all(shares):
         shares = [moduli[1] / (moduli[0] + moduli[1]), moduli[0] / (moduli[0] + moduli[1])]
@@ -331,9 +328,8 @@ def _rough_first(scene):
     if not any(body.spectrum is not None for body in bodies):
         raise ValueError("boundary_element: both solids are smooth; one must have a spectrum")
     for body in bodies:
-        if body.layer is not None and not body.layer.multiplies:
-            kind = type(body.layer).__name__
-            raise ValueError(f"boundary_element: a solid has a {kind}; use a half-space or a Slab")
+        if not body.separable:
+            raise ValueError(f"boundary_element: a solid has a {body.geometry}; use a half-space or a Slab")
     parts = optional_parts(scene)
     for name in ("heating", "softening", "adhesion", "correlation"):
         if name in parts:

@@ -24,7 +24,7 @@ from rubberfric.base.compilation import quick_jit
 from rubberfric.base.quadrature import chebyshev_transform
 from rubberfric.io.results import Conditions, Interpolation, result_shape
 from rubberfric.scene.interface import shear_friction
-from rubberfric.scene.scene import Scene
+from rubberfric.scene.scene import Scene, temperature_by_scale
 from rubberfric.theory.structure import MeansMethod, quantity_parts, rough_surfaces_of
 
 _LEAST = 4096  # smaller maps are computed point by point
@@ -181,7 +181,7 @@ def collapse(
 
 def log_speeds(scene: Scene, conditions: Conditions) -> np.ndarray | None:
     """Return ln|v a_T| (-inf at rest), of shape (temperatures, velocities), or None without a collapse."""
-    if scene.heating is not None:
+    if temperature_by_scale(scene):
         return None
     T, shift = conditions.temperature, np.zeros(1)
     if T is not None and T.size > 1:

@@ -27,12 +27,10 @@ from rubberfric.base.checks import ArrayLike
 from rubberfric.base.compilation import exact_products
 from rubberfric.base.fixed_points import linear_fixed_point
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.scene import Scene
-from rubberfric.theory.heat_balance import heat_of
-from rubberfric.theory.integrals import evaluate, prepare
+from rubberfric.scene.scene import Scene, iterates
+from rubberfric.theory.integrals import evaluate, fixed_point_of, imbalance_of, prepare
 from rubberfric.theory.model import solve
-from rubberfric.theory.structure import MeansMethod, Structure, iterates, means_methods
-from rubberfric.theory.temperatures import preconditioner, solve_rises, temperatures_of
+from rubberfric.theory.structure import MeansMethod, Structure, means_methods
 
 # Points evaluated together on a GPU, and the most points of a heated scene that are differentiated in forward
 # mode. Each keeps its derivatives with respect to all prepared leaves, about 0.2 MB.
@@ -163,13 +161,11 @@ def value_and_jacobian(
 
     points = points_of(x)
     if uses_forward_mode(scene):
-        structure = Structure.of(scene, (quantity,))
-        heats_itself = structure.heated and structure.feeds_back and not structure.adhesive
-        few = max(c.size for c in points) <= BLOCK
-        if heats_itself and fixed and len(points) == 3 and few:
-            return _forward_heated(scene_of, x, points, quantity, quadrature)
+        feeds_back, few = Structure.of(scene, (quantity,)).feeds_back, max(c.size for c in points) <= BLOCK
+        if feeds_back and fixed and len(points) == 3 and few:
+            return _forward_fixed_point(scene_of, x, points, quantity, quadrature)
         return _forward(scene_of, x, conditions_of, quantity, quadrature)
-    heated = ("converged",) if iterates(scene) else ()
+    also = ("converged",) if iterates(scene) else ()
     parts = _parts(scene_of, x, lambda scene: prepare(scene, (quantity,), quadrature))
     moving = sorted({i for part, _, _ in parts for i in part.moving})
     first = parts[0][0]
@@ -177,7 +173,7 @@ def value_and_jacobian(
 
     def at(leaves, point):
         ready = first.tree(dict(zip(moving, leaves, strict=True)))
-        results = evaluate(ready, (quantity, *heated), [c[None] for c in point])
+        results = evaluate(ready, (quantity, *also), [c[None] for c in point])
         return _or_nan(results[quantity], results.get("converged"))[0]
 
     def block(points):
@@ -256,40 +252,35 @@ def _forward(scene_of, x, conditions_of, quantity, quadrature):
 
     def values(x):
         scene = scene_of(x)
-        heated = ("converged",) if iterates(scene) else ()
-        solution = solve(scene, *conditions_of(x), quadrature=quadrature, quantities=(quantity, *heated))
+        also = ("converged",) if iterates(scene) else ()
+        solution = solve(scene, *conditions_of(x), quadrature=quadrature, quantities=(quantity, *also))
         return _or_nan(getattr(solution, quantity), solution.converged)
 
     value, push = jax.linearize(values, x)
     return value, jax.lax.map(push, jnp.eye(x.size, dtype=x.dtype)).T
 
 
-def _forward_heated(scene_of, x, conditions, quantity, quadrature):
-    """Compute values and derivatives by forward mode for a scene heated by its own friction.
+def _forward_fixed_point(scene_of, x, conditions, quantity, quadrature):
+    """Compute values and derivatives by forward mode for a scene whose temperatures are a fixed point.
 
-    The temperatures y = f(y, x) change by dy = f_y dy + f_x dx; the quantity is linearised with f.
+    The unknowns y = f(y, x) change by dy = f_y dy + f_x dx; the quantity is linearised with f.
     """
     ready = linearise_tree(lambda x: prepare(scene_of(x), (quantity,), quadrature), x)
     shape = np.broadcast_shapes(*map(np.shape, conditions))
     velocity, pressure, background = (jnp.broadcast_to(jnp.asarray(c, x.dtype), shape) for c in conditions)
     points = velocity, pressure, background
-    prepared = ready.tree({})
-    solution = solve_rises(prepared.thermal, prepared.roughness, points)
+    solution = fixed_point_of(ready.tree({}), points)
 
-    def at(moving, rises):
+    def at(moving, unknowns):
         here = ready.tree(dict(zip(ready.moving, moving, strict=True)))
-        thermal, roughness = here.thermal, here.roughness
-        hot = temperatures_of(thermal, roughness, rises, background, solution.converged)
-        contact = roughness.contact(velocity, pressure, hot.inside)
-        left = heat_of(thermal, roughness, contact, points, hot.surface) - rises
-        return left, evaluate(here, (quantity,), points, (contact, hot))[quantity]
+        left, known = imbalance_of(here, solution, unknowns, points)
+        return left, evaluate(here, (quantity,), points, known)[quantity]
 
-    (_, values), push = jax.linearize(at, [ready.leaves[i] for i in ready.moving], solution.rises)
-    inverse = preconditioner(prepared.thermal, solution)
+    (_, values), push = jax.linearize(at, [ready.leaves[i] for i in ready.moving], solution.unknowns)
 
     def slope(tangents):
-        start, also = jnp.zeros_like(solution.rises), jnp.zeros_like(values)
-        return linear_fixed_point(lambda rises: push(tangents, rises), start, also, inverse)
+        start, also = jnp.zeros_like(solution.unknowns), jnp.zeros_like(values)
+        return linear_fixed_point(lambda along: push(tangents, along), start, also, solution.inverse)
 
     slopes = jax.lax.map(slope, jax.vmap(ready.push)(jnp.eye(x.size, dtype=x.dtype)))
     return _or_nan(values, solution.converged), _or_nan(slopes, solution.converged).T

@@ -21,9 +21,9 @@ from rubberfric.base.checks import ArrayLike, as_leaf, closest
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.files import filling_result, mapped_quantities, write_interpolation
 from rubberfric.io.results import Conditions, Interpolation, Result, check_conditions, result_shape
-from rubberfric.scene.scene import Scene, result_dtype
+from rubberfric.scene.scene import Scene, result_dtype, temperature_by_scale
 from rubberfric.scene.settings import ROBUST, default_quadrature
-from rubberfric.theory.arguments import check_heated, check_kinds, checked_arguments
+from rubberfric.theory.arguments import check_kinds, check_quantities, checked_arguments
 from rubberfric.theory.structure import Solution
 
 # Arrays are [temperature, pressure, velocity], as in result files.
@@ -120,7 +120,7 @@ def friction_map(
     ready, _ = checked_arguments(
         scene, conditions.velocity[0], conditions.pressure[0], conditions.temperature, quadrature
     )
-    check_heated(scene, quantities)
+    check_quantities(scene, quantities)
     dtypes = {name: np.dtype(bool) if name == "converged" else dtype for name in quantities}
     empty_map = FrictionMap(scene, conditions, Solution(), quadrature, title)
     shape = result_shape(conditions)
@@ -180,7 +180,7 @@ def _fill(data: _Values, progress, task, devices, block, interpolate) -> Interpo
                 done += (T.stop - T.start) * (p.stop - p.start) * shape[2]
                 tell(done, points)
             return collapsed.interpolation
-    shared = task.scene.heating is None
+    shared = not temperature_by_scale(task.scene)
     tiling = batches.plan(shape[0] * shape[2], shape[1], shared=shared, block=block, devices=devices)
     task = task._replace(scene=batches.on_all(tiling.mesh, task.scene))
     tiling = batches.fitted(tiling, task)

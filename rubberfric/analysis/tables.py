@@ -20,8 +20,8 @@ from rubberfric.analysis.maps import friction_map
 from rubberfric.base.checks import POSITIVE, as_leaf, between, check_values, shown
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.results import AXES, FrictionTable
-from rubberfric.scene.scene import Scene
-from rubberfric.theory.structure import iterated, iterates
+from rubberfric.scene.scene import Scene, iterates
+from rubberfric.theory.structure import iterated
 
 AxisRange = float | Sequence[float]
 

@@ -14,7 +14,8 @@ from rubberfric.base.checks import ArrayLike, is_concrete
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.roughness.spectra import SelfAffine
-from rubberfric.scene.scene import Scene, optional_parts, relaxes, rough_surfaces
+from rubberfric.scene.body import relaxes
+from rubberfric.scene.scene import Scene, optional_parts, rough_surfaces
 from rubberfric.theory.model import solve
 
 # Limits of the intervals of the contact area in the table.
@@ -179,7 +180,7 @@ def _covered(scene):
             not rough.material.deforms
             and isinstance(spectrum, SelfAffine)
             and smooth.spectrum is None
-            and smooth.layer is None
+            and smooth.half_space
             and smooth.material.relaxes
             and optional_parts(scene) <= {"shear", "area_correction", "boundary_elements"}
             and is_concrete(spectrum.q1)

@@ -89,7 +89,7 @@ def check_half_spaces(scene: Scene, what: str) -> None:
     """Raise ValueError unless `what` is defined for a scene: half-spaces without adhesion and softening."""
     check_without(scene, ("adhesion", "softening"), what)
     for name, body in (("lower", scene.lower), ("upper", scene.upper)):
-        if body.layer is not None:
+        if not body.half_space:
             raise ValueError(f"scene.{name}.layer: must be None for {what}, which is of half-spaces")
 
 

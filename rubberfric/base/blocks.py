@@ -21,23 +21,23 @@ def broadcast_shape(**arrays: Any) -> tuple[int, ...]:
     ValueError : the shapes do not broadcast, or the result has more than `MOST_POINTS` points.
     """
     shapes = {name: np.shape(x) for name, x in arrays.items() if x is not None}
-    given = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+    listed = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
     try:
         shape = np.broadcast_shapes(*shapes.values())
     except ValueError:
-        raise ValueError(f"shapes differ ({given}): the shapes must broadcast against each other") from None
-    check_count(shape, given)
+        raise ValueError(f"shapes differ ({listed}): the shapes must broadcast against each other") from None
+    check_count(shape, listed)
     return shape
 
 
-def check_count(shape: tuple[int, ...], given: str) -> None:
+def check_count(shape: tuple[int, ...], listed: str) -> None:
     """Raise ValueError if an array of a shape has more than `MOST_POINTS` points.
 
-    The text `given` names the arrays that broadcast to this shape.
+    The text `listed` names the arrays that broadcast to this shape.
     """
     if math.prod(shape) > MOST_POINTS:
         raise ValueError(
-            f"{given} broadcast to the shape {shape} with {math.prod(shape):.3g} points: must be at most "
+            f"{listed} broadcast to the shape {shape} with {math.prod(shape):.3g} points: must be at most "
             f"{MOST_POINTS:.3g} points in one call; pass fewer points at a time, or compute a grid with "
             "rubberfric.friction_map, which writes a file"
         )

@@ -75,6 +75,23 @@ class Quadrature:
         if not (isinstance(self.ratio, int | float) and 1 < self.ratio < 1e6):
             raise ValueError(f"Quadrature.ratio = {self.ratio!r}: must be between 1 and 1e6")
 
+    def finer(self) -> "Quadrature":
+        """Return a setting with half as many nodes again, within the limits of each number.
+
+        Examples
+        --------
+        >>> rf.Quadrature(panels=20).finer().panels
+        30
+        """
+        return dataclasses.replace(
+            self,
+            order=min(64, self.order + 3),
+            panels=min(200, round(1.5 * self.panels)),
+            graded=min(40, self.graded + 2),
+            angular_order=min(64, self.angular_order + 3),
+            heat=min(2000, round(1.5 * self.heat)),
+        )
+
     def resolving(self, detail: float) -> "Quadrature":
         """Return a setting for angular means with finer detail over ln q than a Prony series has.
 
@@ -119,7 +136,7 @@ def slopes_at_nodes(order: int) -> np.ndarray:
     """
     x = legendre.leggauss(order)[0]
     # Column k holds the coefficients of the derivative of the Legendre polynomial k.
-    slopes = np.stack([np.append(legendre.legder(one), 0.0) for one in np.eye(order)], -1)
+    slopes = np.stack([np.append(legendre.legder(coefficients), 0.0) for coefficients in np.eye(order)], -1)
     return _frozen(2 * legendre.legvander(x, order - 1) @ slopes @ legendre_transform(order))
 
 
@@ -167,10 +184,10 @@ def chebyshev_sum(coefficients: jax.Array, u: jax.Array) -> jax.Array:
 
     Its derivatives are finite at u = -1 and 1.
     """
-    twice, one, two = 2 * u, jnp.zeros_like(u), jnp.zeros_like(u)
+    twice, last, before = 2 * u, jnp.zeros_like(u), jnp.zeros_like(u)
     for c in coefficients[:0:-1]:
-        one, two = twice * one - two + c, one
-    return u * one - two + coefficients[0]
+        last, before = twice * last - before + c, last
+    return u * last - before + coefficients[0]
 
 
 def chebyshev_fit(

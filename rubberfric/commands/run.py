@@ -25,7 +25,7 @@ from rubberfric.base.units import to_celsius
 from rubberfric.commands.arguments import write_outputs
 from rubberfric.io.files import MOST_POINTS, read_computable, save_result
 from rubberfric.io.results import QUANTITY_FORMATS, Conditions, Result, result_shape
-from rubberfric.scene.scene import Scene, dissipates, rough_surfaces
+from rubberfric.scene.scene import Scene, dissipates, iterates, rough_surfaces
 from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import solve
 from rubberfric.theory.structure import (
@@ -33,7 +33,6 @@ from rubberfric.theory.structure import (
     Solution,
     has_transverse_force,
     iterated,
-    iterates,
     quantities_of,
 )
 

@@ -280,7 +280,7 @@ def _export(path, lines, separator, titles, known, block):
     if has_units:
         (line, _), *below = below
         _check_agreement(f"{path}: line {line}", titles, names, units, first)
-        units = [own if own is not None else given for own, given in zip(units, first, strict=False)]
+        units = [own if own is not None else in_header for own, in_header in zip(units, first, strict=False)]
     elif all(unit is None for unit in units):
         columns = suggested_columns("\n".join(text for _, text in lines))
         raise ValueError(
@@ -357,13 +357,13 @@ def _check_agreement(where, titles, names, units, below):
     if not any(is_unit(text) for text in below):
         return
     for title, name, own, text in zip(titles, names, units, below, strict=False):
-        if name not in COLUMNS or own is None or (given := known_unit(text, name)) == "-":
+        if name not in COLUMNS or own is None or (in_text := known_unit(text, name)) == "-":
             continue
         column, known = COLUMNS[name], known_unit(own, name)
         if known not in column.units:
             continue  # no unit, such as "Oscillation strain (cmd)"
-        if known != given and not (
-            {known, given} <= column.units.keys() and column.value(1.0, known) == column.value(1.0, given)
+        if known != in_text and not (
+            {known, in_text} <= column.units.keys() and column.value(1.0, known) == column.value(1.0, in_text)
         ):
             raise ValueError(
                 f"{where}: unit {shown(text)} contradicts {known!r} of column {shown(title)}; must be equal"

@@ -149,14 +149,14 @@ def save_scene(path: StrPath, scene: Scene, like: StrPath | None = None) -> None
 
 
 def _save_hdf5(path: StrPath, content: SceneFile) -> None:
-    given = {} if content.conditions is None else content.conditions._asdict()
+    columns = {} if content.conditions is None else content.conditions._asdict()
     if content.conditions is not None:
         check_conditions("", content.conditions, content.scene)
     with replacing(path) as temporary, creating(temporary, _FORMAT) as file:
         if content.title:
             file.attrs["title"] = content.title
         write_object(file, "scene", content.scene)
-        for name, values in given.items():
+        for name, values in columns.items():
             if values is not None:
                 write_values(file, name, values, CONDITION_UNITS[name]).make_scale(name)
 
@@ -213,10 +213,10 @@ def _read_scene(file: h5py.File) -> SceneFile:
     if not isinstance(scene, Scene):
         raise ValueError(f"/scene: kind = {type(scene).__name__!r}: must be 'Scene'")
     title = str(file.attrs.get("title", ""))
-    given = [name for name in CONDITION_UNITS if name in file and not _is_bare(file, name)]
-    if not given:
+    columns = [name for name in CONDITION_UNITS if name in file and not _is_bare(file, name)]
+    if not columns:
         return SceneFile(scene, None, title)
-    values = {name: np.asarray(read_values(file, name, CONDITION_UNITS[name])) for name in given}
+    values = {name: np.asarray(read_values(file, name, CONDITION_UNITS[name])) for name in columns}
     for name in ("velocity", "pressure"):
         if name not in values:
             raise ValueError(f"/{name}: is missing; must be given")

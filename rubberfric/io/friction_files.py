@@ -187,12 +187,12 @@ def _units(text: str, velocity: str | None, pressure: str | None, temperature: s
     """Return the units of velocity, pressure and temperature: as given, or from the comment of a file."""
     line = re.search(r"Units: (\S+), (\S+?)(?:, (K|C))?\s*$", text, re.M)
     v, p, T = line.groups() if line else (None, None, None)
-    given = (velocity or v, pressure or p, temperature or T or "K")
-    for name, unit, known in zip(AXES, given, (_SPEED, STRESS, TEMPERATURE), strict=True):
+    units = (velocity or v, pressure or p, temperature or T or "K")
+    for name, unit, known in zip(AXES, units, (_SPEED, STRESS, TEMPERATURE), strict=True):
         message = f"unit_{name} is missing: must be given because the file does not name it"
         need(unit is not None, message)
         check_choice(f"unit_{name}", unit, known)
-    return TableUnits(*map(str, given))
+    return TableUnits(*map(str, units))
 
 
 def _file_axes(table: FrictionTable, units: TableUnits) -> list[np.ndarray]:

@@ -119,10 +119,10 @@ def _check_own_data(group: h5py.Group, seen: set[h5py.Group]) -> None:
         where, link = _path(group, name), group.get(name, getlink=True)
         if not isinstance(link, h5py.HardLink):
             raise ValueError(f"{where} is a link; the data must be in this file")
-        one = group[name]
-        if isinstance(one, h5py.Group):
-            _check_own_data(one, seen)
-        elif isinstance(one, h5py.Dataset) and (one.is_virtual or one.external):
+        member = group[name]
+        if isinstance(member, h5py.Group):
+            _check_own_data(member, seen)
+        elif isinstance(member, h5py.Dataset) and (member.is_virtual or member.external):
             raise ValueError(f"{where} has its data in another file; the data must be in this file")
 
 

@@ -105,14 +105,14 @@ def read_traces(path: StrPath, outliers: float | None = None) -> tuple[np.ndarra
 def _length(path, number, title, *below):
     """Return the length unit in a title or in the row below [m]."""
     bracket = _LENGTH_IN_BRACKETS.fullmatch(title)
-    given = below[0] if below else bracket[1] if bracket else title
-    unit, in_title = plain_unit(given), plain_unit(bracket[1]) if bracket else None
+    written = below[0] if below else bracket[1] if bracket else title
+    unit, in_title = plain_unit(written), plain_unit(bracket[1]) if bracket else None
     if unit not in LENGTHS:
         known = closest(unit, tuple(LENGTHS))
-        raise ValueError(f"{path}: column {number} {title!r}: unit {given!r}: {known}")
+        raise ValueError(f"{path}: column {number} {title!r}: unit {written!r}: {known}")
     if in_title in LENGTHS and in_title != unit:
         raise ValueError(
-            f"{path}: column {number} {title!r}: unit {given!r} below contradicts the title; must be equal"
+            f"{path}: column {number} {title!r}: unit {written!r} below contradicts the title; must be equal"
         )
     return LENGTHS[unit]
 
@@ -252,8 +252,8 @@ def _stated(path, values, header, spacing, unit):
         return spacing, unit
     own = tuple(length / n for length, n in zip((header.height, header.width), values.shape, strict=True))
     if isinstance(spacing, int | float) or (isinstance(spacing, tuple) and len(spacing) == 2):
-        given = np.broadcast_to(np.asarray(spacing, float), (2,))
-        if np.any(np.abs(given / own - 1) > _SAME_SPACING):
+        both = np.broadcast_to(np.asarray(spacing, float), (2,))
+        if np.any(np.abs(both / own - 1) > _SAME_SPACING):
             raise ValueError(
                 f"{path}: spacing = {shown(spacing)}: the file states {header.height:g} m x {header.width:g}"
                 f" m for {' x '.join(map(str, values.shape))} points, {own[0]:.4g} m and {own[1]:.4g} m: must"
@@ -336,13 +336,13 @@ def _check_no_positions(path, values):
 
 def _units(path, titles, unit, count, named):
     """Return the length unit of every column in metres."""
-    given = [unit] * count
+    units = [unit] * count
     if unit is None:
         matches = [_IN_BRACKETS.search(title) for title in titles] if named else []
-        given = [match[1] for match in matches if match is not None]
-        if len(given) != count:
+        units = [match[1] for match in matches if match is not None]
+        if len(units) != count:
             raise ValueError(f"{path}: unit is missing: must be one of {', '.join(LENGTHS)}")
-    plain = [plain_unit(text) for text in given]
+    plain = [plain_unit(text) for text in units]
     for text in plain:
         if text not in LENGTHS:
             raise ValueError(f"{path}: unit {text!r}: {closest(text, tuple(LENGTHS))}")

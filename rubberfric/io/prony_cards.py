@@ -254,7 +254,7 @@ def _check_stated_units(text: str, stress: str | None, temperature: str) -> None
 def _selected(materials: list[CardMaterial], name: str | int | None, program: str) -> CardMaterial:
     """Return the material with a name or number, or the only one."""
     need(materials, f"has no material with a Prony series of {program}: must have one")
-    listed = ", ".join(" ".join(map(repr, one.names)) or "without a name" for one in materials[:20])
+    listed = ", ".join(" ".join(map(repr, material.names)) or "without a name" for material in materials[:20])
     listed += f" and {len(materials) - 20} more" if len(materials) > 20 else ""
     if name is None:
         need(
@@ -263,7 +263,7 @@ def _selected(materials: list[CardMaterial], name: str | int | None, program: st
         )
         return materials[0]
     wanted = str(name).strip().casefold()
-    same_name = [one for one in materials if wanted in map(str.casefold, one.names)]
+    same_name = [material for material in materials if wanted in map(str.casefold, material.names)]
     need(same_name, f"name = {shown(name)}: must be one of {listed}")
     need(
         len(same_name) == 1,

@@ -241,9 +241,9 @@ def curves_of(
     >>> curves.solution.friction.shape, curves.conditions.temperature  # temperature, pressure, velocity
     ((2, 1, 3), array([273.15, 293.15]))
     """
-    given = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
+    conditions = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
     if isinstance(result, Result | Curves):
-        for name, values in given.items():
+        for name, values in conditions.items():
             if values is not None:
                 raise ValueError(f"{name} = {shown(values)}: must not be given because the result has it")
         return Curves(result.conditions, result.solution, result.title)
@@ -254,15 +254,15 @@ def curves_of(
             kind = type(result).__name__
             raise ValueError(f"result must come from friction_map, solve or friction, got {kind}") from None
     for name in ("velocity", "pressure"):
-        if given[name] is None:
+        if conditions[name] is None:
             raise ValueError(f"{name} is missing: must be given as to solve and friction")
-    return _on_a_grid(result, given)
+    return _on_a_grid(result, conditions)
 
 
-def _on_a_grid(solution: Solution, given: dict[str, ArrayLike | None]) -> Curves:
+def _on_a_grid(solution: Solution, conditions: dict[str, ArrayLike | None]) -> Curves:
     """Convert a solution to arrays of shape [temperature, pressure, velocity] with sorted axes."""
     arrays = {name: np.asarray(x) for name, x in solution._asdict().items() if x is not None}
-    known = {name: np.asarray(x, float) for name, x in given.items() if x is not None}
+    known = {name: np.asarray(x, float) for name, x in conditions.items() if x is not None}
     try:
         shape = np.broadcast_shapes(*(x.shape for x in known.values()))
         flat = [np.broadcast_to(x, shape).ravel() for x in known.values()]
@@ -335,8 +335,8 @@ class FrictionTable(NamedTuple):
 
         The arguments broadcast. Beyond the ends of an axis, mu keeps the value at the end.
         """
-        given = (self.temperature, temperature), (self.pressure, pressure), (self.velocity, velocity)
-        known = [(axis, np.asarray(x, float)) for axis, x in given if axis is not None]
+        axes = (self.temperature, temperature), (self.pressure, pressure), (self.velocity, velocity)
+        known = [(axis, np.asarray(x, float)) for axis, x in axes if axis is not None]
         shape = np.broadcast_shapes(*(x.shape for _, x in known))
         several = [(axis, np.clip(x, axis[0], axis[-1])) for axis, x in known if axis.size > 1]
         if not several:

@@ -229,15 +229,15 @@ def _read_cards(path, key, cls, content):
     The key `shift` replaces the shift of the file, and shift = false leaves it out.
     """
     check_keys(path, key, content, ("file", "unit_stress", "unit_temperature", "name", "poisson", "shift"))
-    given = {name: content[name] for name in ("unit_stress", "unit_temperature", "name") if name in content}
+    options = {name: content[name] for name in ("unit_stress", "unit_temperature", "name") if name in content}
     if "poisson" in content:
-        given["poisson"] = number(path, f"{key}.poisson", content["poisson"])
+        options["poisson"] = number(path, f"{key}.poisson", content["poisson"])
     name, shift = content["file"], None
     if not isinstance(name, str):
         raise ValueError(f"{path}: {key}.file = {shown(name)}: must be the name of a file of cards")
     if "shift" in content and content["shift"] is not False:
         shift = _build_child(path, f"{key}.shift", fields_of(cls)["shift"], content["shift"])
-    material = read_prony(path.parent / name, shift="shift" not in content, **given)
+    material = read_prony(path.parent / name, shift="shift" not in content, **options)
     if type(material) is not cls:
         advice = 'set kind = "prony_shear" or give poisson' if cls is Prony else 'set kind = "prony"'
         held = type(material).__name__
@@ -332,11 +332,11 @@ def scene_texts(
     """
     tables: dict[str, str] = {}
     lines = [f"title = {string(title)}"] if title else []
-    given = {} if conditions is None else conditions._asdict()
-    if [*doubts_of_scene(scene), *doubts_of_conditions(**given)]:
+    columns = {} if conditions is None else conditions._asdict()
+    if [*doubts_of_scene(scene), *doubts_of_conditions(**columns)]:
         lines.append("plausible = false")
-    lines += [*object_lines("", scene, tables, prefix), *["", "[run]"] * bool(given)]
-    for key, values in given.items():
+    lines += [*object_lines("", scene, tables, prefix), *["", "[run]"] * bool(columns)]
+    for key, values in columns.items():
         if values is not None:
             lines.append(
                 f"{key} = {literal(values if values.size > 1 else values[0])}  # {CONDITION_UNITS[key]}"
@@ -387,7 +387,7 @@ def literal(value: Any) -> str:
     """Return an option, a number, an array, or a list of texts in TOML."""
     if isinstance(value, bool | int | str):  # an option
         return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, list) and all(isinstance(one, str) for one in value):
+    if isinstance(value, list) and all(isinstance(item, str) for item in value):
         return f"[{', '.join(map(string, value))}]"
     return repr(np.asarray(value, float).tolist())
 

@@ -78,10 +78,10 @@ def auto(
         return (plot_result if lines <= _LINES else plot_map)(curves, ax=ax, **options)
     if isinstance(drawn, Material):
         options["temperature"] = at.pop("temperature")
-    given = next((name for name, values in at.items() if values is not None), None)
-    if given is not None:
+    condition = next((name for name, values in at.items() if values is not None), None)
+    if condition is not None:
         raise ValueError(
-            f"{given} is given, but {type(drawn).__name__} has its own or needs none; omit {given}"
+            f"{condition} is given, but {type(drawn).__name__} has its own or needs none; omit {condition}"
         )
     return _drawing(drawn)(ax=ax, **options)
 

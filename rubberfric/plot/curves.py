@@ -227,7 +227,7 @@ def curve_labels(conditions: Conditions) -> dict[tuple[int, int], str]:
 
 def _quantity(result: Curves, name: str, ax: Axes | None) -> Axes:
     if getattr(result.solution, name) is None:
-        known = [one for one, values in result.solution._asdict().items() if values is not None]
+        known = [field for field, values in result.solution._asdict().items() if values is not None]
         raise ValueError(f"result has no {name}, only {', '.join(known) or 'nothing'}; compute it first")
     _some_velocities(result.conditions.velocity)
     axes = one_axes(ax, title=result.title)

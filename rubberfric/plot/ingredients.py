@@ -130,7 +130,7 @@ def _vertical(material: Material, temperature: ArrayLike | None) -> np.ndarray |
 
 def _range(material: Material, temperature: float | None, known: list[np.ndarray]) -> np.ndarray:
     """Return frequencies [rad/s] that cover the material's frequency range and all `known` frequencies."""
-    ends = [np.array([one.min(), one.max()]) for one in known]
+    ends = [np.array([omegas.min(), omegas.max()]) for omegas in known]
     beyond = _BEYOND_TABLE
     if not isinstance(material, TabulatedModulus) and (own := material.frequency_range()) is not None:
         beyond = _BEYOND_TIMES
@@ -259,7 +259,7 @@ def plot_spectrum(spectra: Any, ax: Axes | None = None, q: ArrayLike | None = No
     if not spectra:
         raise ValueError("spectra is empty; give at least one")
     at = None if q is None else np.unique(vector("q", q, positive=True))
-    curves = {label: _curve(label, one, at) for label, one in spectra.items()}
+    curves = {label: _curve(label, spectrum, at) for label, spectrum in spectra.items()}
     profiles = [label for label, curve in curves.items() if curve.profile]
     if profiles and len(profiles) < len(curves):
         raise ValueError(

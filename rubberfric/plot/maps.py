@@ -209,12 +209,12 @@ def _draw(drawn, x, label, logarithmic):
     levels = locator.tick_values(low, high)
     colours = ["white" if norm(level) < 0.55 else "black" for level in levels]
     style = {"colors": colours, "linewidths": [0.7] * len(levels)}
-    meshes = [_heat_map(axes, x, y, values, look, levels, style) for axes, y, values in drawn]
+    meshes = [_coloured_map(axes, x, y, values, look, levels, style) for axes, y, values in drawn]
     bar = drawn[0][0].figure.colorbar(meshes[-1], ax=[axes for axes, _, _ in drawn])
     bar.set_label(label)
 
 
-def _heat_map(axes, x, y, values, look, levels, style):
+def _coloured_map(axes, x, y, values, look, levels, style):
     """Draw colours and labelled contours, with a list in `style` for all levels, and return the mesh."""
     mesh = axes.pcolormesh(x, y, values, rasterized=True, **look)
     axes.grid(False)  # a notebook may have switched it on
@@ -293,7 +293,7 @@ def plot_sensitivity(
         "linestyles": ["dashed" if level < 0 else "solid" for level in levels],
         "linewidths": [1.6 if level == 0 else 0.7 for level in levels],
     }
-    mesh = _heat_map(axes, x, y, table, look, levels, style)
+    mesh = _coloured_map(axes, x, y, table, look, levels, style)
     axes.figure.colorbar(mesh, ax=axes).set_label(label)
     decades(axes.xaxis, VELOCITY)
     decades(axes.yaxis, "relaxation time $\\tau_i$ [s]")

@@ -107,7 +107,7 @@ def looks_of_conditions(
     Temperatures have different colours, pressures different markers and, if `dashed`, line styles. If all
     temperatures are equal, pressures have different colours, too, and vice versa for markers.
     """
-    several_p, several_T = (len(set(one)) > 1 for one in (pressures, temperatures))
+    several_p, several_T = (len(set(values)) > 1 for values in (pressures, temperatures))
     tone = temperatures if several_T else pressures
     sign = pressures if several_p else temperatures
     tones, step = colours(max(tone) + 1), max(1, -(-points // _MARKERS_OF_A_LINE))
@@ -273,7 +273,7 @@ def several_axes(
     rule = f"must have {len(names)} ({', '.join(map(str, names))}), or be None"
     if isinstance(ax, Axes):
         raise ValueError(f"ax is one axes, not a sequence: {rule}")
-    if not isinstance(ax, Sequence | np.ndarray) or not all(isinstance(one, Axes) for one in ax):
+    if not isinstance(ax, Sequence | np.ndarray) or not all(isinstance(axes, Axes) for axes in ax):
         raise ValueError(f"ax is a {type(ax).__name__}, not a sequence of axes: {rule}")
     if len(ax) != len(names):
         raise ValueError(f"ax has {len(ax)} axes: {rule}")

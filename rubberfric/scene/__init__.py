@@ -4,6 +4,7 @@ from rubberfric.base.lazy import lazily
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
+    from rubberfric.scene.body import Body as Body
     from rubberfric.scene.heating import Heating as Heating
     from rubberfric.scene.heating import ThermalProperties as ThermalProperties
     from rubberfric.scene.interface import Adhesion as Adhesion
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from rubberfric.scene.patch import PressureShape as PressureShape
     from rubberfric.scene.patch import Trapezoid as Trapezoid
     from rubberfric.scene.patch import Uniform as Uniform
-    from rubberfric.scene.scene import Body as Body
     from rubberfric.scene.scene import Scene as Scene
     from rubberfric.scene.scene import cast as cast
     from rubberfric.scene.scene import check_background as check_background

@@ -21,12 +21,11 @@ from rubberfric.base.objects.physical import (
     physical,
 )
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.materials.material import Material, poisson_of
 from rubberfric.materials.shifts import Shift
-from rubberfric.materials.slab import Layer
 from rubberfric.roughness.anisotropy import slope_anisotropy
 from rubberfric.roughness.spectra import Spectrum
-from rubberfric.scene.heating import Heating, ThermalProperties
+from rubberfric.scene.body import Body, relaxes
+from rubberfric.scene.heating import Heating
 from rubberfric.scene.interface import Adhesion, Correlation, ShearLaw
 from rubberfric.scene.patch import Patch
 from rubberfric.scene.plausible import warn_of_scene
@@ -35,61 +34,9 @@ from rubberfric.scene.softening import Softening
 _Tree = TypeVar("_Tree")
 
 # Ratio of the stiffness of a slab and of a half-space up to which notebooks/law_table.md confirms the law.
-_STIFFEST_SLAB = 4.0
+_STIFFEST = 4.0
 # Ratio of the rms slopes across and along the grooves up to which that page confirms the law.
 _MOST_ANISOTROPIC = 1.9
-
-
-@physical
-class Body(PhysicalObject):
-    """One solid.
-
-    Parameters
-    ----------
-    material : Rigid, Elastic, Prony, PronyShear or TabulatedModulus
-    spectrum : SelfAffine, TabulatedSpectrum, Anisotropic, TabulatedAnisotropic or None (smooth)
-    layer : Slab, Coating or None (half-space)
-        a finite thickness of the material, on a rigid base or on a half-space of another solid
-    thermal : ThermalProperties or None
-        thermal properties of this solid, which replace the thermal properties in the scene's Heating. A rigid
-        body takes up its share of the heat of contact shear.
-    softening : Softening or None
-        softening of this solid, which replaces the softening of the scene.
-
-    Examples
-    --------
-    Rubber of 2 mm that covers a softer foam:
-
-    >>> foam = rf.Elastic(young=1e6, poisson=0.3)
-    >>> tread = rf.Body(rf.Prony(E_inf=3e6, E=[1e7], tau=[1e-3]), layer=rf.Coating(thickness=2e-3, base=foam))
-    >>> float(tread.below.young)
-    1000000.0
-    """
-
-    material: Material = child()
-    spectrum: Spectrum | None = child(default=None)
-    layer: Layer | None = child(unnamed="slab", default=None)
-    thermal: ThermalProperties | None = child(default=None)
-    softening: Softening | None = child(default=None)
-
-    def _check(self):
-        if self.softening is not None and not relaxes(self):
-            raise ValueError("Body.softening: only viscoelastic solids soften; must be None")
-        if self.layer is None:
-            return
-        if not self.material.deforms:
-            raise ValueError("Body.layer: a rigid body has no layer; must be None")
-        if self.material.poisson is None:
-            raise ValueError(
-                f"Body.layer: a body of {type(self.material).__name__} is a half-space, because the factor "
-                f"of a layer depends on Poisson's ratio; must be None"
-            )
-        self.layer.check_material(self.material)
-
-    @property
-    def below(self) -> Material | None:
-        """Return the material of the deformable base of the layer, or None."""
-        return None if self.layer is None else self.layer.below
 
 
 @physical
@@ -188,9 +135,10 @@ class Scene(PhysicalObject):
                 "Scene.softening: not together with anisotropic roughness; one of them must be left out"
             )
         for body in bodies:
-            if body.layer is not None and not body.layer.multiplies:
-                kind = type(body.layer).__name__
-                raise ValueError(f"Scene.softening: not together with a {kind}; one of them must be left out")
+            if not body.separable:
+                raise ValueError(
+                    f"Scene.softening: not together with a {body.geometry}; one of them must be left out"
+                )
 
     def _check_correlation(self, parts):
         if self.correlation is None:
@@ -214,10 +162,10 @@ class Scene(PhysicalObject):
                 'Scene.contact_model: "boundary_elements" requires one rough surface, got two; use "paper"'
             )
         for name, body, other in (("lower", *bodies), ("upper", *bodies[::-1])):
-            if body.layer is not None and (other.material.deforms or not body.layer.multiplies):
+            if not body.half_space and (other.material.deforms or not body.separable):
                 raise ValueError(
                     'Scene.contact_model: "boundary_elements" requires half-spaces, or Slab and Rigid, '
-                    f'but {name}.layer is a {type(body.layer).__name__}; use "paper"'
+                    f'but {name}.layer is a {body.geometry}; use "paper"'
                 )
             if body.spectrum is not None and body.spectrum.harmonics_vary:
                 kind = type(body.spectrum).__name__
@@ -226,7 +174,7 @@ class Scene(PhysicalObject):
                     f'wavevectors, but {name}.spectrum is a {kind}; use Anisotropic or "paper"'
                 )
         with jax.ensure_compile_time_eval():  # within jit, operations on known numbers would be traced too
-            self._check_slab()
+            self._check_thickness()
             self._check_anisotropy()
 
     def _check_anisotropy(self):
@@ -243,21 +191,21 @@ class Scene(PhysicalObject):
                     f'are {slopes:.3g} times as large. Use a smaller ratio, or "paper"'
                 )
 
-    def _check_slab(self):
+    def _check_thickness(self):
         """Refuse slabs for which the law disagrees with boundary elements, if the numbers are known."""
         rough = self.lower if self.lower.spectrum is not None else self.upper
         bodies = self.lower, self.upper
-        layers = [(body.layer, body.material) for body in bodies if body.layer is not None]
-        if not layers or rough.spectrum is None or not all(map(is_concrete, jax.tree.leaves(self))):
+        thin = [body for body in bodies if not body.half_space]
+        if not thin or rough.spectrum is None or not all(map(is_concrete, jax.tree.leaves(self))):
             return
         law = rough.spectrum.power_law()
         highest = law.q[jnp.argmax(law.log_value)]  # of q^2 C
-        for layer, material in layers:
-            stiffer = float(layer.stiffening(poisson_of(material), highest))
-            if stiffer > _STIFFEST_SLAB:
+        for body in thin:
+            stiffer = float(body.S_bar(highest))
+            if stiffer > _STIFFEST:
                 raise ValueError(
                     f'Scene.contact_model: "boundary_elements" was tested for slabs that are up to '
-                    f"{_STIFFEST_SLAB:g} times as stiff as a half-space at the wavevector of the largest "
+                    f"{_STIFFEST:g} times as stiff as a half-space at the wavevector of the largest "
                     f"heights, {float(highest):.3g} 1/m; this slab is {stiffer:.3g} times as stiff. "
                     'Use a thicker slab, or "paper"'
                 )
@@ -307,21 +255,31 @@ def shifts(scene: Scene) -> list[Shift]:
 
     Parts without a shift are left out.
     """
-    bodies = scene.lower, scene.upper
-    parts = *(body.material for body in bodies), *(body.layer for body in bodies), scene.shear
-    all_shifts = (getattr(part, "shift", None) for part in parts)
-    return [shift for shift in all_shifts if shift is not None]
-
-
-def body_shifts(body: Body) -> list[Shift]:
-    """Return the shifts of a body's material and of the base of its layer, as far as they exist."""
-    both = body.material.shift, None if body.layer is None else body.layer.shift
-    return [shift for shift in both if shift is not None]
+    of_shear = getattr(scene.shear, "shift", None)
+    return [*scene.lower.shifts, *scene.upper.shifts, *([] if of_shear is None else [of_shear])]
 
 
 def takes_temperature(scene: Scene) -> bool:
     """Return True if anything in the scene depends on temperature."""
-    return scene.heating is not None or bool(shifts(scene))
+    return temperature_by_scale(scene) or bool(shifts(scene))
+
+
+def temperature_by_scale(scene: Scene) -> bool:
+    """Return True if the solids have a temperature for each length scale, which follows from the friction.
+
+    Otherwise the solids have the temperature of the conditions.
+    """
+    return scene.heating is not None
+
+
+def iterates(scene: Scene) -> bool:
+    """Return True if the contact is found by an iteration, which may fail to converge."""
+    return temperature_by_scale(scene) or scene.adhesion is not None or scene.contact_model != "paper"
+
+
+def isothermal(scene: Scene) -> Scene:
+    """Return a scene whose solids have the temperature of the conditions."""
+    return scene.replace(heating=None)
 
 
 def check_background(scene: Scene, where: str = "", missing: str = "temperature is missing") -> None:
@@ -329,7 +287,7 @@ def check_background(scene: Scene, where: str = "", missing: str = "temperature 
 
     The message begins with `where` and `missing`.
     """
-    if scene.heating is not None:
+    if temperature_by_scale(scene):
         raise ValueError(f"{where}{missing}: a scene with heating requires it, far from the contact [K]")
 
 
@@ -351,22 +309,11 @@ def rough_surfaces(scene: Scene) -> list[tuple[Spectrum, Body]]:
     return [(spectrum, other) for spectrum, other in facing if spectrum is not None]
 
 
-def layers_vary(rough: Body, strained: Body) -> bool:
-    """Return True if layers change the stiffness for the roughness of one body by more than a factor."""
-    coated = strained.layer is not None and not strained.layer.multiplies
-    return coated or (rough.material.deforms and any(body.layer is not None for body in (rough, strained)))
-
-
 def softening_of(scene: Scene, body: Body) -> Softening | None:
     """Return the softening of a body, by default that of the scene; None if the body does not relax."""
     if not relaxes(body):
         return None
     return scene.softening if body.softening is None else body.softening
-
-
-def relaxes(body: Body) -> bool:
-    """Return True if the material of a body or the base of its layer is viscoelastic."""
-    return body.material.relaxes or (body.layer is not None and body.layer.relaxes)
 
 
 def dissipates(scene: Scene) -> bool:

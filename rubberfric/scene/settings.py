@@ -38,8 +38,8 @@ from rubberfric.base.checks import (
     is_concrete,
 )
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.materials.material import poisson_of
-from rubberfric.scene.scene import Scene, layers_vary, optional_parts, rough_surfaces
+from rubberfric.scene.body import differs_by_wavevector
+from rubberfric.scene.scene import Scene, iterates, rough_surfaces, temperature_by_scale
 
 # Number of panels of the shortest roughness.
 _FIRST = 0.75
@@ -48,7 +48,7 @@ _FIRST = 0.75
 _PER_FOLD = 0.65
 
 # Panels per unit of L where F_j depends on q itself. It may fall by 1e9 within an e-fold of a coating.
-_PER_FOLD_OF_LAYERS = 0.85
+_PER_FOLD_OF_EACH_Q = 0.85
 
 # Smallest number of panels for the boundary-element law, whose nodes of the circle depend on the panels.
 _LEAST_OF_LAW = 12
@@ -58,7 +58,7 @@ _LEAST_OF_LAW = 12
 _PER_FOLD_OF_DETAIL = 1.0
 
 # Factor of these panels in heated scenes, whose temperatures depend on the details at all wavevectors.
-_HEATED_DETAIL = 1.5
+_DETAIL_BY_SCALE = 1.5
 
 # Additional panels for two spectra, for layers, and for parts of a scene whose contact is iterated.
 _MORE = 1.8
@@ -141,17 +141,17 @@ def _chosen(scene, pressure, margin, separation):
 
 def _setting(scene, extent, separation):
     """Return the setting of a scene with the given `Extent`."""
-    rough, parts = rough_surfaces(scene), optional_parts(scene)
+    rough = rough_surfaces(scene)
     bodies = scene.lower, scene.upper
-    layered = any(layers_vary(*pair) for pair in (bodies, bodies[::-1]) if pair[0].spectrum is not None)
+    pairs = [pair for pair in (bodies, bodies[::-1]) if pair[0].spectrum is not None]
+    differs = any(differs_by_wavevector(*pair) for pair in pairs)
     materials = [one for body in bodies for one in (body.material, body.below) if one is not None]
     detailed = any(one.relaxes and one.detail is not None for one in materials)
     law = scene.contact_model != "paper"
-    rate = _PER_FOLD_OF_LAYERS if layered else _PER_FOLD
+    rate = _PER_FOLD_OF_EACH_Q if differs else _PER_FOLD
     if detailed:
-        rate = _PER_FOLD_OF_DETAIL * (_HEATED_DETAIL if "heating" in parts else 1.0)
-    iterated = bool(parts & {"heating", "adhesion"}) or law
-    more = _MORE if len(rough) > 1 or layered or iterated else 0.0
+        rate = _PER_FOLD_OF_DETAIL * (_DETAIL_BY_SCALE if temperature_by_scale(scene) else 1.0)
+    more = _MORE if len(rough) > 1 or differs or iterates(scene) else 0.0
     if separation:
         share = (_LIGHT - extent.heaviest) / _TRANSITION
         more = max(more, _MORE_FOR_SEPARATION * min(max(share, 0.0), 1.0))
@@ -247,8 +247,8 @@ def _evaluated(spectra, bodies):
         of_bodies = []
         for body in bodies:
             modulus = body.material.glassy_reduced()
-            if body.layer is not None and body.layer.multiplies:
-                modulus = modulus * body.layer.stiffening(poisson_of(body.material), law.q[0])
+            if body.separable:
+                modulus = modulus * body.S_bar(law.q[0])
             of_bodies.append(modulus)
         moduli.append(functools.reduce(jnp.minimum, of_bodies))
     return laws, moduli

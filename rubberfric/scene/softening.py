@@ -70,10 +70,14 @@ class Softened(NamedTuple):
     softening: Softening
     laws: tuple[BrokenPowerLaw, ...]  # spectra of the rough solids
 
+    def strain_at(self, slope: jax.Array) -> jax.Array:
+        """Return the strain [-] where the roughness up to q has this rms slope [-]."""
+        return self.softening.factor * slope
+
 
 def strain(softened: Softened, q: jax.Array) -> jax.Array:
     """Return the strain [-] at wavevectors q [1/m] of any shape; 0 below the first wavevector."""
-    return softened.softening.factor * jnp.sqrt(_square_slope(softened.laws, q))
+    return softened.strain_at(jnp.sqrt(_square_slope(softened.laws, q)))
 
 
 def softening_factors(softened: Softened, q: jax.Array) -> tuple[jax.Array, jax.Array]:

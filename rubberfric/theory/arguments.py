@@ -29,9 +29,17 @@ from rubberfric.base.checks import (
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.shifts import largest_log_factor
 from rubberfric.scene.plausible import warn_of_conditions
-from rubberfric.scene.scene import Scene, check_background, relaxes, result_dtype, shifts, takes_temperature
+from rubberfric.scene.scene import (
+    Scene,
+    check_background,
+    iterates,
+    result_dtype,
+    shifts,
+    takes_temperature,
+    temperature_by_scale,
+)
 from rubberfric.scene.settings import ROBUST, default_quadrature
-from rubberfric.theory.structure import MeansMethod, Values, iterated, iterates, means_methods
+from rubberfric.theory.structure import MeansMethod, Values, iterated, means_methods
 
 # Rule for the velocity of solids that are both rough with correlated heights.
 AT_REST: Rule = (
@@ -114,13 +122,13 @@ def check_kinds(scene: object, quadrature: object) -> None:
     check_kind("quadrature", quadrature, Quadrature)
 
 
-def check_heated(scene: Scene, quantities: Iterable[str]) -> None:
-    """Raise ValueError if a scene without heating lacks one of the quantities.
+def check_quantities(scene: Scene, quantities: Iterable[str]) -> None:
+    """Raise ValueError if a scene has no "flash_temperature" or "converged", and it is one of the quantities.
 
     "flash_temperature" requires heating. "converged" requires heating or another iteration (`iterates`).
     """
     absent = {"flash_temperature"} if iterates(scene) else {"flash_temperature", "converged"}
-    if scene.heating is None and absent & set(quantities):
+    if not temperature_by_scale(scene) and absent & set(quantities):
         raise ValueError("quantities has 'flash_temperature' or 'converged': the scene must have heating")
 
 
@@ -179,18 +187,15 @@ def _check_temperature(scene, temperature):
         shift.check_temperature(temperature)
 
 
-# Sbar^2 must not overflow.
-STIFFEST_LAYER = 1e18
-
-
 def check_single(scene: Scene, temperature: ArrayLike | None) -> None:
     """Raise ValueError naming a number of a float32 scene that requires float64."""
+    spectra = [one.spectrum for one in (scene.lower, scene.upper) if one.spectrum is not None]
     for name in ("lower", "upper"):
         body = getattr(scene, name)
         if body.spectrum is not None:
             _check_table(f"{name}.spectrum.C", body.spectrum.entries())
         if body.material.deforms:
-            _check_body(name, body, scene)
+            body.check_single(name, [spectrum.power_law().q[0] for spectrum in spectra])
     if _two_deform(scene) and all(body.material.is_liquid() for body in (scene.lower, scene.upper)):
         raise ValueError(
             "lower.material and upper.material are liquids, with an E_inf or G_inf of 0: one must be > 0 "
@@ -203,34 +208,8 @@ def check_single(scene: Scene, temperature: ArrayLike | None) -> None:
                 _check_shift(name, shift, temperature)
 
 
-def _check_body(name, body, scene):
-    below = None
-    if body.layer is not None:
-        spectra = [one.spectrum for one in (scene.lower, scene.upper) if one.spectrum is not None]
-        _check_layer(f"{name}.layer", body, [spectrum.power_law().q[0] for spectrum in spectra])
-        below = body.layer.below
-    if below is not None and relaxes(body) and body.material.is_liquid() and below.is_liquid():
-        raise ValueError(
-            f"{name}.material.E_inf and {name}.layer.base.E_inf are 0: one must be > 0 in float32; "
-            "use float64"
-        )
-
-
 def _two_deform(scene):
     return scene.lower.material.deforms and scene.upper.material.deforms
-
-
-def _check_layer(name, body, wavevectors):
-    for q in wavevectors:
-        if not all(map(is_concrete, jax.tree.leaves((q, body.layer, body.material)))):
-            continue
-        stiffer = float(jnp.max(body.layer.glassy_stiffening(body.material, q)))
-        if not stiffer < STIFFEST_LAYER:
-            raise ValueError(
-                f"{name}.thickness = {float(body.layer.thickness):g}: the thin layer is {stiffer:.2g} times "
-                f"as stiff as a half-space at q = {float(q):g} 1/m, and float32 allows less than "
-                f"{STIFFEST_LAYER:g} times; use float64"
-            )
 
 
 def _check_table(name, C):

@@ -13,20 +13,27 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.base.compilation import exact_products
+from rubberfric.base.fixed_points import Inverse
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.mesh.nodes import build_mesh
 from rubberfric.roughness.moments import unscaled
 from rubberfric.scene.interface import Adhesion, ShearLaw, difference, shear_friction
-from rubberfric.scene.scene import Scene
-from rubberfric.scene.softening import knots
+from rubberfric.scene.scene import Scene, temperature_by_scale
 from rubberfric.theory.adhesive_contact import adhesive_contact
 from rubberfric.theory.area.area_correction import correction_table
 from rubberfric.theory.area.boundary_elements_law import solve_law
 from rubberfric.theory.area.law_roughness import Law, prepare_law
 from rubberfric.theory.contact import Contact, Roughness
 from rubberfric.theory.contributions import contribution, total
-from rubberfric.theory.heat_balance import Temperatures, Thermal, macroasperity, prepare_thermal
-from rubberfric.theory.stiffness.complex_stiffness import modulus_scale
+from rubberfric.theory.heat.balance import COARSE, Temperatures, Thermal, prepare_thermal
+from rubberfric.theory.heat.balance import borders as borders_of_heat
+from rubberfric.theory.heat.temperatures import (
+    imbalance,
+    preconditioner,
+    solve_rises,
+    solve_temperatures,
+)
+from rubberfric.theory.stiffness.complex_stiffness import kinks, modulus_scale
 from rubberfric.theory.stiffness.means import Tables
 from rubberfric.theory.stiffness.table import MeansTable
 from rubberfric.theory.structure import (
@@ -38,7 +45,6 @@ from rubberfric.theory.structure import (
     quantity_parts,
     rough_surfaces_of,
 )
-from rubberfric.theory.temperatures import COARSE, solve_temperatures
 
 
 class Points(NamedTuple):
@@ -68,6 +74,11 @@ class Prepared(NamedTuple):
         if self.integrated is None:
             raise ValueError("no prepared quantity is an integral over roughness")
         return self.integrated
+
+    @property
+    def stiffness_by_pressure(self) -> bool:
+        """Return True if the stiffness depends on the pressure, because the solids warm up."""
+        return self.thermal is not None
 
 
 @exact_products
@@ -105,13 +116,12 @@ def prepare(
         return Prepared(needs, None, None, scene.shear, scene.adhesion, law)
     surfaces = rough_surfaces_of(scene) if surfaces is None else surfaces
     roughness, thermal = _rough(scene, surfaces, quadrature, needs, borders, tables, span=span), None
-    heating = scene.heating
-    if heating is not None:
+    if temperature_by_scale(scene):
         coarse = None
         if structure.feeds_back:
             coarse_needs = Structure.of(scene, ("flash_temperature",)).needs
             coarse = _rough(scene, surfaces, COARSE, coarse_needs, like=roughness)
-        thermal = prepare_thermal(heating, scene, roughness, quadrature.heat, coarse, COARSE.heat)
+        thermal = prepare_thermal(scene, roughness, quadrature, coarse)
     return Prepared(needs, roughness, thermal, scene.shear, scene.adhesion, law)
 
 
@@ -129,10 +139,10 @@ def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=N
     mesh = build_mesh(
         laws,
         quadrature if not details else quadrature.resolving(min(details)),
-        graded=needs.everywhere or scene.heating is not None or borders is not None,
+        graded=needs.everywhere or temperature_by_scale(scene) or borders is not None,
         logarithmic=any(surface.interpolation is MeansInterpolation.LOGARITHMIC for surface in surfaces),
         borders=_borders(scene, surfaces, borders),
-        moving=scene.heating is not None,
+        moving=temperature_by_scale(scene),
         join=join,
     )
     if join is not None:
@@ -183,11 +193,7 @@ def _borders(scene, surfaces, asked):
 
     The wavevector of the macroasperities comes first, and the requested borders `asked` come last.
     """
-    borders = [] if scene.heating is None else [macroasperity(scene.heating)[None]]
-    # Two solids with equal softening have the same knots.
-    softened = {id(one.softening): one for one in surfaces[0].softenings}
-    borders += [knots(one) for one in softened.values()]
-    borders += [] if asked is None else [asked]
+    borders = [*borders_of_heat(scene), *kinks(surfaces), *([] if asked is None else [asked])]
     return jnp.concatenate(borders) if borders else None
 
 
@@ -212,6 +218,35 @@ def solved(
         raise ValueError("temperature is missing: a scene with heating requires it, far from the contact [K]")
     surfaces = solve_temperatures(thermal, roughness, velocity, pressure, temperature)
     return roughness.contact(velocity, pressure, surfaces.inside), surfaces
+
+
+class FixedPoint(NamedTuple):
+    """Unknowns y of the points with y = f(y), without derivatives."""
+
+    unknowns: jax.Array  # (points, unknowns)
+    inverse: Inverse  # of 1 - f', approximate
+    converged: jax.Array  # True for a fixed point, (points,)
+
+
+def fixed_point_of(prepared: Prepared, points: tuple[jax.Array, jax.Array, jax.Array]) -> FixedPoint:
+    """Return the `FixedPoint` of a scene that feeds back (`Structure.feeds_back`).
+
+    The unknowns are temperature rises [K]. `points` are the fields of `Points`.
+    """
+    assert prepared.thermal is not None
+    rises = solve_rises(prepared.thermal, prepared.roughness, points)
+    return FixedPoint(rises.rises, preconditioner(prepared.thermal, rises), rises.converged)
+
+
+def imbalance_of(
+    prepared: Prepared,
+    solution: FixedPoint,
+    unknowns: jax.Array,
+    points: tuple[jax.Array, jax.Array, jax.Array],
+) -> tuple[jax.Array, tuple[Contact, Temperatures]]:
+    """Return f(y) - y at the unknowns y, and the argument `known` of `evaluate` there."""
+    assert prepared.thermal is not None
+    return imbalance(prepared.thermal, prepared.roughness, unknowns, points, solution.converged)
 
 
 @exact_products

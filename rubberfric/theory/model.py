@@ -21,11 +21,11 @@ import jax
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import ArrayLike
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.scene import Scene
-from rubberfric.theory.arguments import check_heated, span_of_speeds, validate, warn_of_last_iterates
+from rubberfric.scene.scene import Scene, iterates
+from rubberfric.theory.arguments import check_quantities, span_of_speeds, validate, warn_of_last_iterates
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.stiffness.means import known_tables
-from rubberfric.theory.structure import QUANTITIES, Solution, iterates
+from rubberfric.theory.structure import QUANTITIES, Solution
 
 # Points that are evaluated together.
 BLOCK = 512
@@ -228,7 +228,7 @@ def solve(
     given = scene
     separated = "separation" in quantities
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature, separated)
-    check_heated(scene, quantities)
+    check_quantities(scene, quantities)
     # The arrays of `conditions` are traced within jit, also for concrete arguments.
     span = span_of_speeds(scene, velocity, temperature)
     compute = functools.partial(_compute, compiler_options, quadrature, span)

@@ -21,7 +21,6 @@ from jax.scipy.special import erf
 from rubberfric.base.blocks import broadcast_shape
 from rubberfric.base.checks import ArrayLike
 from rubberfric.base.quadrature import gauss, legendre_transform
-from rubberfric.materials.slab import Slab
 from rubberfric.roughness.spectra import power_spectrum
 from rubberfric.scene.interface import shear_friction
 from rubberfric.scene.scene import Scene, optional_parts
@@ -87,9 +86,9 @@ def covers(scene: Scene) -> bool:
     The scene may have isotropic roughness, half-spaces, slabs, contact shear and S in G, and nothing else.
     """
     bodies = scene.lower, scene.upper
-    slabs = all(isinstance(body.layer, Slab | None) for body in bodies)
+    separable = all(body.separable for body in bodies)
     isotropic = not any(body.spectrum is not None and body.spectrum.harmonic_count() for body in bodies)
-    return slabs and isotropic and optional_parts(scene) <= {"shear", "area_correction"}
+    return separable and isotropic and optional_parts(scene) <= {"shear", "area_correction"}
 
 
 def solve(

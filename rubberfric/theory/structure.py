@@ -15,15 +15,8 @@ import numpy as np
 from rubberfric.base.checks import ArrayLike
 from rubberfric.base.objects.labelled import Labelled, LabelledArrays
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum
-from rubberfric.scene.scene import (
-    Body,
-    Scene,
-    body_shifts,
-    layers_vary,
-    relaxes,
-    rough_surfaces,
-    softening_of,
-)
+from rubberfric.scene.body import Body, differs_by_wavevector, relaxes
+from rubberfric.scene.scene import Scene, iterates, rough_surfaces, softening_of, temperature_by_scale
 from rubberfric.scene.softening import Softened
 
 QUANTITIES = ("area", "friction", "separation")
@@ -137,21 +130,16 @@ def quantities_of(scene: Scene) -> tuple[str, ...]:
         names += ["viscoelastic_friction", "shear_friction"]
     if has_transverse_force(scene):
         names.append("transverse_friction")
-    if scene.heating is not None:
+    if temperature_by_scale(scene):
         names.append("flash_temperature")
     if iterates(scene):
         names.append("converged")
     return tuple(names)
 
 
-def iterates(scene: Scene) -> bool:
-    """Return True if the contact is found by an iteration, which may fail to converge."""
-    return scene.heating is not None or scene.adhesion is not None or scene.contact_model != "paper"
-
-
 def iterated(scene: Scene) -> str:
-    """Return the name of the iterated quantity: "temperatures" in a heated scene, otherwise "areas"."""
-    return "areas" if scene.heating is None else "temperatures"
+    """Return the name of the iterated quantity: "temperatures" if they are results, otherwise "areas"."""
+    return "temperatures" if temperature_by_scale(scene) else "areas"
 
 
 def has_transverse_force(scene: Scene) -> bool:
@@ -186,15 +174,15 @@ class RequiredMeans:
 
 
 _AREA = RequiredMeans(mean_abs2=True, area=True)
-_HEAT = _AREA | RequiredMeans(mean_cos_loss=True)
+_LOSS = _AREA | RequiredMeans(mean_cos_loss=True)
 _NEEDS = {
     "area": _AREA,
     "separation": RequiredMeans(mean_abs2=True, mean_storage=True),
-    "viscoelastic_friction": _HEAT,
+    "viscoelastic_friction": _LOSS,
     "shear_friction": _AREA,
     "transverse_friction": _AREA | RequiredMeans(mean_sin_loss=True),
-    "flash_temperature": _HEAT,
-    "converged": _HEAT,
+    "flash_temperature": _LOSS,
+    "converged": _LOSS,
 }
 
 
@@ -257,7 +245,7 @@ class RoughSurface(NamedTuple):
         return self.method is MeansMethod.TABLE and self.softened is not None
 
     @property
-    def softenings(self) -> list[Softened]:
+    def soft_solids(self) -> list[Softened]:
         """Return the softening of each solid that softens."""
         return [one for one in (self.softened, self.softened_rough) if one is not None]
 
@@ -268,9 +256,7 @@ class Structure:
 
     needs: RequiredMeans  # empty for quantities that are constant in the scene
     rough: bool  # True if a surface is rough
-    heated: bool
-    adhesive: bool
-    feeds_back: bool  # the heat depends on the temperature
+    feeds_back: bool  # the temperatures are a fixed point: they follow from a friction that depends on them
 
     @classmethod
     def of(cls, scene: Scene, quantities: Iterable[str]) -> "Structure":
@@ -278,7 +264,6 @@ class Structure:
         facing = ((scene.lower.spectrum, scene.upper), (scene.upper.spectrum, scene.lower))
         strained = [(spectrum, other) for spectrum, other in facing if spectrum is not None]
         relaxing = [spectrum for spectrum, other in strained if relaxes(other)]
-        heated, adhesive = scene.heating is not None, scene.adhesion is not None
         absent = {
             "shear_friction": scene.shear is None,
             "viscoelastic_friction": not relaxing,
@@ -287,16 +272,18 @@ class Structure:
         needs = RequiredMeans()
         for part in quantity_parts(quantities) if strained else ():
             needs |= RequiredMeans() if absent.get(part) else _NEEDS[part]
-        if needs.mean_abs2 and heated:
-            needs |= _HEAT
-        if needs.mean_abs2 and adhesive:
+        if needs.mean_abs2 and temperature_by_scale(scene):
+            needs |= _LOSS
+        if needs.mean_abs2 and scene.adhesion is not None:
             needs |= RequiredMeans(mean_storage=True)
         if not relaxing:
             needs = dataclasses.replace(needs, mean_cos_loss=False)
-        shifts = [*body_shifts(scene.lower), *body_shifts(scene.upper)]
-        if scene.shear is not None and scene.heating is not None and scene.heating.shear_at == "flash":
+        shifts = [*scene.lower.shifts, *scene.upper.shifts]
+        if scene.heating is None:
+            return cls(needs, bool(strained), feeds_back=False)
+        if scene.shear is not None and scene.heating.shear_at == "flash":
             shifts += [scene.shear.shift] if scene.shear.shift is not None else []
-        return cls(needs, bool(strained), heated, adhesive, bool(shifts))
+        return cls(needs, bool(strained), feeds_back=bool(shifts))
 
 
 def rough_surfaces_of(scene: Scene) -> tuple[RoughSurface, ...]:
@@ -326,15 +313,14 @@ def means_methods(scene: Scene) -> list[MeansMethod]:
 
 
 def _method(rough: Body, strained: Body, rough_softens: bool, strained_softens: bool) -> MeansMethod:
-    material, layer = strained.material, strained.layer
-    both = rough.material.deforms
+    material, both = strained.material, rough.material.deforms
     # A vertical shift changes one of two deformable solids; the base of a coating may have another shift.
-    vertical = any(shift.vertical is not None for body in (rough, strained) for shift in body_shifts(body))
-    if (layer is not None and layer.varies(material)) or (both and vertical):
+    vertical = any(shift.vertical is not None for body in (rough, strained) for shift in body.shifts)
+    if strained.shifts_apart or (both and vertical):
         return MeansMethod.AT_POINTS
     if not relaxes(strained):
         return MeansMethod.CONSTANT
-    if layers_vary(rough, strained) or (both and (rough_softens or strained_softens)):
+    if differs_by_wavevector(rough, strained) or (both and (rough_softens or strained_softens)):
         return MeansMethod.BY_NODE
     grooved = rough.spectrum is not None and rough.spectrum.harmonic_count()
     if both or grooved or strained_softens or not material.has_series:
@@ -349,8 +335,8 @@ def _surface(rough: Body, strained: Body, side, spectrum: Spectrum, law, softene
     if method is not MeansMethod.CONSTANT:
         softens = softened is not None or softened_rough is not None
         kinked = (rough.material.deforms and softens) or (relaxing and spectrum.harmonics_vary)
-        layered = layers_vary(rough, strained)
-        smooth = MeansInterpolation.LOGARITHMIC if layered else MeansInterpolation.LINEAR
+        steep = differs_by_wavevector(rough, strained)
+        smooth = MeansInterpolation.LOGARITHMIC if steep else MeansInterpolation.LINEAR
         interpolation = MeansInterpolation.NONE if kinked else smooth
     details = [one.detail for one in (strained.material, strained.below) if one is not None and one.relaxes]
     details = [detail for detail in details if detail is not None]

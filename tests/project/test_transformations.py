@@ -1,20 +1,18 @@
 """Every class in every transformation: closed over, as an argument, vmapped, differentiated, in float32.
 
-Methods of single objects in the ordinary run, of scenes in the slow set.
+`tests/properties/test_transformations_of_calls.py` and `test_derivatives.py` do this for scenes.
 """
-
-import functools
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from problems import ROAD, SHIFTED_TREAD, TREAD
+from problems import PROBLEMS, ROAD
 from support.cases.stored import slow_if
 from support.scenes.examples import EXAMPLES
 
 import rubberfric as rf
-from rubberfric.base.objects.physical import PhysicalObject
+from rubberfric.base.objects.physical import PhysicalObject, parts_of
 from rubberfric.scene.heating import diffusion, heat_kernel, rise_below_surface, rise_inside
 from rubberfric.scene.interface import shear_friction
 from rubberfric.scene.scene import cast
@@ -83,7 +81,7 @@ def _layered(layer, q):
 
 def _slipping(patch, speed):
     """Side force at slip angles of which most elements stick, some, and few."""
-    scene, angle = cast(_on_road(rf.Body(TREAD)), speed.dtype), 0.3 * speed / (1 + speed)
+    scene, angle = cast(PROBLEMS["rubber"].scene, speed.dtype), 0.3 * speed / (1 + speed)
     return rf.grip(scene, patch, angle, 1e-2, 3e3, quadrature=rf.Quadrature()).force
 
 
@@ -107,89 +105,25 @@ ANSWERS = {
 }
 
 
-def _on_road(body, **options):
-    return rf.Scene(rf.Body(rf.Rigid(), ROAD), body, **options)
-
-
-def _on_fine(adhesion):
-    shear = rf.ContactShear(1e6, 0.1, 1e-2)
-    return rf.Scene(rf.Body(rf.Rigid(), FINE), rf.Body(rf.Elastic(1e7, 0.5)), shear=shear, adhesion=adhesion)
-
-
-# A scene with the object, and friction over its velocity.
-IN_SCENES = {
-    **dict.fromkeys(
-        ("Prony", "PronyShear", "TabulatedModulus"), lambda material: _on_road(rf.Body(material))
-    ),
-    "Elastic": lambda material: rf.Scene(rf.Body(material, ROAD), rf.Body(TREAD)),
-    "Rigid": lambda material: rf.Scene(rf.Body(material, ROAD), rf.Body(TREAD)),
-    **dict.fromkeys(
-        ("WLF", "Arrhenius", "TabulatedShift"),
-        lambda shift: _on_road(rf.Body(SHIFTED_TREAD.replace(shift=shift))),
-    ),
-    **dict.fromkeys(
-        ("SelfAffine", "TabulatedSpectrum", "Anisotropic", "TabulatedAnisotropic"),
-        lambda spectrum: rf.Scene(rf.Body(rf.Rigid(), spectrum), rf.Body(TREAD)),
-    ),
-    **dict.fromkeys(("Slab", "Coating"), lambda layer: _on_road(rf.Body(TREAD, None, layer))),
-    "ContactShear": lambda shear: _on_road(rf.Body(TREAD), shear=shear),
-    "Softening": lambda softening: _on_road(rf.Body(TREAD), softening=softening),
-    **dict.fromkeys(
-        ("Entropic", "TabulatedVertical"),
-        lambda law: _on_road(rf.Body(SHIFTED_TREAD.replace("shift.vertical", law))),
-    ),
-    "Correlation": _replica,
-    "Adhesion": _on_fine,
-    "Heating": lambda heating: _on_road(rf.Body(SHIFTED_TREAD), heating=heating),
-    "ThermalProperties": lambda thermal: _on_road(
-        rf.Body(SHIFTED_TREAD, thermal=thermal), heating=EXAMPLES["Heating"]
-    ),
-    "Patch": lambda patch: _on_road(rf.Body(TREAD), patch=patch),
-    **dict.fromkeys(
-        PRESSURES,
-        lambda shape: _on_road(rf.Body(TREAD), patch=rf.Patch(0.1, 0.2, 5e7, shape)),
-    ),
-    "Body": _on_road,
-    "Scene": lambda scene: scene,
-}
-
-
-def _friction(embed, given, speed):
-    scene = cast(embed(given), speed.dtype)  # what stands around it, too
-    speed = 0 * speed if scene.correlation is not None else speed
-    at = (303.0,) if any(x.shift is not None for x in _with_shifts(scene)) or scene.heating else ()
-    # Outside jit a call takes the setting that fits, within it cannot know.
-    return rf.friction(scene, speed, 3e5, *at, quadrature=rf.Quadrature())
-
-
-def _with_shifts(scene):
-    parts = [scene.lower.material, scene.upper.material, *([scene.shear] if scene.shear else [])]
-    return [part for part in parts if hasattr(part, "shift")]
-
-
-CASES = {name: (given, *ANSWERS[name]) for name, given in EXAMPLES.items() if name in ANSWERS} | {
-    f"{name} in a scene": (
-        EXAMPLES[name],
-        functools.partial(_friction, embed),
-        np.array([1e-4, 1e-2, 0.3, 5.0]),
-    )
-    for name, embed in IN_SCENES.items()
-}
+CASES = {name: (given, *ANSWERS[name]) for name, given in EXAMPLES.items() if name in ANSWERS}
 LONG = ("Body", "Scene", "Heating", "SelfAffine", "TabulatedAnisotropic", "Adhesion")
 LONG += ("Anisotropic", "Coating", "Correlation", "Softening", "TabulatedSpectrum", "TabulatedModulus")
 LONG += ("TabulatedShift", "TabulatedVertical", "Patch")
-PARAMETERS = slow_if(lambda name: name in LONG or name.endswith("in a scene"), {name: name for name in CASES})
+PARAMETERS = slow_if(lambda name: name in LONG, {name: name for name in CASES})
 
 
 def test_no_class_is_left_out():
-    """Every class of scenes that `rubberfric` exports has an example, an answer and a scene."""
+    """Every class of scenes that `rubberfric` exports has an example, an answer and a problem."""
     parts = {cls.__name__ for cls in _below(PhysicalObject) if cls.__module__.startswith("rubberfric.")}
     exported = {name for name in parts if hasattr(rf, name)}
     silent = {"Rigid", "ThermalProperties"}  # which answer nothing by themselves
+    parts_of_problems = [part for one in PROBLEMS.values() for _, part in parts_of(one.scene)]
+    of_problems = {type(part).__name__ for part in parts_of_problems}
+    # The pressure of a patch changes no result of `solve`: `a patch` of tests/properties/test_limits.py.
     tables = {
         "_objects() of tests/support/scenes/examples.py": set(EXAMPLES),
         "ANSWERS of this file": set(ANSWERS) | silent,
-        "IN_SCENES of this file": set(IN_SCENES),
+        "PROBLEMS of tests/problems/scenes.py": of_problems | set(PRESSURES) | {"Patch"},
     }
     for name, table in tables.items():
         assert not exported - table, f"add {exported - table} to {name}"

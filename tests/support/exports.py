@@ -4,6 +4,7 @@ Each function writes a file and returns its path. Numbers are rounded as instrum
 """
 
 import numpy as np
+import pytest
 
 F = np.array([0.1, 1.0, 10.0])  # Hz
 T = np.array([-20.0, 0.0, 25.0])  # °C
@@ -47,7 +48,7 @@ def trios(folder):
         for f in F:
             E, E2 = storage(f, at), loss(f, at)
             lines += [f"{2 * np.pi * f:.9g}\t{E}\t{E2}\t{E2 / E:.5f}\t{f}\t{at}\t12.5"]
-    return _written(folder, "trios.txt", "\r\n".join(lines), "utf-16")
+    return put(folder, ("\r\n".join(lines) + "\n").encode("utf-16"), "trios.txt")
 
 
 def trios_workbook(folder):
@@ -58,7 +59,7 @@ def trios_workbook(folder):
     for at in T:
         rows = [[f, 1e6 * storage(f, at), 1e6 * loss(f, at), 0.1, at] for f in F]
         sheets[f"Frequency {at}"] = [[f"Frequency sweep - {at}"], head, units, *rows]
-    return _book(folder, "trios.xlsx", sheets)
+    return book(folder, "trios.xlsx", sheets)
 
 
 def rheocompass(folder):
@@ -73,14 +74,14 @@ def rheocompass(folder):
         for k, f in enumerate(F, start=1):
             G, G2 = 1e6 * storage(f, at) / 3, 1e6 * loss(f, at) / 3
             lines += [f"\t{k}\t{2 * np.pi * f:.9g}\t{G:.9g}\t{G2:.9g}\t{G2 / G:.4f}\t{at}\tDSO"]
-    return _written(folder, "rheocompass.csv", "\n".join(lines), "utf-16")
+    return put(folder, ("\n".join(lines) + "\n").encode("utf-16"), "rheocompass.csv")
 
 
 def rheoplus(folder):
     """Anton Paar in German: semicolons, decimal commas, the logarithm of the frequency."""
     lines = ["Messung:;Laufflaeche", "lg(f/Hz);Speichermodul in MPa;Verlustmodul in MPa;Temperatur in °C"]
     lines += [german(f"{np.log10(f)};{E};{E2};{at}") for f, E, E2, at in sweep()]
-    return _written(folder, "rheoplus.csv", "\n".join(lines), "latin-1")
+    return put(folder, ("\n".join(lines) + "\n").encode("latin-1"), "rheoplus.csv")
 
 
 def proteus(folder):
@@ -92,7 +93,7 @@ def proteus(folder):
     for at in T:
         cells = [(storage(f, at), loss(f, at), np.round(loss(f, at) / storage(f, at), 5)) for f in F]
         lines += [f"{at};" + ";".join(str(x) for cell in cells for x in cell)]
-    return _written(folder, "proteus.csv", "\n".join(lines), "utf-8")
+    return put(folder, ("\n".join(lines) + "\n").encode("utf-8"), "proteus.csv")
 
 
 def eplexor(folder):
@@ -103,7 +104,7 @@ def eplexor(folder):
     lines = ["Eplexor 500 N;;;;;;;;", titles]
     for k, (f, E, E2, at) in enumerate(sweep(), start=1):
         lines += [german(f"{k};{10 * k};{at};{f};1.0;{np.hypot(E, E2):.4f};{E};{E2};{E2 / E:.5f}")]
-    return _written(folder, "eplexor.csv", "\n".join(lines), "latin-1")
+    return put(folder, ("\n".join(lines) + "\n").encode("latin-1"), "eplexor.csv")
 
 
 def stare(folder):
@@ -113,7 +114,7 @@ def stare(folder):
     lines += ["               [Hz]        [°C]       [MPa]       [MPa]          []"]
     for k, (f, E, E2, at) in enumerate(sweep()):
         lines += [f"{k:7d}{f:12.4f}{at:12.2f}{E:12.4f}{E2:12.4f}{E2 / E:12.5f}"]
-    return _written(folder, "stare.txt", "\n".join(lines), "utf-8")
+    return put(folder, ("\n".join(lines) + "\n").encode("utf-8"), "stare.txt")
 
 
 def rspace(folder):
@@ -124,7 +125,7 @@ def rspace(folder):
     for f, E, E2, at in sweep(1e6 / 3):
         numbers = f"{np.hypot(E, E2):.9g},{E:.9g},{E2:.9g},{np.degrees(np.arctan(E2 / E)):.4f}"
         lines += [f"Frequency table,{f},{at},{numbers}"]
-    return _written(folder, "rspace.csv", "\n".join(lines), "utf-8")
+    return put(folder, ("\n".join(lines) + "\n").encode("utf-8"), "rspace.csv")
 
 
 def american(folder):
@@ -134,14 +135,14 @@ def american(folder):
         f"{f},{at * 1.8 + 32:.4f},{E / 6.894757293168361e-3:.9g},{E2 / 6.894757293168361e-3:.9g}"
         for f, E, E2, at in sweep()
     ]
-    return _written(folder, "american.csv", "\n".join(lines), "utf-8")
+    return put(folder, ("\n".join(lines) + "\n").encode("utf-8"), "american.csv")
 
 
 def wide_workbook(folder):
     """A spreadsheet of a laboratory: one block for each temperature below merged cells."""
     above = [cell for at in T for cell in (f"T = {at} °C", None, None)]
     rows = [[x for at in T for x in (f, storage(f, at), loss(f, at))] for f in F]
-    return _book(folder, "wide.xlsx", {"DMA": [["Tread"], above, ["f/Hz", "E'/MPa", "E''/MPa"] * 3, *rows]})
+    return book(folder, "wide.xlsx", {"DMA": [["Tread"], above, ["f/Hz", "E'/MPa", "E''/MPa"] * 3, *rows]})
 
 
 def linear_tester(folder):
@@ -150,7 +151,7 @@ def linear_tester(folder):
         "Gleitgeschwindigkeit [mm/s];" + ";".join(german(f"Reibwert bei {p} MPa") for p in P) + ";Bemerkung"
     ]
     lines += [german(f"{v};" + ";".join(str(mu(v, p)) for p in P) + ";") for v in V]
-    return _written(folder, "linear.csv", "\n".join(lines), "latin-1")
+    return put(folder, ("\n".join(lines) + "\n").encode("latin-1"), "linear.csv")
 
 
 def wheel_tester(folder):
@@ -159,22 +160,24 @@ def wheel_tester(folder):
     lines += [
         f"{k};{v};75;{p};{mu(v, p)}" for k, (p, v) in enumerate(((p, v) for p in P for v in V), start=1)
     ]
-    return _written(folder, "wheel.csv", "\n".join(lines), "utf-8")
+    return put(folder, ("\n".join(lines) + "\n").encode("utf-8"), "wheel.csv")
 
 
-def _written(folder, name, text, encoding):
-    (folder / name).write_bytes((text + "\n").encode(encoding))
-    return folder / name
+def put(folder, text, name="table.csv"):
+    """Write text or bytes to a file; the path."""
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
 
 
-def _book(folder, name, sheets):
-    import openpyxl
-
-    book = openpyxl.Workbook()
-    book.remove(book.active)
+def book(folder, name, sheets):
+    """Write a workbook: rows by the title of their sheet; the path."""
+    openpyxl = pytest.importorskip("openpyxl", reason="writes .xlsx")
+    whole = openpyxl.Workbook()
+    whole.remove(whole.active)
     for title, rows in sheets.items():
-        sheet = book.create_sheet(title)
+        sheet = whole.create_sheet(title)
         for row in rows:
             sheet.append(row)
-    book.save(folder / name)
+    whole.save(folder / name)
     return folder / name

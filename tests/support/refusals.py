@@ -11,3 +11,11 @@ def refused(path, call):
     assert message.startswith(f"{path}: "), message
     assert "\n" not in message
     return message
+
+
+def one_line(call):
+    """The message, one line, of the ValueError that `call` raises."""
+    with pytest.raises(ValueError, match=r"must|already|give|add|tie|is a") as caught:
+        call()
+    assert "\n" not in str(caught.value)
+    return str(caught.value)

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.cases.stored import as_arrays, paths, reference, scene
-from support.oracles import oracle, oracle_heating
+from support.oracles import oracle_heating
 
 import fitting
 import rubberfric as rf
@@ -22,7 +22,6 @@ from fitting.stages import why_not_finite
 from rubberfric.analysis import jacobian
 from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.base import fixed_points
-from rubberfric.theory import branch
 
 NAMES = ("area", "viscoelastic_friction", "shear_friction", "friction", "separation", "flash_temperature")
 POINTS = 8
@@ -74,33 +73,11 @@ def assert_is(values, wanted, rtol, temperature):
         )
 
 
-@pytest.mark.parametrize("name", some(CASES))
-def test_brute_force(name):
-    case = CASES[name]
-    values = found(case)
-    assert values["converged"].all()
-    assert_is(values, case, 1e-8, case["temperature"])
-
-
 @pytest.mark.parametrize("name", some(CASES, ("macro", "background-shear")))
 def test_references_are_fixed_points_of_coarser_panels_too(name):
     known = CASES[name]
     again = oracle_heating.solve(known, 20, 6, start=np.array(known["rises"]))
     assert_is(again, known, 1e-8, known["temperature"])
-
-
-def test_limits_and_symmetry():
-    """An enormous heat capacity."""
-    hot = found(BASE, heating=HEATING | {"heat_capacity": 1e30})
-    cold = oracle.solve({key: x for key, x in BASE.items() if key != "heating"}, 40, 12)
-    for name in ("area", "friction", "separation"):
-        np.testing.assert_allclose(hot[name], cold[name], rtol=1e-10)
-    np.testing.assert_allclose(hot["flash_temperature"], BASE["temperature"], rtol=1e-13)
-    v = np.array([1e-30, 1e-3, 1.0, 1e3])
-    values = found(BASE, v=np.stack([v, -v], 1).ravel())
-    for name in NAMES:
-        sign = -1 if name.endswith("friction") else 1
-        np.testing.assert_array_equal(values[name][::2], sign * values[name][1::2])
 
 
 EXTREMES = {
@@ -261,18 +238,6 @@ def test_no_last_iterate_has_a_jacobian(monkeypatch):
     assert np.isnan(values).all()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", some(["one", "macro", "flash-shear"], ()))
-def test_single_precision(name):
-    case = CASES[name]
-    single = found(case, jnp.float32)
-    assert all(single[quantity].dtype == np.float32 for quantity in NAMES)
-    assert single["converged"].all()
-    double = found(case)
-    for quantity in NAMES:
-        np.testing.assert_allclose(single[quantity], double[quantity], rtol=3e-5, atol=1e-30)
-
-
 def test_what_follows_from_a_linear_fixed_point():
     """Rows with an eigenvalue of -4, as of friction that rises with velocity, by a solution of the system."""
     rng = np.random.default_rng(4)
@@ -306,35 +271,12 @@ def test_a_row_alone_equals_itself_among_others():
             np.testing.assert_allclose(alone[0], row[i], rtol=1e-13)
 
 
-@pytest.mark.parametrize("name", some(SCENES))
-def test_a_point_alone_equals_itself_in_a_curve(name):
-    """Bit by bit: the others end earlier or later, and do not matter."""
-    case, v = SCENES[name], np.logspace(-6, 3, POINTS)
-    curve = found(case, v=v)
-    for i in range(0, POINTS, 2):
-        alone = found(case, v=v[i])
-        for quantity in NAMES:
-            np.testing.assert_array_equal(alone[quantity][0], curve[quantity][i], err_msg=quantity)
-
-
 def test_what_did_not_converge_says_so(monkeypatch):
     monkeypatch.setattr(fixed_points, "_MOST_STEPS", 3)
     y, converged = fixed_points.fixed_point(
         lambda y: jnp.array([[0.0], [1.0]]) * jnp.cos(y), jnp.zeros((2, 5))
     )
     assert converged.tolist() == [True, False] and np.isfinite(y).all()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("steps", [1, 2])
-def test_scenes_that_did_not_converge_are_finite(monkeypatch, steps):
-    monkeypatch.setattr(fixed_points, "_MOST_STEPS", steps)
-    # Else the branch is followed on the scene's own mesh.
-    monkeypatch.setattr(branch, "_MOST_EVALUATIONS", steps)
-    # Another setting compiles again.
-    values = found(SHEARED, quadrature=rf.Quadrature(heat=160 + steps), v=[0.0, 1e-4, 1.0, 10.0])
-    assert not values["converged"][1:4].any()
-    assert all(np.isfinite(values[name]).all() for name in NAMES)
 
 
 @pytest.mark.slow

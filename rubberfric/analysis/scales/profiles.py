@@ -27,7 +27,6 @@ from rubberfric.theory.area.partial_contact import (
 from rubberfric.theory.arguments import validate, warn_of_last_iterates
 from rubberfric.theory.contact import Contact
 from rubberfric.theory.contributions import density_of_K, total
-from rubberfric.theory.heat_balance import temperature_at
 from rubberfric.theory.integrals import Prepared, prepare, solved
 from rubberfric.theory.stiffness.means import factors_at, stiffness_means
 from rubberfric.theory.structure import RequiredMeans, RoughSurface, SurfaceTemperatures, rough_surfaces_of
@@ -174,9 +173,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
         magnification=q / first,
         rms_slope=safe_root(slope2),
         rms_height=safe_root(height2),
-        strain=softened[0].softening.factor * safe_root(slope2)
-        if (softened := surfaces[0].softenings)
-        else None,
+        strain=soft[0].strain_at(safe_root(slope2)) if (soft := surfaces[0].soft_solids) else None,
         **results,
     )
     return result, converged
@@ -226,14 +223,8 @@ def _over_wavevectors(prepared, densities, q, points):
     background = points[2] if len(points) > 2 else None
     inside = [SurfaceTemperatures(background, background)] * len(densities)
     if temperatures is not None:
-        inner_temperature = temperature_at(prepared.roughness, contact, temperatures, points, q)
-        inside = [
-            SurfaceTemperatures(
-                *(background if solid is None else inner_temperature[:, solid] for solid in surface)
-            )
-            for surface in temperatures.thermal.solids
-        ]
-        results |= {"temperature": jnp.mean(inner_temperature, 1), "converged": temperatures.converged}
+        inside, mean = temperatures.at(prepared.roughness, contact, points, q)
+        results |= {"temperature": mean, "converged": temperatures.converged}
     if not prepared.needs.mean_cos_loss:
         return results | dict.fromkeys(("friction_density", "friction"), jnp.zeros_like(G))
     terms = total(jnp.sum(values, -1) for values in contact.friction_terms().values())

@@ -16,7 +16,7 @@ from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import ArrayLike
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.spectra import log_shape
-from rubberfric.scene.scene import Scene, check_without
+from rubberfric.scene.scene import Scene, check_without, temperature_by_scale
 from rubberfric.theory.area.partial_contact import (
     TWO_OVER_ROOT_PI,
     contact_argument,
@@ -96,7 +96,7 @@ def separation_profile(
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
     check_without(scene, ("adhesion", "correlation"), "the separation")
     q = checked_wavevectors(q, 1, conditions, scene)
-    if scene.heating is not None:
+    if temperature_by_scale(scene):
         raise ValueError(
             "scene.heating must be None: the separation at a scale q is not defined for a heated scene"
         )

@@ -105,8 +105,8 @@ class PhysicalObject:
             raise TypeError(
                 "replace takes a key path and its value, or key paths with their values as a dict"
             )
-        given = {paths: value} if isinstance(paths, str) else dict(paths or {})
-        changes = [(parse_key_path(path), new) for path, new in (given | fields).items()]
+        by_path = {paths: value} if isinstance(paths, str) else dict(paths or {})
+        changes = [(parse_key_path(path), new) for path, new in (by_path | fields).items()]
         return _replaced(self, "", [(path, path.names, new) for path, new in changes])
 
     def __eq__(self, other: object) -> bool:
@@ -208,7 +208,9 @@ def parts_of(part: PhysicalObject, path: str = "") -> Iterator[tuple[str, Physic
 
 def is_known(part: PhysicalObject) -> bool:
     """Return True if no number of an object is traced."""
-    return all(is_concrete(getattr(one, name)) for _, one in parts_of(part) for name in leaves_of(type(one)))
+    return all(
+        is_concrete(getattr(inner, name)) for _, inner in parts_of(part) for name in leaves_of(type(inner))
+    )
 
 
 def rising_of(part: PhysicalObject) -> list[list[tuple[str, tuple[int, ...] | None]]]:

@@ -66,23 +66,25 @@ def _leaves(self, names):
     return kept[1]
 
 
-def equal(one: object, other: object) -> bool:
+def equal(first: object, other: object) -> bool:
     """Return True if two objects have equal structures, and leaves with equal dtypes and numbers.
 
     Traced leaves are equal only if they are the same tracer.
     """
-    (left, tree), (right, other_tree) = jax.tree.flatten(one), jax.tree.flatten(other)
+    (left, tree), (right, other_tree) = jax.tree.flatten(first), jax.tree.flatten(other)
     return tree == other_tree and all(map(_equal_leaves, left, right))
 
 
-def hash_of(one: object) -> int:
+def hash_of(value: object) -> int:
     """Return a hash that is equal for objects that are `equal`."""
-    leaves, tree = jax.tree.flatten(one)
+    leaves, tree = jax.tree.flatten(value)
     return hash((tree, *map(_hashable, leaves)))
 
 
-def _equal_leaves(one, other):
-    return one is other or (_has_numbers(one) and _has_numbers(other) and _hashable(one) == _hashable(other))
+def _equal_leaves(first, other):
+    return first is other or (
+        _has_numbers(first) and _has_numbers(other) and _hashable(first) == _hashable(other)
+    )
 
 
 def _has_numbers(leaf):

@@ -144,9 +144,9 @@ def _start(explorer: Explorer) -> dict[str, Any]:
         "points": points,
         "command": COMMAND,
         "sliders": [
-            {name: x for name, x in one._asdict().items() if name not in ("targets", "free")}
-            | {"fits": bool(one.free)}
-            for one in explorer.sliders
+            {name: x for name, x in slider._asdict().items() if name not in ("targets", "free")}
+            | {"fits": bool(slider.free)}
+            for slider in explorer.sliders
         ],
     }
 
@@ -242,8 +242,8 @@ def _rules(slider: Slider, value: float) -> list[tuple[str, str]]:
 
 def _scene(explorer: Explorer, values: CurveValues) -> dict[str, str]:
     scene = explorer.moved(values)
-    given = {name: np.array([x]) for name, x in values.items() if name in ("pressure", "temperature")}
-    return scene_texts(scene, explorer.conditions._replace(**given), explorer.title, name=SCENE)
+    moved = {name: np.array([x]) for name, x in values.items() if name in ("pressure", "temperature")}
+    return scene_texts(scene, explorer.conditions._replace(**moved), explorer.title, name=SCENE)
 
 
 def _archive(files: Mapping[str, bytes]) -> Answer:

@@ -168,11 +168,11 @@ class Explorer:
         Q is the friction, or the area if the scene has no friction.
         """
         self.moved(values)
-        x = jnp.array([values[one.name] for one in self.sliders])
+        x = jnp.array([values[slider.name] for slider in self.sliders])
         value, slopes = jax.device_get(self._slopes(x))
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = slopes * np.asarray(x) / value[:, None]
-        return {one.name: relative[:, i] for i, one in enumerate(self.sliders)}
+        return {slider.name: relative[:, i] for i, slider in enumerate(self.sliders)}
 
     def differences(self, values: CurveValues) -> dict[str, np.ndarray]:
         """Return sensitivities by differences of the curves, for use until `sensitivities` are compiled.
@@ -183,18 +183,18 @@ class Explorer:
         if dict(values) != self._differences[0]:
             self._differences = dict(values), {}
         by_name, begin, count = self._differences[1], time.perf_counter(), 0
-        for one in self.sliders:
-            if one.name in by_name:
+        for slider in self.sliders:
+            if slider.name in by_name:
                 continue
             if count and time.perf_counter() - begin > _TURN:
                 break
             count += 1
-            x = values[one.name]
-            step = _STEP * (abs(x) or one.high - one.low)
-            ends = [min(max(x + sign * step, one.low), one.high) for sign in (-1, 1)]
-            low, high = (self._at_slopes({**values, one.name: end}) for end in ends)
+            x = values[slider.name]
+            step = _STEP * (abs(x) or slider.high - slider.low)
+            ends = [min(max(x + sign * step, slider.low), slider.high) for sign in (-1, 1)]
+            low, high = (self._at_slopes({**values, slider.name: end}) for end in ends)
             with np.errstate(divide="ignore", invalid="ignore"):
-                by_name[one.name] = x * (high - low) / (ends[1] - ends[0]) * 2 / (high + low)
+                by_name[slider.name] = x * (high - low) / (ends[1] - ends[0]) * 2 / (high + low)
         return dict(by_name)
 
     def _at_slopes(self, values):
@@ -203,7 +203,7 @@ class Explorer:
 
     def compile(self) -> None:
         """Compile the curves, and drafts if the curves take longer than `PATIENCE`."""
-        start = {one.name: one.start for one in self.sliders}
+        start = {slider.name: slider.start for slider in self.sliders}
         self.curves(start)
         begin = time.perf_counter()
         self.curves(start)
@@ -215,7 +215,7 @@ class Explorer:
     def compile_sensitivities(self) -> None:
         """Compile the sensitivities in a thread, and store the text of an error in `failure`."""
         try:
-            self.sensitivities({one.name: one.start for one in self.sliders})
+            self.sensitivities({slider.name: slider.start for slider in self.sliders})
         except Exception as error:  # a thread cannot raise it
             self.failure = str(error) or type(error).__name__
         finally:
@@ -228,16 +228,16 @@ class Explorer:
         """
         curves, measured = self.curves_of_points, self.measured
 
-        def all_of(name, one):
+        def all_of(name, value):
             if name == self.axis:
                 parts = [self.at, np.tile(self.at[::BESIDE], len(curves))]
             else:
                 each = [getattr(curve, name) for curve in curves]
-                beside = np.array([one if x is None else x for x in each])
-                parts = [np.full(self.at.size, one), np.repeat(beside, self.at[::BESIDE].size)]
+                beside = np.array([value if x is None else x for x in each])
+                parts = [np.full(self.at.size, value), np.repeat(beside, self.at[::BESIDE].size)]
             if measured is not None:
                 own = getattr(measured, name)
-                parts.append(np.full(measured.velocity.size, one) if own is None else own)
+                parts.append(np.full(measured.velocity.size, value) if own is None else own)
             return np.concatenate(parts).astype(float)
 
         v, p = (float(x[0]) for x in self.conditions[:2])
@@ -270,7 +270,7 @@ class Explorer:
 
     def _all_slopes(self, x):
         """Return the `sensitive` quantity, (points,), and its derivatives, (points, sliders)."""
-        names = [one.name for one in self.sliders]
+        names = [slider.name for slider in self.sliders]
         base = cast(self.scene, float)
 
         def scene_of(x):
@@ -281,8 +281,8 @@ class Explorer:
         v, p = (float(x[0]) for x in self.conditions[:2])
 
         def conditions(z):
-            given = {"velocity": v, "pressure": p} | dict(zip(outside, z, strict=True)) | {self.axis: at}
-            filled = {name: jnp.broadcast_to(value, at.shape) for name, value in given.items()}
+            columns = {"velocity": v, "pressure": p} | dict(zip(outside, z, strict=True)) | {self.axis: at}
+            filled = {name: jnp.broadcast_to(value, at.shape) for name, value in columns.items()}
             return filled["velocity"], filled["pressure"], filled.get("temperature")
 
         z = jnp.array([x[names.index(name)] for name in outside])
@@ -320,9 +320,8 @@ def _materials(scene: Scene) -> dict[str, Material]:
     for name, body in (("upper", scene.upper), ("lower", scene.lower)):
         if body.material.deforms:
             materials[name] = body.material
-        below = None if body.layer is None else body.layer.below
-        if below is not None:
-            materials[f"{name}, base"] = below
+        if body.below is not None:
+            materials[f"{name}, base"] = body.below
     return materials
 
 

@@ -104,7 +104,7 @@ class Server(ThreadingHTTPServer):
 
     def enters(self, path: str) -> bool:
         """Return True if a path is the path of the one-time URL, and invalidate this URL."""
-        there = any(hmac.compare_digest(path.encode(), f"/{one}/".encode()) for one in self._entrance)
+        there = any(hmac.compare_digest(path.encode(), f"/{key}/".encode()) for key in self._entrance)
         try:
             return there and bool(self._entrance.pop())
         except IndexError:  # another thread was faster

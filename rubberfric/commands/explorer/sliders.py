@@ -71,14 +71,14 @@ def sliders_of(scene: Scene, conditions: Conditions, axis: str = "velocity") -> 
     conditions are start values. `axis` is the condition on the abscissa, which has no slider. Constructors
     accept the ends of each slider, while all other sliders have their start values.
     """
-    sliders = [one for one in _of_conditions(scene, conditions) if one.name != axis]
+    sliders = [slider for slider in _of_conditions(scene, conditions) if slider.name != axis]
 
-    def try_value(one, value):
-        scene.replace(changes(scene, [one], {one.name: value}, np))
+    def try_value(slider, value):
+        scene.replace(changes(scene, [slider], {slider.name: value}, np))
 
     for path, part in parts_of(scene):
-        sliders += [_within(one, try_value) for one in _of_object(path, part)]
-    return [one for one in sliders if one.low < one.high]
+        sliders += [_within(slider, try_value) for slider in _of_object(path, part)]
+    return [slider for slider in sliders if slider.low < slider.high]
 
 
 def with_cutoffs(scene: Scene) -> Scene:
@@ -92,16 +92,16 @@ def with_cutoffs(scene: Scene) -> Scene:
     return scene.replace(changes) if changes else scene
 
 
-def slider_values(sliders: Sequence[Slider], given: Any) -> dict[str, float]:
+def slider_values(sliders: Sequence[Slider], content: Any) -> dict[str, float]:
     """Return the value of every slider: from the object `given` by slider name, or the start value.
 
     A ValueError is raised for an unknown slider, and for a value that is not a number within its range.
     """
-    if not isinstance(given, dict):
-        raise ValueError(f"values = {shown(given)}: must be an object with numbers by slider name")
-    known = {one.name: one for one in sliders}
-    values = {one.name: one.start for one in sliders}
-    for name, value in given.items():
+    if not isinstance(content, dict):
+        raise ValueError(f"values = {shown(content)}: must be an object with numbers by slider name")
+    known = {slider.name: slider for slider in sliders}
+    values = {slider.name: slider.start for slider in sliders}
+    for name, value in content.items():
         if name not in known:
             raise ValueError(f"{shown(name)}: unknown slider; {closest(name, tuple(known))}")
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -120,9 +120,9 @@ def changes(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, Any], 
     `scene` has the start values. `array` is numpy, or jax.numpy for traced values.
     """
     changed: dict[str, Any] = {}
-    for one in sliders:
-        value = values[one.name]
-        for path, elements, power in one.targets:
+    for slider in sliders:
+        value = values[slider.name]
+        for path, elements, power in slider.targets:
             if power is None:
                 changed[path] = value
                 continue
@@ -137,7 +137,7 @@ def changes(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, Any], 
 
 def moved(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, float]) -> Scene:
     """Return the scene at the sliders' values, or raise ValueError if the scene refuses them."""
-    away = [one for one in sliders if values[one.name] != one.start]
+    away = [slider for slider in sliders if values[slider.name] != slider.start]
     changed = changes(scene, away, values, np)
     return scene.replace(changed) if changed else scene
 

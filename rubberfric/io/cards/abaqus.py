@@ -53,13 +53,15 @@ class _Block(NamedTuple):
         Names and values may be abbreviated. A name whose tuple of values is empty allows all values.
         """
         options: dict[str, str] = {}
-        for given, value in self.options:
-            name = _squeezed(given)
-            names = [one for one in allowed if _squeezed(one).startswith(name)]
-            names = [one for one in names if _squeezed(one) == name] or names
+        for written, value in self.options:
+            name = _squeezed(written)
+            names = [keyword for keyword in allowed if _squeezed(keyword).startswith(name)]
+            names = [keyword for keyword in names if _squeezed(keyword) == name] or names
             values = allowed[names[0]] if len(names) == 1 else ()
-            fits = [one for one in values if value and _squeezed(one).startswith(_squeezed(value))]
-            text = f"{given}={value}" if value else given
+            fits = [
+                keyword for keyword in values if value and _squeezed(keyword).startswith(_squeezed(value))
+            ]
+            text = f"{written}={value}" if value else written
             listed = ", ".join(f"{a}={b}" if b else a for a, bs in allowed.items() for b in bs or ("",))
             message = f"{self.keyword}, {text} is not supported: must be {listed}{hint}"
             need(len(names) == 1 and (fits or not values or (not value and "" in values)), message)

@@ -207,7 +207,7 @@ def _over_temperature(material, *names) -> dict[float | None, float]:
         if name in material.points:
             columns.append(material.points[name])
     need(columns, f"MP,{names[0]} is missing: must be given")
-    need(all(one == columns[0] for one in columns), f"MP,{names[0]} is given twice: must be given once")
+    need(all(column == columns[0] for column in columns), f"MP,{names[0]} is given twice: must be given once")
     return columns[0]
 
 

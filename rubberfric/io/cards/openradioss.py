@@ -55,8 +55,11 @@ def _check_units(blocks, options):
             need(known and time == "s", f"/BEGIN states the units {mass}, {length}, {time}: must be in s")
             stress = _MASS[mass] / _LENGTH[length] / _TIME[time] ** 2
             message = f"/BEGIN states the units {mass}, {length}, {time}, a stress of {stress:g} Pa"
-            given = options.stress or "Pa"
-            need(np.isclose(stress, STRESS[given]), f"{message}: must agree with unit_stress = {given!r}")
+            unit_stress = options.stress or "Pa"
+            need(
+                np.isclose(stress, STRESS[unit_stress]),
+                f"{message}: must agree with unit_stress = {unit_stress!r}",
+            )
 
 
 def _cards(blocks, laws, series, options):

@@ -131,7 +131,7 @@ class Plan(NamedTuple):
     relations: tuple[Relation, ...]
 
 
-def plan_for(wanted: Iterable[str], given: Collection[str], area: bool = False) -> Plan:
+def plan_for(wanted: Iterable[str], available: Collection[str], area: bool = False) -> Plan:
     """Return the columns and relations that give as many of the wanted quantities as possible.
 
     Parameters
@@ -144,25 +144,25 @@ def plan_for(wanted: Iterable[str], given: Collection[str], area: bool = False) 
     relations: dict[Relation, None] = {}
     usable = [relation for relation in RELATIONS if relation.constant != "area" or area]
     for quantity in wanted:
-        steps = _steps(quantity, given, usable, ())
+        steps = _steps(quantity, available, usable, ())
         if steps is not None:
             columns |= dict.fromkeys(steps.columns)
             relations |= dict.fromkeys(steps.relations)
     return Plan(tuple(columns), tuple(relations))
 
 
-def _steps(quantity, given, usable, above) -> Plan | None:
+def _steps(quantity, available, usable, above) -> Plan | None:
     """Return the plan with the fewest relations for one quantity, or None.
 
     `above` are quantities that the plan must not use.
     """
-    if quantity in given:
+    if quantity in available:
         return Plan((quantity,), ())
     possible = []
     for relation in usable:
         if relation.result != quantity or quantity in above:
             continue
-        parts = [_steps(column, given, usable, (*above, quantity)) for column in relation.columns]
+        parts = [_steps(column, available, usable, (*above, quantity)) for column in relation.columns]
         plans = [part for part in parts if part is not None]
         if len(plans) == len(parts):
             columns = dict.fromkeys(column for plan in plans for column in plan.columns)
@@ -235,8 +235,10 @@ def with_derived(
         values += [constants[relation.constant]] if relation.constant else []
         table[relation.result] = relation.compute(*values)
         if history is not None:
-            given = f", {relation.constant} = {constants[relation.constant]:g}" if relation.constant else ""
-            history.append(f"{relation.result} = {relation.formula}{given}")
+            constant = (
+                f", {relation.constant} = {constants[relation.constant]:g}" if relation.constant else ""
+            )
+            history.append(f"{relation.result} = {relation.formula}{constant}")
     if any(relation.result == "mu" for relation in plan.relations) and "v" in table:
         reverses = np.ptp(np.sign(table["F_t"])) > 0 or np.any(table["v"] < 0)
         table["v"] = np.abs(table["v"])

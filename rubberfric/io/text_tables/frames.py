@@ -110,15 +110,15 @@ def as_frame(frame: DataFrame, units: Mapping[str, str] | None = None) -> Frame:
         kind = type(frame).__name__
         raise ValueError(f"frame must be a data frame, or a mapping of title -> numbers, got a {kind}")
     titles, stated, columns = _parts(frame)
-    given: Mapping[str, str] = {} if units is None else units
-    if not isinstance(given, Mapping) or not all(isinstance(unit, str) for unit in given.values()):
+    mapping: Mapping[str, str] = {} if units is None else units
+    if not isinstance(mapping, Mapping) or not all(isinstance(unit, str) for unit in mapping.values()):
         raise ValueError(f"units = {shown(units)}: must be a mapping of title -> unit, or None")
-    for key in given:
+    for key in mapping:
         places = [i for i, title in enumerate(titles) if key in (title, known_name(title)[0])]
         if not places:
             raise ValueError(f"units: {key!r} is not a column that is read")
         for i in places:
-            stated[i] = given[key]
+            stated[i] = mapping[key]
     return Frame(titles, stated, _equally_long(titles, columns))
 
 

@@ -26,12 +26,12 @@ def project_table(
     for name in names:
         if name not in known:
             raise ValueError(f"{where}: column {shown(name)}: {closest(name, tuple(known))}")
-    given = [known[name] for name in names]
+    quantities = [known[name] for name in names]
     for quantity in needed:
-        if quantity not in given:
+        if quantity not in quantities:
             raise ValueError(missing_column(where, quantity))
-    for i, quantity in enumerate(given):
-        if quantity in given[:i]:
+    for i, quantity in enumerate(quantities):
+        if quantity in quantities[:i]:
             raise ValueError(f"{where}: column {names[i]!r}: {quantity} is given twice; must be given once")
     rows = [(line, row) for line, row in below if len(row) == len(names)]
     for line, row in every[1:]:

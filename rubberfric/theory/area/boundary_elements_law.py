@@ -155,9 +155,9 @@ def _means(B, moduli, shape):
         return moduli.means
     log_E, E2, over_E2 = _at(B, moduli.circle)
     return Means(
-        log_E + shape.log_slab,
-        0.5 * jnp.log(E2) + shape.log_slab,
-        moduli.softest - 0.5 * jnp.log(over_E2) + shape.log_slab,
+        log_E + shape.log_S_bar,
+        0.5 * jnp.log(E2) + shape.log_S_bar,
+        moduli.softest - 0.5 * jnp.log(over_E2) + shape.log_S_bar,
     )
 
 
@@ -214,9 +214,9 @@ def _below_q1(A, B, log_E_eff, moduli, law):
     log_E_W = (partial * means.log_E_h + (1 - partial) * means.log_E_r)[:, :inside]
     odds = jnp.expm1(-_log_W_m(A, B, law))  # (1 - W) / W
     odds = odds * jnp.exp((c.c_v * B + c.c_w * A)[:, None] * (log_E_W - log_E_eff[:, None]))
-    slab = shape.log_slab[:inside]
+    log_S_bar = shape.log_S_bar[:inside]
     # |E| of the half-space in the factor that depends on phi.
-    around = odds * jnp.exp(-c.c_phi * B[:, None] * (log_E_W - slab))
+    around = odds * jnp.exp(-c.c_phi * B[:, None] * (log_E_W - log_S_bar))
     stiff = jnp.exp(c.c_phi * B[:, None] * moduli.log_E)
     kinds = _along_and_across(shape, slice(inside))
 
@@ -224,11 +224,11 @@ def _below_q1(A, B, log_E_eff, moduli, law):
     @jax.checkpoint
     def ring(point):
         loss, odds, stiff = point
-        heat = loss / (1 + odds[:, None] * stiff)
-        return [[jnp.sum(weights * heat, -1) for weights in kind] for kind in kinds]
+        lost = loss / (1 + odds[:, None] * stiff)
+        return [[jnp.sum(weights * lost, -1) for weights in kind] for kind in kinds]
 
-    heat = [_at(B, kind) for kind in jax.lax.map(ring, (moduli.loss, around, stiff))]
-    return 1 / (1 + odds), [_weight(shape) * jnp.exp(slab) * one for one in heat]
+    lost = [_at(B, kind) for kind in jax.lax.map(ring, (moduli.loss, around, stiff))]
+    return 1 / (1 + odds), [_weight(shape) * jnp.exp(log_S_bar) * one for one in lost]
 
 
 def _beyond_q1(A, B, log_E_eff, moduli, law):
@@ -238,9 +238,9 @@ def _beyond_q1(A, B, log_E_eff, moduli, law):
     """
     shape, c = law.shape, law.constants
     inside = shape.weight.size
-    slab, log_E_h = shape.log_slab[inside:], _means(B, moduli, shape).log_E_h[:, inside:]
+    log_S_bar, log_E_h = shape.log_S_bar[inside:], _means(B, moduli, shape).log_E_h[:, inside:]
     loss = moduli.loss * jnp.exp(-c.c_phi * moduli.log_E)
-    log_factor = c.c_b * (log_E_eff[:, None] - log_E_h) + c.c_phi * (log_E_h - slab) + slab
+    log_factor = c.c_b * (log_E_eff[:, None] - log_E_h) + c.c_phi * (log_E_h - log_S_bar) + log_S_bar
     height = jnp.exp(shape.log_D_end) * _T(A, B, law)
     factor = height[:, None] * jnp.exp(log_factor - 3 * shape.beyond) * shape.step
     kinds = _along_and_across(shape, slice(inside, None))

@@ -13,12 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.quadrature import Quadrature, gauss, typed
-from rubberfric.materials.material import poisson_of
 from rubberfric.roughness.anisotropy import slope_anisotropy
 from rubberfric.roughness.mesh.nodes import Mesh, build_mesh
 from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio
-from rubberfric.scene.scene import Body
+from rubberfric.scene.body import Body
 from rubberfric.theory.area.circle_matrices import CircleMatrices, Directions, circle_matrices
 from rubberfric.theory.structure import RoughSurface
 
@@ -83,7 +82,7 @@ class Shape(NamedTuple):
     step: jax.Array  # d ln q above q1, (nodes beyond,)
     circle: CircleMatrices  # at the nodes and beyond; rows for g, and for the light contact if anisotropic
     e2: jax.Array | None  # e^2, None if isotropic
-    log_slab: jax.Array  # ln of slab over half-space stiffness, or 0, (all nodes,)
+    log_S_bar: jax.Array  # ln of slab over half-space stiffness, or 0, (all nodes,)
 
 
 class Law(NamedTuple):
@@ -125,9 +124,7 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
         densities = functools.partial(_densities, constants.c_g, cosines, sines)
         e2 = slope_anisotropy(surface.spectrum)
     body = surface.strained if surface.strained.material.deforms else surface.rough
-    log_slab = jnp.zeros_like(log_q)
-    if body.layer is not None:
-        log_slab = jnp.log(body.layer.stiffening(poisson_of(body.material), jnp.exp(log_q)))
+    log_S_bar = jnp.zeros_like(log_q) if body.half_space else jnp.log(body.S_bar(jnp.exp(log_q)))
     return Law(
         Shape(
             mesh=mesh,
@@ -144,7 +141,7 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
             step=math.log(END) * dln,
             circle=circle_matrices(log_q, panels, surface.detail, _log_range(surface), densities),
             e2=e2,
-            log_slab=log_slab,
+            log_S_bar=log_S_bar,
         ),
         surface.strained,
         surface.rough,

@@ -11,6 +11,7 @@ means over the direction of sliding use the same functions.
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
@@ -21,8 +22,9 @@ from rubberfric.materials.in_series import in_series, times
 from rubberfric.materials.material import E_r, Material, poisson_of
 from rubberfric.materials.slab import Layer
 from rubberfric.materials.tabulated_modulus import REACH
-from rubberfric.scene.scene import Body, Scene
-from rubberfric.scene.softening import Softened, softening_factors
+from rubberfric.scene.body import Body
+from rubberfric.scene.scene import Scene
+from rubberfric.scene.softening import Softened, knots, softening_factors
 from rubberfric.theory.structure import AT_REFERENCE, RoughSurface, SurfaceTemperatures
 
 # Distance in ln omega from the relaxation times at which E' is constant and E'' a power of omega, to 1e-14.
@@ -131,6 +133,26 @@ def E_r_S_bar(
     if body.below is not None:
         base = times(1 / jnp.asarray(unit), E_r(body.below, omega, T, layer.base_shift(body.material)))
     return layer.E_r_S_bar(poisson_of(body.material), q, E, base)  # (A10)
+
+
+def factors_of_q(surface: RoughSurface, q: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Return the real factors of E' and E'' in F_j at wavevectors q [1/m] of any shape.
+
+    The strained solid is separable (`Body.separable`). If the rough solid deforms, both are half-spaces that
+    do not soften.
+    """
+    S_bar = surface.strained.S_bar(q)
+    if surface.softened is None:
+        return S_bar, S_bar
+    f, g = softening_factors(surface.softened, q)
+    return f * S_bar, g * S_bar
+
+
+def kinks(surfaces: Sequence[RoughSurface]) -> list[jax.Array]:
+    """Return arrays of wavevectors at which F_j has kinks [1/m]. A scene without softening has none."""
+    # Two solids with equal softening have the same knots.
+    different = {id(one.softening): one for one in surfaces[0].soft_solids}
+    return [knots(one) for one in different.values()]
 
 
 def modulus_scale(scene: Scene) -> jax.Array:

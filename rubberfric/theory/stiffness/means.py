@@ -15,13 +15,18 @@ import numpy as np
 
 from rubberfric.base.checks import is_concrete
 from rubberfric.base.compilation import exact_products, quick_options
-from rubberfric.materials.material import poisson_of, series_of
+from rubberfric.materials.material import series_of
 from rubberfric.materials.shifts import Shift, log_vertical
-from rubberfric.scene.scene import Scene
-from rubberfric.scene.softening import softening_factors
+from rubberfric.scene.scene import Scene, temperature_by_scale
 from rubberfric.theory.stiffness.by_node import at_points, grid_is_cheaper, on_grid
 from rubberfric.theory.stiffness.closed_form import Harmonics, Means, PronyStiffness
-from rubberfric.theory.stiffness.complex_stiffness import F_j, frequency_range, modulus_scale, quick
+from rubberfric.theory.stiffness.complex_stiffness import (
+    F_j,
+    factors_of_q,
+    frequency_range,
+    modulus_scale,
+    quick,
+)
 from rubberfric.theory.stiffness.kinds import kinds_of, passing
 from rubberfric.theory.stiffness.table import MeansTable, means_table
 from rubberfric.theory.structure import (
@@ -73,14 +78,10 @@ def factors_at(surface: RoughSurface, scale: jax.Array, q: jax.Array) -> Factors
     if surface.method is MeansMethod.CONSTANT:
         F = F_j(surface, q, None, unit=scale)
         return Factors(F, F, (F**2,))
-    storage = loss = jnp.ones_like(q)
     if surface.method in (MeansMethod.CLOSED_FORM, MeansMethod.TABLE):
-        body = surface.strained
-        if body.layer is not None:
-            storage = loss = body.layer.stiffening(poisson_of(body.material), q)
-        if surface.softened is not None:
-            f, g = softening_factors(surface.softened, q)
-            storage, loss = f * storage, g * loss
+        storage, loss = factors_of_q(surface, q)
+    else:
+        storage = loss = jnp.ones_like(q)
     return Factors(storage, loss, (storage**2, loss**2) if surface.separate_storage_loss else (storage**2,))
 
 
@@ -232,7 +233,7 @@ def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> 
     dtype : dtype of the tables
     """
     details = (body.material.detail for body in (scene.lower, scene.upper) if body.material.deforms)
-    if scene.heating is not None or all(detail is None for detail in details):
+    if temperature_by_scale(scene) or all(detail is None for detail in details):
         return None
     needs = Structure.of(scene, quantities).needs
     if not needs.mean_abs2 or not all(map(is_concrete, jax.tree.leaves(scene))):

@@ -5,7 +5,9 @@ import math
 
 import numpy as np
 import pytest
-from support.scenes.fits import AFFINE, FAST, ROAD, SHIFTED
+from support.scenes.fits import AFFINE, FAST, ROAD, SHIFTED, E
+from support.scenes.fits import H_RMS as H
+from support.scenes.fits import WARM as SCENE
 
 import fitting
 import rubberfric as rf
@@ -19,10 +21,7 @@ T = 303.15  # [K]
 P = 2e5  # [Pa]
 # Relative error of the data, as of a careful measurement.
 ERROR = 0.03
-H = "lower.spectrum.h_rms"
-E = "upper.material.E"
 FREE = {H: fitting.Positive(), f"{E}[0]": fitting.Positive(), f"{E}[1]": fitting.Positive()}
-SCENE = rf.Scene(ROAD, rf.Body(SHIFTED))
 LAW = dataclasses.replace(SCENE, contact_model="boundary_elements")
 # A prior of a free number, and the stated error of a fixed one.
 PRIOR = {f"{E}[0]": fitting.Gaussian(5e7, 5e6), "upper.material.shift.C1": fitting.Gaussian(12.0, 0.5)}
@@ -151,6 +150,7 @@ def test_sizes_and_their_text(fit):
     text = tiny.report()
     assert "temperature: all temperatures + 0.01 K\n" in text
     assert "pressure: all pressures x 1.05 (default)" in text
+    assert "hurst of lower +0.05" in text
     assert tiny["temperature"].stated and not tiny["pressure"].stated
     with pytest.raises(ValueError, match=r"velocity = -1: must be a finite number >= 0"):
         fit.budget(velocity=-1)
@@ -265,6 +265,20 @@ def test_fixed_numbers_with_an_error(fit):
         fitted(data_of(), prior={"gamma": fitting.Gaussian((0.5, 0.5), 0.1)})
     assert "upper.material.shift.C1: fixed, its error enters the budget" in fit.report()
     assert fit.problem.numbers.prior[0].size == 1 and len(fit.problem.numbers.prior) == 1
+
+
+def test_the_tables_show_the_shifts(budget):
+    """The first in units of the numbers, the second in standard errors; "?" is an unknown shift."""
+    number = len(budget.sources) + 2
+    expected = np.stack([budget.noise, *(part.shift for part in budget.contributions), budget.total], 1)
+    tables = budget.report().split("in standard errors:")
+    for table, scale in zip(tables, (np.ones_like(budget.noise), budget.noise), strict=True):
+        cells = {line.split()[0]: line.split()[-number:] for line in table.split("\n") if line.strip()}
+        for name, values, unit in zip(budget.names, expected, scale, strict=True):
+            np.testing.assert_allclose(np.array(cells[name], float), values / unit, rtol=0.05, atol=0.0051)
+    unknown = budget.contributions[0]._replace(shift=np.full(len(budget.names), np.nan))
+    text = dataclasses.replace(budget, contributions=(unknown, *budget.contributions[1:])).report()
+    assert text.count(" ? ") == 2 * len(budget.names)
 
 
 def test_file_html_and_picture(budget, tmp_path):

@@ -5,6 +5,7 @@ import functools
 import mpmath
 import numpy as np
 import pytest
+from support.exports import put
 from support.refusals import refused
 
 import fitting
@@ -36,11 +37,6 @@ def truth():
 
 def relaxation():
     return E_1 * (1 + 3 * (1 + TIMES / T_0) ** -POWER)
-
-
-def put(folder, text, name="table.csv"):
-    (folder / name).write_text(text, encoding="utf-8")
-    return folder / name
 
 
 # --- Prony series

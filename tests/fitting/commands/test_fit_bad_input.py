@@ -7,9 +7,10 @@ import sys
 import jax
 import numpy as np
 import pytest
-from support.scenes.fits import AFFINE, PLAIN, ROAD, E
+from support.scenes.fits import AFFINE, PLAIN, ROAD, SHEAR, E
 from support.scenes.fits import FAST as QUADRATURE
-from support.scenes.fits import SHIFTED as RUBBER
+from support.scenes.fits import SCENE as COLD
+from support.scenes.fits import WARM as SCENE
 
 import rubberfric as rf
 from fitting import (
@@ -24,11 +25,9 @@ from fitting import (
     fit,
 )
 
-SCENE = rf.Scene(ROAD, rf.Body(RUBBER))
 FREE = {E: Positive()}
-COLD = rf.Scene(ROAD, rf.Body(PLAIN))
 ELASTIC = rf.Scene(ROAD, rf.Body(rf.Elastic(1e7, 0.5)))
-SHEARED = ELASTIC.replace(shear=rf.ContactShear(6.5e6, 0.1, 6e-3))
+SHEARED = ELASTIC.replace(shear=SHEAR)
 POINT = ModulusData([1.0], [1e7], [1e6])
 SPECTRUM = SpectrumData([1e3], [1e-14])
 MODULUS = ModulusData([1e2, 1e3, 1e4], [5e6, 8e6, 1e7], [2e6, 4e6, 4e6], relative=0.05)

@@ -1,61 +1,21 @@
 """Measured data: refusals of the constructors, residuals of a fit, and exact files."""
 
 import dataclasses
-import os
 import warnings
 
-import h5py
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.refusals import refused
+from support.refusals import one_line
+from support.scenes.measured import GOOD, KINDS, absolute, equal, good
 
-from fitting.data.files import read, read_group, write
 from fitting.data.kinds import AreaData, FrictionData, ModulusData, SpectrumData, warn_of_repeated
-from rubberfric.io.tables import COLUMNS
 
-GOOD = {
-    FrictionData: {"velocity": [1e-3, 1.0], "friction": [0.5, 0.9], "pressure": 1e5, "temperature": 293.15},
-    AreaData: {"velocity": [1e-3, 1.0], "area": [0.1, 0.05], "pressure": 1e5, "temperature": 293.15},
-    ModulusData: {"omega": [2.0, 1.0], "storage": [1e6, 2e6], "loss": [1e5, 2e5], "temperature": 293.15},
-    SpectrumData: {"q": [1e3, 1e2], "C": [1e-12, 1e-9]},
-}
-KINDS = list(GOOD)
 FIELD = [(cls, name) for cls in KINDS for name in GOOD[cls]]
+
+
 SIGMA = [(cls, name) for cls in KINDS for name in (*cls.sigmas, "relative")]
-
-
-def good(cls, **changes):
-    return cls(**GOOD[cls] | changes)
-
-
-def absolute(cls, **changes):
-    """Data with absolute errors."""
-    return good(cls, **dict(zip(cls.sigmas, ([0.1, 0.2], [0.3, 0.4]), strict=False)) | changes)
-
-
-def message(call):
-    """The message, one line, of the ValueError that `call` raises."""
-    with pytest.raises(ValueError, match="must") as caught:
-        call()
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
-
-
-def equal(one, other):
-    """Return True if two data sets are equal to the last bit."""
-    assert type(one) is type(other)
-    for field in dataclasses.fields(one):
-        x, y = getattr(one, field.name), getattr(other, field.name)
-        if isinstance(x, np.ndarray):
-            assert (x.dtype, y.dtype) == (np.float64, np.float64)
-            np.testing.assert_array_equal(x, y)
-        else:
-            assert x == y, field.name
-
-
-# --- constructors
 
 
 @pytest.mark.parametrize(("cls", "name"), [*FIELD, *SIGMA])
@@ -83,7 +43,7 @@ def test_every_field_must_be_finite_real_numbers(cls, name, value, text):
         if name in cls.sigmas:
             given = dict.fromkeys(cls.sigmas, 0.1) | given
         for check_units in (True, False):
-            got = message(
+            got = one_line(
                 lambda make=make, given=given, check=check_units: make(cls, **given, check_units=check)
             )
             assert got.startswith(f"{cls.__name__}.{name}"), got
@@ -97,12 +57,12 @@ def test_missing_fields(cls, name):
     else:
         unit = cls.fields()[name].unit
         expected = f"{cls.__name__}.{name} is missing: must be given, in {unit}"
-        assert message(lambda: good(cls, **{name: None})) == expected
+        assert one_line(lambda: good(cls, **{name: None})) == expected
 
 
 def test_pressure_has_no_default():
-    assert "pressure is missing: must be given, in Pa" in message(lambda: FrictionData(1.0, 0.5))
-    assert "pressure is missing: must be given, in Pa" in message(lambda: AreaData(1.0, 0.5, 0.1))
+    assert "pressure is missing: must be given, in Pa" in one_line(lambda: FrictionData(1.0, 0.5))
+    assert "pressure is missing: must be given, in Pa" in one_line(lambda: AreaData(1.0, 0.5, 0.1))
 
 
 @pytest.mark.parametrize(("cls", "name"), [*FIELD, *SIGMA])
@@ -117,20 +77,20 @@ def test_signs(cls, name, value):
     if name in ("pressure", "temperature", "storage", "loss"):
         given = {name: [1e4, value] if name != "temperature" else [300.0, value]}
     expected = f"{cls.__name__}.{name}[1] = {value}: must be > 0"
-    assert expected in message(lambda: good(cls, **given))
+    assert expected in one_line(lambda: good(cls, **given))
     if name == "friction":
-        assert message(lambda: good(cls, **given)).endswith(
+        assert one_line(lambda: good(cls, **given)).endswith(
             "with relative errors or none; give sigma instead"
         )
-        assert expected in message(lambda: good(cls, **given, relative=0.1))
+        assert expected in one_line(lambda: good(cls, **given, relative=0.1))
         assert absolute(cls, **given).friction[1] == value
     elif name in cls.values:
-        assert message(lambda: absolute(cls, **given)) == expected
+        assert one_line(lambda: absolute(cls, **given)) == expected
         # noise may leave the range where the residual does not need it
         assert getattr(absolute(cls, **given, check_units=False), name)[1] == value
-        assert "give sigma" in message(lambda: good(cls, **given, check_units=False))
+        assert "give sigma" in one_line(lambda: good(cls, **given, check_units=False))
     else:
-        assert expected == message(lambda: good(cls, **given, check_units=False))
+        assert expected == one_line(lambda: good(cls, **given, check_units=False))
 
 
 @pytest.mark.parametrize(
@@ -159,7 +119,7 @@ def test_signs(cls, name, value):
 def test_values_that_look_like_a_wrong_unit(cls, name, value, text):
     index, given = ("[0]", [value, value]) if name in cls.values else ("", value)
     expected = f"{cls.__name__}.{name}{index} = {value}: {text} (check_units=False accepts it)"
-    assert message(lambda: good(cls, **{name: given})) == expected
+    assert one_line(lambda: good(cls, **{name: given})) == expected
     data = good(cls, **{name: given}, check_units=False)
     np.testing.assert_array_equal(getattr(data, name), [value, value])
 
@@ -177,13 +137,13 @@ def test_bounds_leave_real_measurements_alone():
 def test_errors_are_absolute_or_relative(cls):
     both = " and ".join(cls.sigmas)
     expected = f"{cls.__name__}: {both} and relative are given: must be one of them"
-    assert message(lambda: absolute(cls, relative=0.1)) == expected
+    assert one_line(lambda: absolute(cls, relative=0.1)) == expected
 
 
 def test_errors_of_a_modulus_come_together():
-    got = message(lambda: good(ModulusData, sigma_storage=1e4))
+    got = one_line(lambda: good(ModulusData, sigma_storage=1e4))
     assert got == "ModulusData.sigma_loss is missing: must be given together with sigma_storage"
-    got = message(lambda: good(ModulusData, sigma_loss=1e4))
+    got = one_line(lambda: good(ModulusData, sigma_loss=1e4))
     assert got == "ModulusData.sigma_storage is missing: must be given together with sigma_loss"
 
 
@@ -194,7 +154,7 @@ def test_shapes_that_do_not_broadcast(cls, name):
     }
     if name in cls.sigmas:
         given = dict.fromkeys(cls.sigmas, 0.1) | given
-    got = message(lambda: good(cls, **given))
+    got = one_line(lambda: good(cls, **given))
     assert got.startswith(f"{cls.__name__}: shapes differ (")
     assert f"{name} has (3,)" in got
     assert "has (2,)" in got
@@ -204,23 +164,20 @@ def test_shapes_that_do_not_broadcast(cls, name):
 @pytest.mark.parametrize("cls", KINDS)
 def test_texts_and_flags(cls):
     for name in (1.0, None, "two\nlines", "\0"):
-        assert f"{cls.__name__}.name = {name!r}: must be text on one line" in message(
+        assert f"{cls.__name__}.name = {name!r}: must be text on one line" in one_line(
             lambda name=name: good(cls, name=name)
         )
-    assert f"{cls.__name__}.check_units = 1: must be True or False" in message(
+    assert f"{cls.__name__}.check_units = 1: must be True or False" in one_line(
         lambda: good(cls, check_units=1)
     )
     if cls in (ModulusData, SpectrumData):
         for body in ("middle", 1, True, ["lower"]):
             expected = f"{cls.__name__}.body = {body!r}: must be 'lower', 'upper' or None"
-            assert message(lambda body=body: good(cls, body=body)) == expected
+            assert one_line(lambda body=body: good(cls, body=body)) == expected
         assert [good(cls, body=body).body for body in ("lower", "upper", None)] == ["lower", "upper", None]
     else:
         with pytest.raises(TypeError, match="body"):
             good(cls, body="lower")
-
-
-# --- residuals of a fit
 
 
 def test_order_of_arguments():
@@ -256,7 +213,7 @@ def test_arrays_are_the_data_s_own():
         data.velocity[0] = 2.0
     with pytest.raises(dataclasses.FrozenInstanceError):
         data.velocity = velocity
-    assert "must be real numbers" in message(
+    assert "must be real numbers" in one_line(
         lambda: jax.jit(lambda v: FrictionData(v, 0.5, pressure=1e5))(1.0)
     )
 
@@ -283,13 +240,13 @@ def test_replaced(cls):
         np.testing.assert_array_equal(other.measured, data.measured[::-1])
         rest = {name: getattr(data, name) for name in cls.values}
         equal(data, dataclasses.replace(other, **rest))
-        got = message(lambda data=data: data.replaced(np.ones(n + 1)))
+        got = one_line(lambda data=data: data.replaced(np.ones(n + 1)))
         assert got == f"{cls.__name__}.measured has shape ({n + 1},): must be ({n},)"
-        assert "must be finite" in message(lambda data=data: data.replaced(np.full(n, np.nan)))
-        assert "measured = ['x']: must be real" in message(lambda data=data: data.replaced(["x"]))
+        assert "must be finite" in one_line(lambda data=data: data.replaced(np.full(n, np.nan)))
+        assert "measured = ['x']: must be real" in one_line(lambda data=data: data.replaced(["x"]))
     # noise changes values unless they have no logarithm
     np.testing.assert_array_equal(absolute(cls).replaced(np.full(n, -7.0)).measured, np.full(n, -7.0))
-    assert "must be > 0 with relative" in message(lambda: good(cls).replaced(np.full(n, -7.0)))
+    assert "must be > 0 with relative" in one_line(lambda: good(cls).replaced(np.full(n, -7.0)))
     np.testing.assert_array_equal(good(cls).replaced(np.full(n, 1e20)).measured, np.full(n, 1e20))
 
 
@@ -305,299 +262,6 @@ def test_labels():
     assert good(SpectrumData, name="asphalt").label == "asphalt"
     assert repr(good(SpectrumData, name="asphalt")) == "<SpectrumData: asphalt>"
     assert [cls.quantity for cls in KINDS] == ["friction", "area", "modulus", "spectrum"]
-
-
-# --- files
-
-
-def examples():
-    """Each kind with unknown, relative and absolute errors, with awkward numbers."""
-    rng = np.random.default_rng(0)
-    for cls in KINDS:
-        rough = {name: values * rng.uniform(0.9, 1.0, 2) for name, values in GOOD[cls].items()}
-        yield cls(**rough)
-        yield cls(**rough | {"temperature": None} if "temperature" in rough else rough, name="µ (20 °C), 5 %")
-        yield cls(**rough, relative=rng.uniform(0.01, 0.1, 2))
-        yield cls(**rough, **{name: rng.uniform(1e-3, 1e-2, 2) for name in cls.sigmas}, name="name")
-    yield FrictionData([-1.0, 0.0], [-0.5, 0.0], 0.1, 1e5)
-    yield FrictionData(1e9, 0.5, pressure=1e-9, temperature=1.0, check_units=False)
-
-
-def normalised(data):
-    """Arguments that a CSV file of a spectrum needs."""
-    return {"normalisation": "C"} if isinstance(data, SpectrumData) else {}
-
-
-@pytest.mark.parametrize("data", list(examples()), ids=lambda data: data.quantity)
-def test_files_keep_every_bit(data, tmp_path):
-    data.write(tmp_path / "data.h5")
-    equal(data, read(tmp_path / "data.h5"))
-    data.write(str(tmp_path / "data.csv"))
-    again = read(str(tmp_path / "data.csv"), check_units=False, **normalised(data))
-    assert again.name == ""
-    equal(dataclasses.replace(data, name="", check_units=False), again)
-    first = (tmp_path / "data.csv").read_text(encoding="utf-8").splitlines()[0]
-    assert not data.name or first == f"# {data.name}"
-    assert sorted(os.listdir(tmp_path)) == ["data.csv", "data.h5"]
-
-
-@pytest.mark.parametrize("cls", [ModulusData, SpectrumData])
-def test_body_in_files(cls, tmp_path):
-    data = good(cls, body="upper", name="name")
-    write(tmp_path / "data.h5", data)
-    equal(data, read(tmp_path / "data.h5"))
-    assert "body = 'lower': must not be given; the file has it" in message(
-        lambda: read(tmp_path / "data.h5", body="lower")
-    )
-    write(tmp_path / "data.csv", data)
-    assert (tmp_path / "data.csv").read_text().startswith("# name\n# of the upper body\n")
-    assert read(tmp_path / "data.csv", **normalised(data)).body is None
-    again = read(tmp_path / "data.csv", body="upper", **normalised(data))
-    equal(dataclasses.replace(data, name=""), again)
-
-
-def test_columns_are_in_the_units_of_the_fields():
-    for cls in KINDS:
-        numeric = {field.name for field in dataclasses.fields(cls)} - {"name", "body", "history"}
-        assert set(cls.fields()) == numeric
-        for about in cls.fields().values():
-            assert next(iter(COLUMNS[about.column].units)) == about.unit
-            assert COLUMNS[about.column].name == about.column
-
-
-def csv(folder, text):
-    path = folder / "data.csv"
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-def test_units_of_a_table(tmp_path):
-    data = read(csv(tmp_path, "log10_v,mu,relative_sigma,p,T\nlog10(mm/s),-,%,MPa,C\n0,0.5,3,0.15,20\n"))
-    equal(data, FrictionData(1e-3, 0.5, pressure=0.15e6, temperature=293.15, relative=0.03))
-    data = read(csv(tmp_path, "v,A_over_A0,sigma,p\num/s,-,-,kPa\n2,0.5,0.01,150\n2,0.4,0.01,150\n"))
-    equal(data, AreaData([2e-6, 2e-6], [0.5, 0.4], 0.01, 0.15e6))
-    data = read(csv(tmp_path, "f,E_stor,E_loss,sigma_stor,sigma_loss\nHz,MPa,MPa,kPa,GPa\n2,4,3,20,0.001\n"))
-    equal(data, ModulusData(4 * np.pi, 4e6, 3e6, 2e4, 1e6))
-    data = read(csv(tmp_path, "q,C,sigma_C\n1/mm,um^4,mm^4\n2,4,0.5\n1,3,0.5\n"), normalisation="C")
-    equal(data, SpectrumData([2e3, 1e3], np.array([4.0, 3.0]) * 1e-24, 5e-13))
-
-
-FRICTION = "v,mu\nm/s,-\n1,0.5\n"
-MODULUS = "f,E_stor,E_loss\nHz,Pa,Pa\n1,1e6,1e5\n"
-SPECTRUM = "q,C\n1/m,m^4\n1e3,1e-12\n"
-
-
-def test_what_a_file_lacks(tmp_path):
-    data = read(csv(tmp_path, FRICTION), pressure=1e5, temperature=300.0, relative=0.1)
-    equal(data, FrictionData(1.0, 0.5, pressure=1e5, temperature=300.0, relative=0.1))
-    data = read(csv(tmp_path, MODULUS), temperature=300.0, relative=0.1, body="upper")
-    equal(data, ModulusData(2 * np.pi, 1e6, 1e5, temperature=300.0, relative=0.1, body="upper"))
-    data = FrictionData(1.0, 0.5, pressure=1e5)
-    data.write(tmp_path / "data.h5")
-    again = read(tmp_path / "data.h5", temperature=300.0, relative=0.1)
-    equal(again, dataclasses.replace(data, temperature=300.0, relative=0.1))
-
-
-ALL_KINDS = (
-    "must be the columns of one kind of data: friction has v or log10_v, mu, p; "
-    "area has v or log10_v, A_over_A0, p; modulus has omega or f, E_stor, E_loss; "
-    "spectrum has q or log10_q, C or log10_C"
-)
-ABSENT = "must not be given; "
-
-
-@pytest.mark.parametrize(
-    ("text", "given", "expected"),
-    [
-        ("", {}, "has 0 rows: must have a name row"),
-        ("v,mu\nm/s,-\n", {}, "has 2 rows: must have a name row"),
-        ("v,mue\nm/s,-\n1,0.5\n", {}, f"columns v, mue: 'mue': did you mean 'mu'? {ALL_KINDS}"),
-        ("f,E_store,E_loss\nHz,Pa,Pa\n1,1e6,1e5\n", {}, "'E_store': did you mean 'E_stor'? must be"),
-        ("T,aT\nK,-\n300,1\n", {}, f"columns T, aT: {ALL_KINDS}"),
-        ("v,mu,A_over_A0\nm/s,-,-\n1,0.5,0.1\n", {}, f"columns v, mu, A_over_A0: {ALL_KINDS}"),
-        ("v,mu,pp\nm/s,-,Pa\n1,0.5,1e5\n", {}, "line 1: column 'pp': did you mean 'p'? must be one of"),
-        ("v,mu,E_loss\nm/s,-,Pa\n1,0.5,1e5\n", {}, "line 1: column 'E_loss': must be one of"),
-        ("v,mu,sigma_C\nm/s,-,m^4\n1,0.5,1e5\n", {}, "line 1: column 'sigma_C': did you mean 'sigma'?"),
-        ("mu,p\n-,Pa\n0.5,1e5\n", {}, "no column v or log10_v: the table must have one"),
-        ("f,E_stor\nHz,Pa\n1,1e6\n", {}, "no column E_loss: the table must have one"),
-        ("v,log10_v,mu\nm/s,log10(m/s),-\n1,0,0.5\n", {}, "column 'log10_v': v is given twice"),
-        ("v,mu,p\nm/s,-,torr\n1,0.5,1\n", {}, "column p: unit 'torr': must be one of Pa, kPa, MPa, GPa"),
-        ("v,mu,p\nm/s,-,Pa\n1,0.5,-1\n", {}, "line 3: p = '-1': must be > 0"),
-        ("v,mu,p\nm/s,-,Pa\n1,nan,1\n", {}, "line 3: mu = 'nan': must be finite"),
-        ("v,A_over_A0\nm/s,-\n1,0\n", {"pressure": 1e5}, "line 3: A_over_A0 = '0': must be > 0"),
-        ("v,mu,p,T\nm/s,-,MPa,K\n1,0.5,1,20\n", {}, "FrictionData.temperature[0] = 20.0: must be >= 100 K"),
-        (FRICTION, {}, "no column p: add it to the table, or give pressure=... [Pa]"),
-        (FRICTION, {"pressure": 0.1}, "FrictionData.pressure = 0.1: must be >= 1 Pa; is it in MPa"),
-        (FRICTION, {"pressure": [1e5, -1]}, "FrictionData.pressure[1] = -1.0: must be > 0"),
-        (FRICTION, {"pressure": 1e5, "body": "upper"}, f"body = 'upper': {ABSENT}friction data have none"),
-        (MODULUS, {"pressure": 1e5}, f"pressure = 100000.0: {ABSENT}modulus data have none"),
-        (
-            SPECTRUM,
-            {"temperature": 300.0, "normalisation": "C"},
-            f"temperature = 300.0: {ABSENT}spectrum data have none",
-        ),
-        (
-            SPECTRUM,
-            {"temperature": np.ones((2, 2)), "normalisation": "C"},
-            f"{ABSENT}spectrum data have none",
-        ),
-        (SPECTRUM, {"body": "middle", "normalisation": "C"}, "SpectrumData.body = 'middle': must be"),
-        (SPECTRUM, {}, "normalisation is missing: must be"),
-        ("v,mu,p\nm/s,-,Pa\n1,0.5,1e5\n", {"pressure": 1e5}, f"pressure = 100000.0: {ABSENT}the file has it"),
-        (
-            "f,E_stor,E_loss,T\nHz,Pa,Pa,C\n1,1e6,1e5,20\n",
-            {"temperature": 300},
-            f"temperature = 300: {ABSENT}the file has it",
-        ),
-        (
-            "q,C,relative_sigma\n1/m,m^4,%\n1e3,1e-12,5\n",
-            {"relative": 0.1, "normalisation": "C"},
-            f"relative = 0.1: {ABSENT}the file has it",
-        ),
-        (
-            "q,C,sigma_C\n1/m,m^4,m^4\n1e3,1e-12,1e-13\n",
-            {"relative": 0.1, "normalisation": "C"},
-            "SpectrumData: sigma and relative are given: must be one of them",
-        ),
-        (
-            "f,E_stor,E_loss,sigma_stor\nHz,Pa,Pa,Pa\n1,1e6,1e5,1e4\n",
-            {},
-            "ModulusData.sigma_loss is missing: must be given together with sigma_storage",
-        ),
-    ],
-)
-def test_faulty_tables(tmp_path, text, given, expected):
-    path = csv(tmp_path, text)
-    assert expected in refused(path, lambda: read(path, **given))
-
-
-@pytest.mark.parametrize("name", ["data.docx", "data", "data.toml"])
-def test_other_suffixes(tmp_path, name):
-    path = tmp_path / name
-    assert "must be .csv, .txt, .tsv, .dat, .xlsx or .h5" in refused(path, lambda: read(path))
-    assert "must be .csv or .h5" in refused(path, lambda: good(FrictionData).write(path))
-
-
-def test_nothing_is_written_of_what_cannot_be(tmp_path):
-    for name in ("data.csv", "data.h5"):
-        path = tmp_path / name
-        assert "No such file" in refused(path, lambda path=path: read(path))
-        expected = "data = 1.0: must be one of FrictionData, AreaData, ModulusData, SpectrumData"
-        assert expected in refused(path, lambda path=path: write(path, 1.0))
-        missing = tmp_path / "no" / name
-        refused(missing, lambda path=missing: write(path, good(AreaData)))
-    path = tmp_path / "data.csv"
-    noisy = absolute(ModulusData).replaced([1e6, 2e6, -3.0, 1e5])
-    assert "E_loss[0] = -3.0: must be > 0" in refused(path, lambda: noisy.write(path))
-    assert os.listdir(tmp_path) == []
-    noisy.write(tmp_path / "data.h5")
-    equal(noisy, read(tmp_path / "data.h5"))
-
-
-def test_several_in_one_file(tmp_path):
-    sets = list(examples())
-    with h5py.File(tmp_path / "fit.h5", "w") as file:
-        for i, data in enumerate(sets):
-            data.write_group(file.create_group(f"data/{i}"))
-    with h5py.File(tmp_path / "fit.h5") as file:
-        for i, data in enumerate(sets):
-            equal(data, read_group(file[f"data/{i}"]))
-
-
-def test_file_says_what_it_holds(tmp_path):
-    path = tmp_path / "data.h5"
-    absolute(ModulusData, body="upper", name="rubber").write(path)
-    with h5py.File(path) as file:
-        assert (file.attrs["format"], file.attrs["format_version"]) == ("rubberfric data", 1)
-        assert dict(file["data"].attrs) == {"kind": "modulus", "name": "rubber", "body": "upper"}
-        units = {name: values.attrs["units"] for name, values in file["data"].items()}
-    assert units.pop("omega") == "rad/s"
-    assert units.pop("temperature") == "K"
-    assert units == dict.fromkeys(("storage", "loss", "sigma_storage", "sigma_loss"), "Pa")
-
-
-def dataset(name, values, units):
-    def change(file):
-        if name in file["data"]:
-            del file["data"][name]
-        file["data"][name] = values
-        file["data"][name].attrs["units"] = units
-
-    return change
-
-
-@pytest.mark.parametrize(
-    ("change", "expected"),
-    [
-        (lambda f: f.attrs.create("format", "rubberfric scene"), "must be 'rubberfric data'"),
-        (lambda f: f.attrs.create("format_version", 2), "format_version = 2: must be 1"),
-        (lambda f: f.__delitem__("data"), "/data: is missing; must be a group"),
-        (lambda f: f.create_group("more"), "/more: unknown field; "),
-        (lambda f: f["data"].attrs.create("kind", "frictions"), "/data: kind = 'frictions': did you mean"),
-        (lambda f: f["data"].attrs.__delitem__("kind"), "/data: kind = None: must be one of friction, area"),
-        (lambda f: f["data"].attrs.create("kind", [1, 2]), "/data: kind = "),
-        (lambda f: f["data"].attrs.create("kind", "spectrum"), "/data/friction: unknown field"),
-        (lambda f: f["data"].attrs.create("body", "lower"), "/data: attribute 'body' is unknown"),
-        (lambda f: f["data"].attrs.create("name", 1), "/data: FrictionData.name = 1: must be text"),
-        (lambda f: f["data"].__delitem__("friction"), "/data/friction: is missing; must be a dataset"),
-        (lambda f: f["data"].__delitem__("pressure"), "/data/pressure: is missing; must be a dataset"),
-        (dataset("pressure", 0.1, "MPa"), "/data/pressure: units = 'MPa': must be 'Pa'"),
-        (dataset("pressure", -0.1, "Pa"), "/data: FrictionData.pressure = -0.1: must be > 0"),
-        (dataset("friction", [1, 2], "-"), "/data/friction: has type int64"),
-        (dataset("friction", [1.0, np.nan], "-"), "/data: FrictionData.friction[1] = nan: must be finite"),
-        (dataset("friction", [1.0, 1.0, 1.0], "-"), "/data: FrictionData: shapes differ"),
-        (dataset("relative", 0.1, "%"), "/data/relative: units = '%': must be '-'"),
-        (dataset("sigma_C", 0.1, "m^4"), "/data/sigma_C: unknown field; did you mean 'sigma'?"),
-    ],
-)
-def test_faulty_hdf5(tmp_path, change, expected):
-    path = tmp_path / "data.h5"
-    good(FrictionData).write(path)
-    with h5py.File(path, "r+") as file:
-        change(file)
-    assert expected in refused(path, lambda: read(path))
-
-
-def test_what_is_no_data(tmp_path):
-    path = tmp_path / "data.h5"
-    with h5py.File(path, "w") as file:
-        file.attrs.update({"format": "rubberfric data", "format_version": 1})
-        file["data"] = 1.0
-    assert "/data: must be a group, not a dataset" in refused(path, lambda: read(path))
-    path.write_bytes(b"v,mu\n")
-    assert "must be a whole HDF5 file" in refused(path, lambda: read(path))
-
-
-def save_columns(path, columns):
-    """Write columns under titles and units, as an engineer stores them; return the path."""
-    names, units = zip(*(title.split() for title in columns), strict=True)
-    rows = np.column_stack(list(columns.values()))
-    titles = f"{','.join(names)}\n{','.join(units)}"
-    np.savetxt(path, rows, fmt="%.17g", delimiter=",", header=titles, comments="")
-    return path
-
-
-def test_tables_of_an_engineer(tmp_path):
-    """Tables without pressure and errors, with frequencies in Hz, and with two measured quantities."""
-    v, mu = np.array([1e-4, 4.6e-4, 2e-3, 1e-2]), np.array([0.9, 1.55, 1.7, 2.0])
-    path = save_columns(tmp_path / "friction.csv", {"v m/s": v, "mu -": mu})
-    assert "no column p" in refused(path, lambda: read(path))
-    data = read(path, pressure=0.3e6, temperature=293.15, relative=0.05)
-    equal(data, FrictionData(v, mu, None, 0.3e6, 293.15, relative=0.05))
-    assert data.label == "friction, 4 points, 0.3 MPa, 20 °C"
-    f, storage, loss = np.array([1.5e-5, 1.0, 3e6]), np.array([4.3e6, 2e7, 9e8]), np.array([3e5, 5e6, 2e8])
-    path = save_columns(tmp_path / "curve.csv", {"f Hz": f, "E_stor Pa": storage, "E_loss Pa": loss})
-    equal(read(path, body="upper"), ModulusData(2 * np.pi * f, storage, loss, body="upper"))
-    q, C = np.array([15.5, 300.0, 1e6]), np.array([3.1e-11, 2e-13, 1e-24])
-    path = save_columns(tmp_path / "psd.csv", {"q 1/m": q, "C m^4": C})
-    equal(read(path, normalisation="C"), SpectrumData(q, C))
-    columns = {"log10_v log10(m/s)": np.log10(v), "mu_visc -": mu, "A_over_A0 -": mu / 50}
-    path = save_columns(tmp_path / "program.csv", columns)
-    assert "; or give kind" in refused(path, lambda: read(path, pressure=0.3e6))
-    for kind, title in (("friction", "mu_visc -"), ("area", "A_over_A0 -")):
-        data = read(path, kind=kind, pressure=3e5)
-        np.testing.assert_allclose(data.velocity, v, rtol=1e-14)
-        np.testing.assert_array_equal(data.measured, columns[title])
 
 
 def test_data_given_twice_are_noticed():

@@ -5,14 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 import scipy
-from support.scenes.fits import FAST, PLAIN, ROAD
+from support.scenes.fits import FAST, SCENE
 
 import fitting
-import rubberfric as rf
 from fitting.ensemble import calibration as calibration_module
 from fitting.solvers.objective import INTERRUPTED
 
-SCENE = rf.Scene(ROAD, rf.Body(PLAIN))
 PRIOR = {
     "lower.spectrum.h_rms": fitting.Gaussian(5e-4, 1e-4),
     "upper.material.E[0]": fitting.Gaussian(5e7, 1e7),

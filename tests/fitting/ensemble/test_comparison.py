@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from support.scenes.fits import AFFINE, FAST
+from support.scenes.fits import E_INF, FAST, ROAD, E, modulus_data
 
 import fitting
 import rubberfric as rf
@@ -12,10 +12,7 @@ from fitting import Free, ModulusData
 from fitting.uncertainty.criteria import criteria
 
 OMEGA = np.logspace(0, 6, 14)
-ROAD = rf.Body(rf.Rigid(), AFFINE)
 TERMS = ([5e7, 8e6, 1e5], [1e-5, 1e-3, 1e-4])  # moduli [Pa] and relaxation times [s]
-E = "upper.material.E"
-E_INF = "upper.material.E_inf"
 SHEAR = rf.ContactShear(tau_f0=3e5, c=0.1, v0=1e-3)
 FREE = {E: Free(), E_INF: Free()}
 
@@ -27,9 +24,7 @@ def scene(terms, **parts):
 
 
 def measured(seed, sigma=0.03):
-    exact = np.asarray(rf.complex_modulus(scene(2).upper.material, OMEGA))
-    noise = np.exp(sigma * np.random.default_rng(seed).standard_normal((2, OMEGA.size)))
-    return ModulusData(OMEGA, exact.real * noise[0], exact.imag * noise[1], relative=sigma)
+    return modulus_data(scene(2).upper.material, OMEGA, sigma, seed)
 
 
 def fitted(terms, data, **options):

@@ -4,7 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.scenes.fits import FAST, JOB, ROAD, SHIFTED, E, write_job
+from support.scenes.fits import FAST, JOB, Q1, SHIFTED, E, write_job
+from support.scenes.fits import WARM as AFFINE
 
 import fitting
 import rubberfric as rf
@@ -16,10 +17,8 @@ from fitting.solvers.problem import make_problem
 Q = np.geomspace(1e2, 1e6, 15)
 TABLE = rf.TabulatedSpectrum(Q, 1e-14 * np.minimum(1, (Q / 1e3) ** -3.6))
 SCENE = rf.Scene(rf.Body(rf.Rigid(), TABLE), rf.Body(SHIFTED))
-Q1 = "lower.spectrum.q1"
 C = "lower.spectrum.C"
 CUT = SCENE.replace(Q1, 1e5)
-AFFINE = rf.Scene(ROAD, rf.Body(SHIFTED))
 V = np.logspace(-4, 0, 7)  # [m/s]
 P = 2e5  # [Pa]
 T = 293.15  # [K]

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
-from support.scenes.fits import AFFINE, FAST, PLAIN
+from support.scenes.fits import FAST, PLAIN, Q1, ROAD
 
 import fitting
 import rubberfric as rf
@@ -22,8 +22,6 @@ Q = "lower.spectrum."
 S = "upper.material.shift."
 Q0 = f"{Q}q0"
 QR = f"{Q}qr"
-Q1 = f"{Q}q1"
-ROAD = rf.Body(rf.Rigid(), AFFINE)
 TABLE = rf.TabulatedShift([280.0, 290.0, 300.0, 310.0], [10.0, 3.0, 1.0, 0.3], 295.0)
 SCENE = rf.Scene(ROAD, rf.Body(dataclasses.replace(PLAIN, shift=TABLE)))
 SPECTRUM = rf.TabulatedSpectrum([1e2, 1e3, 1e4, 1e5], [1e-10, 1e-11, 1e-15, 1e-19], 2e2, 5e4)

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 import pytest
 from scipy import stats
-from support.scenes.fits import AFFINE, E_INF, FAST, E
+from support.scenes.fits import E_INF, FAST, SCENE, E, maxwell_columns
 
 import fitting
 import rubberfric as rf
@@ -16,17 +16,11 @@ from fitting import Bounded, FitResult, Free, FrictionData, Gaussian, ModulusDat
 pytest.importorskip("numpyro")
 pytest.importorskip("arviz_stats")
 
-TAU = [1e-5, 1e-3]
-RUBBER = rf.Prony(3e6, [5e7, 8e6], TAU)
-SCENE = rf.Scene(rf.Body(rf.Rigid(), AFFINE), rf.Body(RUBBER))
 OMEGA = np.logspace(0, 6, 10)
 
 
 def basis():
-    """E' and E'' of E[0], E[1] and E_inf of 1 Pa, by the formula."""
-    a = OMEGA[:, None] * np.array(TAU)
-    columns = np.concatenate([a**2 / (1 + a**2), a / (1 + a**2)])
-    return np.column_stack([columns, np.repeat([1.0, 0.0], OMEGA.size)])
+    return maxwell_columns(OMEGA, SCENE.upper.material.tau)
 
 
 EXACT = basis() @ [5e7, 8e6, 3e6]
@@ -91,7 +85,7 @@ def test_a_bent_posterior_is_that_of_quadrature():
     assert draws.reliable and not np.allclose(draws.mean, result.values, rtol=0.05)
     E1, E_inf = np.linspace(1e3, 4e7, 500), np.linspace(1e6, 2e7, 502)[1:-1]
     one, other = np.meshgrid(E1, E_inf, indexing="ij")
-    a = np.array([1e-1, 3e3])[:, None] * np.array(TAU)
+    a = np.array([1e-1, 3e3])[:, None] * np.asarray(SCENE.upper.material.tau)
     storage, loss = a**2 / (1 + a**2), a / (1 + a**2)
     log_p = np.zeros(one.shape)
     width = 1.287

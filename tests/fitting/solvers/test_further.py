@@ -2,24 +2,24 @@
 
 import numpy as np
 import pytest
+from support.scenes import fits
+from support.scenes.fits import AFFINE, FAST, H_RMS, PLAIN, Q1, area_data
+from support.scenes.fits import HURST as H
 
 import fitting
 import rubberfric as rf
-from fitting import AreaData, Bounded, Positive
+from fitting import Bounded, Positive
 from fitting.parameters.plausible import implausible
 
 QUADRATURE = rf.Quadrature(order=8, panels=4, angular_order=8)
-H, Q1, H_RMS = (f"lower.spectrum.{name}" for name in ("hurst", "q1", "h_rms"))
-RUBBER = rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])
-TRUTH = rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 4e4, 0.8, 1e-4)), rf.Body(RUBBER))
+# The minima below are those of these numbers.
+TRUTH = rf.Scene(rf.Body(rf.Rigid(), AFFINE.replace(q1=4e4, h_rms=1e-4)), rf.Body(PLAIN))
 V = np.logspace(-4, 1, 8)
 FREE = {H_RMS: Positive(), Q1: Positive()}
 
 
 def data(scene=TRUTH):
-    area = np.asarray(rf.solve(scene, V, 5e5, quadrature=QUADRATURE, quantities=("area",)).area)
-    noise = np.exp(0.03 * np.random.default_rng(0).standard_normal(V.size))
-    return AreaData(V, area * noise, pressure=5e5, relative=0.03, check_units=False)
+    return area_data(scene, V, quadrature=QUADRATURE)
 
 
 def fit(start, **options):
@@ -95,3 +95,51 @@ def test_the_contact_line_is_of_the_fitted_scene():
     assert found.values[0] == pytest.approx(0.35, abs=0.05)
     (line,) = (one for one in found.report().splitlines() if "contact  " in one)
     assert line.endswith("theory as in the paper, of unknown error in such scenes")
+
+
+# --- minima that are none, or not the lowest
+
+
+ROUGH = {f"lower.spectrum.{name}": Positive() for name in ("h_rms", "q1", "qr")}
+
+
+@pytest.mark.slow
+def test_in_full_contact_nothing_is_called_reached():
+    """All parameters give full contact. No step lowers the cost, because it is constant."""
+    truth = TRUTH.replace(Q1, 1e5)
+    data = area_data(truth, np.logspace(-4, 1, 12))
+    smooth = truth.replace(H_RMS, 1e-8)
+    flat = fitting.fit(smooth, data, ROUGH, quadrature=FAST, further_time=0.0)
+    assert not flat.success and flat.cost > 1e3
+    assert "no free parameter changes the data" in flat.message and "starts=8" in flat.message
+    assert "NOT REACHED" in flat.report()
+    # Less smooth, places around it show a way.
+    found = fitting.fit(truth.replace(H_RMS, 3e-7), data, ROUGH, quadrature=FAST)
+    known = fitting.fit(truth, data, ROUGH, quadrature=FAST)
+    assert found.success and found.cost == pytest.approx(known.cost, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_a_minimum_far_above_the_data_is_left_for_a_lower_one():
+    """A start without a fall leads to a minimum at q1 = qr, and on from there."""
+    truth = fits.SCENE
+    data = fits.friction_data(truth, np.logspace(-3, 1, 8), 3e5, 0.03, seed=1)
+    free = {name: ROUGH[name] for name in list(ROUGH)[1:]}
+    found = fitting.fit(truth.replace(Q1, 1.5e3), data, free, quadrature=FAST)
+    known = fitting.fit(truth, data, free, quadrature=FAST)
+    assert found.success and found.cost == pytest.approx(known.cost, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_a_right_minimum_of_a_wrong_scene_stays_one():
+    """Data that no parameter explains: places around are looked at, and the claim stays."""
+    truth = TRUTH.replace(Q1, 1e5)
+    data = area_data(truth, np.logspace(-4, 1, 12))
+    off = data.replaced(data.measured * np.where(np.arange(12) % 2, 1.3, 0.8))
+    found = fitting.fit(truth, off, ROUGH, quadrature=FAST)
+    assert found.success and found.verdict.explains is False
+    assert found.further is not None and found.further.count >= 3
+    assert found.further.after == found.further.before
+    assert "further starts found no lower minimum" in found.report()
+    once = fitting.fit(truth, off, ROUGH, quadrature=FAST, further_time=0.0)
+    assert once.further is None and "starts=8 looks for a lower minimum" in once.report()

@@ -2,25 +2,21 @@
 
 import numpy as np
 import pytest
-from support.scenes.fits import E_INF, ROAD, E
+from support.scenes.fits import E_INF, SCENE, E, modulus_data
 
 import fitting
 import fitting.solvers.runs as runs_module
-import rubberfric as rf
 from fitting import Gaussian, ModulusData, Positive, fit
 from fitting.solvers.objective import NOT_FINITE
 
-SCENE = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])))
 OMEGA = np.logspace(0, 7, 8)
 FREE = {E: Positive(), E_INF: Positive()}
 
 
 def moduli(relative=0.02, factor=1.3):
     """Moduli of a scene whose E are all `factor` times larger, with some scatter."""
-    i_omega_tau = 1j * OMEGA[:, None] * np.array([1e-5, 1e-3])
-    exact = 3e6 + factor * (np.array([5e7, 8e6]) * i_omega_tau / (1 + i_omega_tau)).sum(1)
-    scatter = np.exp(0.02 * np.random.default_rng(0).standard_normal((2, OMEGA.size)))
-    return ModulusData(OMEGA, exact.real * scatter[0], exact.imag * scatter[1], relative=relative)
+    material = SCENE.upper.material
+    return modulus_data(material.replace(E=factor * material.E), OMEGA, relative=relative)
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 from support.cases.stored import slow_if
 from support.counting.compilations import compilations
 from support.jacobians import residuals_and_jacobian
-from support.scenes.fits import E_INF, FAST, PLAIN, ROAD, E
+from support.scenes.fits import E_INF, FAST, PLAIN, SCENE, E, friction_data
 
 import fitting
 import rubberfric as rf
@@ -20,16 +20,12 @@ from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import cost, loss_of, padded, rounding
 from rubberfric.base import recurring_length
 
-SCENE = rf.Scene(ROAD, rf.Body(PLAIN))
 FREE = {E: Positive(), E_INF: Positive()}
 FIT = {E: Positive(start=[3e7, 5e6]), E_INF: Positive()}
 
 
 def curve(points, seed=0):
-    v = np.geomspace(1e-4, 1.0, points)
-    mu = np.asarray(rf.friction(SCENE, v, 2e5, quadrature=FAST))
-    noise = np.exp(0.02 * np.random.default_rng(seed).standard_normal(points))
-    return fitting.FrictionData(v, mu * noise, pressure=2e5, relative=0.02)
+    return friction_data(SCENE, np.geomspace(1e-4, 1.0, points), 2e5, seed=seed)
 
 
 def modulus(points):

@@ -4,24 +4,22 @@ import dataclasses
 
 import numpy as np
 import pytest
-from support.scenes.fits import AFFINE, E_INF, FAST, E
+from support.scenes.fits import AFFINE, E_INF, FAST, E, modulus_data
+from support.scenes.fits import THREE as SCENE
 
 import fitting
 import rubberfric as rf
 from fitting import Bounded, Correlated, FitResult, Free, FrictionData, ModulusData, Positive
 from fitting.uncertainty.posterior import joint_prior
 
-TAU = [1e-5, 1e-3, 1e-1]
-RUBBER = rf.Prony(3e6, [5e7, 8e6, 2e6], TAU)
+RUBBER = SCENE.upper.material
+TAU = RUBBER.tau
 OMEGA = np.logspace(-1, 6, 24)
-SCENE = rf.Scene(rf.Body(rf.Rigid(), AFFINE), rf.Body(RUBBER))
 
 
 def moduli(seed, noise=0.03, **options):
     """DMA data of the rubber."""
-    E = np.asarray(rf.complex_modulus(RUBBER, OMEGA))
-    scatter = np.exp(noise * np.random.default_rng(seed).standard_normal((2, OMEGA.size)))
-    return ModulusData(OMEGA, E.real * scatter[0], E.imag * scatter[1], relative=noise, **options)
+    return modulus_data(RUBBER, OMEGA, noise, seed, **options)
 
 
 FREE = {E: Positive(), E_INF: Bounded(1e5, 1e8)}

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from scipy import integrate, stats
-from support.scenes.fits import AFFINE, E_INF, FAST
+from support.scenes.fits import AFFINE, E_INF, FAST, H_RMS, HURST, SCENE, E, maxwell_columns
 
 import fitting
 import rubberfric as rf
@@ -13,20 +13,11 @@ from fitting import Bounded, Free, Gaussian, ModulusData, Positive, SpectrumData
 from fitting.uncertainty.covariance import uncertainty
 from fitting.uncertainty.criteria import criteria
 
-TAU = np.array([1e-5, 1e-3])
-RUBBER = rf.Prony(3e6, [5e7, 8e6], TAU)
-SCENE = rf.Scene(rf.Body(rf.Rigid(), AFFINE), rf.Body(RUBBER))
-E = "upper.material.E"
 OMEGA = np.logspace(0, 6, 6)
-H_RMS = "lower.spectrum.h_rms"
-HURST = "lower.spectrum.hurst"
 
 
 def basis():
-    """E' and E'' of E[0], E[1] and E_inf of 1 Pa, by the formula."""
-    a = OMEGA[:, None] * TAU
-    columns = np.concatenate([a**2 / (1 + a**2), a / (1 + a**2)])
-    return np.column_stack([columns, np.repeat([1.0, 0.0], OMEGA.size)])
+    return maxwell_columns(OMEGA, SCENE.upper.material.tau)
 
 
 @pytest.mark.parametrize("prior", [{}, {E_INF: Gaussian(2.5e6, 3e5)}])
@@ -110,7 +101,7 @@ def test_a_robust_loss_leaves_out_by_its_own_density():
     free = {E_INF: Positive()}
     result = fitting.fit(SCENE, data, free, loss="soft_l1", quadrature=FAST)
     found = criteria(result)
-    a = omega[:, None] * TAU
+    a = omega[:, None] * np.asarray(SCENE.upper.material.tau)
     parts = (a**2 / (1 + a**2)) @ [5e7, 8e6]
 
     def density(x):

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from support.cases.sliding_curves import drawn_scene
-from support.scenes.fits import FAST, PLAIN, ROAD, SHIFTED, write_job
+from support.scenes.fits import AFFINE, FAST, PLAIN, SCENE, SHIFTED, WARM, write_job
 
 import fitting
 import rubberfric as rf
@@ -16,9 +16,7 @@ from fitting.solvers.evaluation import model_rows, residual_rows
 from fitting.uncertainty.covariance import linearised
 from fitting.uncertainty.discrepancy import averaged, median_amplitude
 
-LAW = rf.Scene(ROAD, rf.Body(PLAIN), contact_model="boundary_elements")
-SCENE = rf.Scene(ROAD, rf.Body(PLAIN))
-WARM = rf.Scene(ROAD, rf.Body(SHIFTED))
+LAW = SCENE.replace(contact_model="boundary_elements")
 V = np.geomspace(1e-4, 1e1, 30)
 FREE = {"upper.material.E": fitting.Positive(), "lower.spectrum.h_rms": fitting.Positive()}
 ERROR = 0.02
@@ -100,7 +98,7 @@ def test_bars_and_verdict_follow(off):
     assert 0.08 < off.discrepancy.remainder < 0.5 and off.discrepancy.estimated
     known = np.isfinite(off.stderr)  # the others have no error bar
     assert known.sum() >= 2 and (off.stderr > 5 * without.stderr)[known].all()
-    truth = np.array([*PLAIN.E, ROAD.spectrum.h_rms])
+    truth = np.array([*PLAIN.E, AFFINE.h_rms])
     low, high = off.interval(0.99)
     assert ((low < truth) & (truth < high))[known].all()
     amplitude, level = 100 * off.discrepancy.remainder, 100 * off.discrepancy.level

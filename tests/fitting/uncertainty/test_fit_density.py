@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
-from support.scenes.fits import AFFINE as ROAD
-from support.scenes.fits import E_INF, FAST, E
+from support.scenes.fits import E_INF, FAST, HURST, E, maxwell_columns
+from support.scenes.fits import THREE as SCENE
 
 import fitting
 import rubberfric as rf
@@ -17,17 +17,13 @@ from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import residuals
 
-TAU = np.array([1e-5, 1e-3, 1e-1])
-RUBBER = rf.Prony(3e6, np.array([5e7, 8e6, 2e6]), TAU)
-SCENE = rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(RUBBER))
-HURST = "lower.spectrum.hurst"
+RUBBER = SCENE.upper.material
 OMEGA = np.logspace(-1, 7, 20)
 
 
 def moduli(E_inf, E, omega=OMEGA):
     """E' and then E'' of a Prony series, by its formula."""
-    a = omega[:, None] * TAU
-    return np.concatenate([E_inf + (a**2 / (1 + a**2)) @ E, (a / (1 + a**2)) @ E])
+    return maxwell_columns(omega, RUBBER.tau) @ [*E, E_inf]
 
 
 def drawn(size, scale, seed=0):

@@ -8,70 +8,33 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.optimize import curve_fit
-from support.scenes.fits import E_INF, ROAD, E
+from support.scenes.bars import (
+    BOTH,
+    DRY_FREE,
+    MODULI,
+    OMEGA,
+    TAU,
+    VELOCITY,
+    basis,
+    every_gap_is_explained,
+    linear_data,
+    modulus,
+    modulus_data,
+)
+from support.scenes.fit_problems import DRY
+from support.scenes.fits import E_INF, E
 from support.scenes.fits import FAST as QUADRATURE
+from support.scenes.fits import THREE as SCENE
 
 import fitting
 import rubberfric as rf
-from fitting import AreaData, Bounded, Free, FrictionData, Gaussian, ModulusData, Positive, Smooth, fit
+from fitting import Free, FrictionData, Gaussian, ModulusData, Positive, fit
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.objective import CONVERGED, PERFECT
 from fitting.solvers.problem import make_problem
 from fitting.solvers.runs import run_fits
-from fitting.uncertainty.covariance import OPEN, uncertainty
+from fitting.uncertainty.covariance import uncertainty
 from fitting.uncertainty.intervals import quantile
-
-TAU = np.array([1e-5, 1e-3, 1e-1])
-MODULI = np.array([5e7, 8e6, 2e6])
-SCENE = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, MODULI, TAU)))
-BOTH = {E_INF: Positive(), E: Positive()}
-OMEGA = np.logspace(-1, 7, 20)
-# Shear stress times the contact area of an elastic rubber, the same at every velocity: ln mu is
-# linear in ln tau_f0 and in c.
-DRY = rf.Scene(ROAD, rf.Body(rf.Elastic(1e7, 0.5)), shear=rf.ContactShear(6.5e6, 0.1, 6e-3))
-DRY_FREE = {"shear.tau_f0": Positive(), "shear.c": Free(scale=0.1)}
-VELOCITY = np.logspace(-6, 1, 12)
-
-
-def modulus(omega=OMEGA, material=SCENE.upper.material):
-    return np.asarray(rf.complex_modulus(material, omega))
-
-
-def modulus_data(relative=0.03, noise=0.03, seed=0, omega=OMEGA, given=True):
-    exact = modulus(omega)
-    measured = np.concatenate([exact.real, exact.imag])
-    measured *= np.exp(noise * np.random.default_rng(seed).standard_normal(measured.size))
-    return ModulusData(omega, *np.split(measured, 2), relative=relative if given else None)
-
-
-def basis(omega=OMEGA):
-    """E' and then E'' of the three terms at unit modulus, and of E_inf: columns."""
-    a = omega[:, None] * TAU
-    terms = np.concatenate([a**2 / (1 + a**2), a / (1 + a**2)])
-    return np.concatenate([terms, np.repeat([1.0, 0.0], omega.size)[:, None]], 1)
-
-
-def linear_data(seed=0, size=0.1):
-    """A modulus with absolute errors; the model is linear in the moduli."""
-    exact = modulus()
-    values = np.concatenate([exact.real, exact.imag])
-    sigma = size * values
-    measured = values + sigma * np.random.default_rng(seed).standard_normal(values.size)
-    return ModulusData(OMEGA, *np.split(measured, 2), *np.split(sigma, 2), check_units=False)
-
-
-def every_gap_is_explained(result):
-    """NaN exactly where `withheld` gives a reason."""
-    for name, error in zip(result.names, result.stderr, strict=True):
-        assert np.isnan(error) == (name in result.withheld), name
-        assert result.withheld.get(name, "a reason")
-    known = [name not in result.withheld for name in result.names]
-    for matrix in (result.covariance, result.correlation):
-        np.testing.assert_array_equal(np.isfinite(matrix), np.outer(known, known))
-    low, high = result.interval()
-    np.testing.assert_array_equal(np.isfinite(low) & np.isfinite(high), known)
-    assert np.isfinite(result.values).all() and np.isfinite(result.cost)
-
 
 # --- error bars
 
@@ -232,197 +195,6 @@ def test_robust_error_bars_of_few_points_are_withheld_with_a_reason():
     known = uncertainty(problem, problem.start)
     assert known.withheld and set(known.withheld.values()) == {"not identified, see direction 1"}
     assert len(known.unidentified) == 1
-
-
-# --- unidentified directions
-
-
-@functools.cache
-def light():
-    """Friction under 1 kPa: 24 points, 3 %, of a rubber with three terms."""
-    velocity = np.logspace(-4, 1, 24)
-    exact = np.asarray(rf.friction(SCENE, velocity, 1e3, quadrature=QUADRATURE))
-    measured = exact * np.exp(0.03 * np.random.default_rng(0).standard_normal(24))
-    return FrictionData(velocity, measured, pressure=1e3, relative=0.03)
-
-
-def within_four_sigma(result, truth):
-    return np.all(np.abs(result.values - truth) < 4 * result.stderr)
-
-
-@pytest.mark.slow
-def test_friction_at_light_load_does_not_know_the_scale_of_the_moduli():
-    result = fit(SCENE, light(), BOTH, quadrature=QUADRATURE)
-    assert result.success
-    (direction,) = result.unidentified
-    assert direction.deviation > 10
-    np.testing.assert_allclose(direction.loadings, direction.loadings[0], rtol=0.05)
-    assert direction.text.startswith(f"{E_INF} * λ, {E} (all 3 elements) * λ: ")
-    assert "depends on ratios of moduli only: add a measured modulus (one point is enough)" in direction.text
-    assert result.withheld == dict.fromkeys(result.names, "not identified, see direction 1")
-    every_gap_is_explained(result)
-    # Ratios are known well, whatever the scale: the other directions are short.
-    assert np.sort(result.uncertainty.deviations)[-2] < 0.1
-    ratios = result.values[1:] / result.values[0]
-    np.testing.assert_allclose(ratios, MODULI / 3e6, rtol=0.2)
-    # The friction under that load is determined although no modulus is.
-    band = result.band(light().velocity, 1e3)
-    assert np.all(np.log(band.high / band.low) < 0.3)
-
-
-@pytest.mark.parametrize("kind", ["modulus", "area"])
-@pytest.mark.slow
-def test_one_point_of_modulus_or_an_area_curve_identify_it(kind):
-    if kind == "modulus":
-        exact = modulus(np.array([1e4]))
-        more = ModulusData([1e4], exact.real * 1.02, exact.imag * 0.99, relative=0.03)
-    else:
-        velocity = light().velocity[::4]
-        area = np.asarray(rf.contact_area(SCENE, velocity, 1e3, quadrature=QUADRATURE))
-        noise = np.exp(0.03 * np.random.default_rng(5).standard_normal(6))
-        more = AreaData(velocity, area * noise, pressure=1e3, relative=0.03)
-    result = fit(SCENE, [light(), more], BOTH, quadrature=QUADRATURE)
-    assert result.success and not result.unidentified and not result.withheld
-    every_gap_is_explained(result)
-    assert np.all(result.stderr < 0.2 * result.values)
-    assert within_four_sigma(result, np.array([3e6, *MODULI]))
-
-
-@pytest.mark.slow
-def test_friction_at_light_load_cannot_tell_gamma_from_the_height_of_the_roughness():
-    """Data without noise, so that the fit keeps its start along unidentified directions."""
-    data = light().replaced(np.asarray(rf.friction(SCENE, light().velocity, 1e3, quadrature=QUADRATURE)))
-    free = {"gamma": Bounded(0.1, 1.0), "lower.spectrum.h_rms": Positive()}
-    result = fit(SCENE, data, free, quadrature=QUADRATURE)
-    (direction,) = result.unidentified
-    up, height = direction.loadings
-    assert up * height < 0 and abs(up) > 0.1 and abs(height) > 0.1
-    assert "gamma" in direction.text and "lower.spectrum.h_rms * λ" in direction.text
-    assert "add a measured spectrum or an area curve, or fix gamma or the cut-off" in direction.text
-    assert set(result.withheld) == set(free)
-    every_gap_is_explained(result)
-
-
-@pytest.mark.slow
-def test_a_term_outside_the_measured_frequencies_is_named_alone():
-    scene = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, [1e8, 5e7, 8e6, 2e6], [1e-14, *TAU])))
-    result = fit(scene, modulus_data(noise=0.0), BOTH)
-    (direction,) = result.unidentified
-    assert direction.text.startswith(f"{E}[0] * λ: ")
-    assert direction.text.endswith("; the data do not determine it: fix it, or give it a prior")
-    assert set(result.withheld) == {f"{E}[0]"}
-    every_gap_is_explained(result)
-    # A prior is as good as data that reach it.
-    smooth = fit(scene, modulus_data(noise=0.0), BOTH, prior={E: Smooth(0.05)})
-    assert not smooth.withheld and not smooth.unidentified
-
-
-def test_two_parameters_that_enter_as_a_product():
-    exact = np.asarray(rf.friction(DRY, VELOCITY, 1e3, quadrature=QUADRATURE))
-    data = FrictionData(VELOCITY, exact, pressure=1e3, relative=0.03)
-    free = {"shear.tau_f0": Positive(), "upper.material.young": Positive(), "shear.c": Positive()}
-    result = fit(DRY, data, free, quadrature=QUADRATURE, further_time=0.0)
-    (direction,) = result.unidentified
-    assert direction.text.startswith("shear.tau_f0 * λ, upper.material.young * λ: ")
-    assert "contact shear depends only on tau_f0 times the contact area" in direction.text
-    assert set(result.withheld) == {"shear.tau_f0", "upper.material.young"}
-    assert 0 < result.stderr[2] < 0.01
-    # A rubber that is a thousand times softer is in full contact, where another c fits.
-    followed = fit(DRY, data, free, quadrature=QUADRATURE)
-    assert set(followed.withheld) == {*result.withheld, "shear.c"} and len(followed.bounds) == 2
-    every_gap_is_explained(result)
-
-
-def test_a_number_that_no_data_see_at_all():
-    """gamma does not change a modulus: its column is exactly zero."""
-    result = fit(SCENE, modulus_data(), BOTH | {"gamma": Bounded(0.1, 1.0)})
-    (direction,) = result.unidentified
-    assert np.isinf(direction.deviation) and np.isinf(result.uncertainty.condition)
-    assert result.uncertainty.rank == 4
-    assert direction.text.startswith("gamma up: without any effect")
-    assert result.withheld == {"gamma": "not identified, see direction 1"}
-    assert result.values[-1] == pytest.approx(0.5, abs=1e-12)  # left where it was
-    every_gap_is_explained(result)
-    # Unidentified directions are equally wide for every loss.
-    robust = fit(SCENE, modulus_data(), BOTH | {"gamma": Bounded(0.1, 1.0)}, loss="soft_l1")
-    for one in (result, robust):
-        assert one.uncertainty.spread[-1, -1] == pytest.approx(OPEN**2, rel=1e-12)
-
-
-@pytest.mark.slow
-def test_a_bound_does_not_hide_what_trades_with_it():
-    """With noise, gamma runs along its trade with h_rms to a bound, where its x hardly counts."""
-    free = {"gamma": Bounded(0.1, 1.0), "lower.spectrum.h_rms": Positive()}
-    result = fit(SCENE, light(), free, quadrature=QUADRATURE)
-    assert "bound" in result.withheld["gamma"]
-    assert result.withheld["lower.spectrum.h_rms"] == "not identified, see direction 1"
-    (direction,) = result.unidentified
-    assert "gamma" in direction.text and "lower.spectrum.h_rms * λ" in direction.text
-    every_gap_is_explained(result)
-    # The friction itself is known.
-    band = result.band(light().velocity, 1e3)
-    assert np.all(np.log(band.high / band.low) < 0.3)
-
-
-@pytest.mark.parametrize(("low", "high", "side"), [(1e6, 2e6, "upper"), (4e6, 9e6, "lower")])
-def test_at_a_bound(low, high, side):
-    free = {E: Positive(), E_INF: Bounded(low, high, start=0.5 * (low + high))}
-    result = fit(SCENE, modulus_data(), free)
-    bound = low if side == "lower" else high
-    assert result.values[-1] == pytest.approx(bound, rel=1e-3)
-    assert result.withheld == {E_INF: f"at its {side} bound {bound:g}"}
-    every_gap_is_explained(result)
-
-
-def test_driven_towards_zero():
-    """A slow term that the data have no room for."""
-    scene = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, [*MODULI, 1e5], [*TAU, 3e-1])))
-    exact = modulus()
-    data = ModulusData(OMEGA, exact.real, exact.imag * np.where(OMEGA < 50, 0.97, 1.0), relative=0.02)
-    result = fit(scene, data, {E: Positive()})
-    assert result.success
-    assert result.withheld == {f"{E}[3]": "driven towards zero: the data want it absent"}
-    assert result.values[-1] < 0.1
-    every_gap_is_explained(result)
-
-
-# --- profiles
-
-
-def test_profile_of_a_linear_problem_is_its_linear_interval():
-    result = fit(SCENE, linear_data(), {E: Free(), E_INF: Free()})
-    low, high = result.interval(0.9)
-    profile = result.profile(f"{E}[1]", level=0.9)
-    assert (profile.low, profile.high) == (pytest.approx(low[1], rel=1e-3), pytest.approx(high[1], rel=1e-3))
-    assert profile.threshold == pytest.approx(stats.norm.ppf(0.95) ** 2, rel=1e-9)
-    # A parabola: the rise is the square of the distance in standard errors.
-    distance = (profile.values - result.values[1]) / result.stderr[1]
-    np.testing.assert_allclose(profile.rise, distance**2, rtol=1e-3, atol=1e-6)
-    assert np.all(np.diff(profile.values) > 0)
-
-
-def test_profile_of_a_nonlinear_problem_differs_as_it_must():
-    """E_inf in its logarithm, of a model linear in E_inf: the profile knows that it is symmetric."""
-    scene = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, [5e7], [1e-9])))
-    data = ModulusData([1e-2, 2e-2], [3e6, 3e6], [1.0, 1.0], [9e5, 9e5], [1e9, 1e9])
-    result = fit(scene, data, {E_INF: Positive()})
-    sigma = 9e5 / np.sqrt(2)
-    assert result.stderr[0] == pytest.approx(sigma, rel=1e-4)
-    q = stats.norm.ppf(0.975)
-    linear, profile = result.interval(), result.profile(E_INF, points=20)
-    assert linear[0][0] == pytest.approx(3e6 * np.exp(-q * sigma / 3e6), rel=1e-4)
-    assert profile.low == pytest.approx(3e6 - q * sigma, rel=2e-3)
-    assert profile.high == pytest.approx(3e6 + q * sigma, rel=2e-3)
-    assert profile.low < linear[0][0] and profile.high < linear[1][0]
-
-
-def test_profile_of_what_is_not_identified_has_no_end():
-    scene = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, [1e8, *MODULI], [1e-14, *TAU])))
-    result = fit(scene, modulus_data(noise=0.0), BOTH)
-    profile = result.profile(f"{E}[0]", points=4)
-    assert profile.low == 0.0
-    with pytest.raises(ValueError, match=r"name = 'E': must be one of upper\.material\.E_inf, "):
-        result.profile("E")
 
 
 # --- simulated data

@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 import scipy
-from support.scenes.fits import PLAIN, ROAD
+from support.scenes.fits import PLAIN, SCENE
 
 import fitting
 import rubberfric as rf
 from fitting.uncertainty.importance import Proposal, effective, log_weights, places, tail_index
-
-SCENE = rf.Scene(ROAD, rf.Body(PLAIN))
 
 
 def weighted(fit, count, seed=0):

@@ -4,8 +4,9 @@ import warnings
 
 import numpy as np
 import pytest
-from scipy import optimize
-from support.scenes.fits import E_INF, ROAD, E
+from scipy import optimize, stats
+from support.scenes.bars import BOTH, MODULI, TAU, linear_data, modulus_data
+from support.scenes.fits import E_INF, ROAD, THREE, E
 
 import fitting
 import rubberfric as rf
@@ -209,3 +210,42 @@ def test_ends_of_profiles():
 
     profile = bent_fit(0.05).profile(E_INF, callback=stop)
     assert all("interrupted" in end for end in profile.ends)
+
+
+# --- of error bars that are right, wrong, or none
+
+
+def test_profile_of_a_linear_problem_is_its_linear_interval():
+    result = fitting.fit(THREE, linear_data(), {E: fitting.Free(), E_INF: fitting.Free()})
+    low, high = result.interval(0.9)
+    profile = result.profile(f"{E}[1]", level=0.9)
+    assert (profile.low, profile.high) == (pytest.approx(low[1], rel=1e-3), pytest.approx(high[1], rel=1e-3))
+    assert profile.threshold == pytest.approx(stats.norm.ppf(0.95) ** 2, rel=1e-9)
+    # A parabola: the rise is the square of the distance in standard errors.
+    distance = (profile.values - result.values[1]) / result.stderr[1]
+    np.testing.assert_allclose(profile.rise, distance**2, rtol=1e-3, atol=1e-6)
+    assert np.all(np.diff(profile.values) > 0)
+
+
+def test_profile_of_a_nonlinear_problem_differs_as_it_must():
+    """E_inf in its logarithm, of a model linear in E_inf: the profile knows that it is symmetric."""
+    scene = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, [5e7], [1e-9])))
+    data = fitting.ModulusData([1e-2, 2e-2], [3e6, 3e6], [1.0, 1.0], [9e5, 9e5], [1e9, 1e9])
+    result = fitting.fit(scene, data, {E_INF: fitting.Positive()})
+    sigma = 9e5 / np.sqrt(2)
+    assert result.stderr[0] == pytest.approx(sigma, rel=1e-4)
+    q = stats.norm.ppf(0.975)
+    linear, profile = result.interval(), result.profile(E_INF, points=20)
+    assert linear[0][0] == pytest.approx(3e6 * np.exp(-q * sigma / 3e6), rel=1e-4)
+    assert profile.low == pytest.approx(3e6 - q * sigma, rel=2e-3)
+    assert profile.high == pytest.approx(3e6 + q * sigma, rel=2e-3)
+    assert profile.low < linear[0][0] and profile.high < linear[1][0]
+
+
+def test_profile_of_what_is_not_identified_has_no_end():
+    scene = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, [1e8, *MODULI], [1e-14, *TAU])))
+    result = fitting.fit(scene, modulus_data(noise=0.0), BOTH)
+    profile = result.profile(f"{E}[0]", points=4)
+    assert profile.low == 0.0
+    with pytest.raises(ValueError, match=r"name = 'E': must be one of upper\.material\.E_inf, "):
+        result.profile("E")

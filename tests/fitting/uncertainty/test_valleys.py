@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
-from support.scenes.fits import PLAIN, ROAD
+from support.scenes.fits import E_INF, PLAIN, SCENE
 
 import fitting
 import rubberfric as rf
 
-SCENE = rf.Scene(ROAD, rf.Body(PLAIN))
 E = "upper.material.E[1]"
-E_INF = "upper.material.E_inf"
 
 
 def fitted(relative, part):

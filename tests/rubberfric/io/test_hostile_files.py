@@ -3,12 +3,11 @@
 import h5py
 import numpy as np
 import pytest
-from support.scenes.fits import PLAIN, ROAD
+from support.scenes.fits import SCENE
 
 import fitting
 import rubberfric as rf
 
-SCENE = rf.Scene(ROAD, rf.Body(PLAIN))
 SHEAR = "f [Hz];G' [MPa];G'' [MPa]\n1;5;1\n"
 KIND = np.array(["Prony", "x"], h5py.string_dtype())
 

@@ -7,11 +7,10 @@ import sys
 import h5py
 import numpy as np
 import pytest
-from support.scenes.fits import PLAIN, ROAD
+from support.scenes.fits import SCENE
 
 import rubberfric as rf
 
-SCENE = rf.Scene(ROAD, rf.Body(PLAIN))
 HOLD = "import h5py, sys; file = h5py.File(sys.argv[1], 'r+'); print(flush=True); sys.stdin.read()"
 
 

@@ -10,7 +10,8 @@ from support.cases.stored import QUANTITIES, as_arrays, quantities, scene
 from support.oracles import oracle
 
 import rubberfric as rf
-from rubberfric.scene.scene import dissipates, relaxes
+from rubberfric.scene.body import relaxes
+from rubberfric.scene.scene import dissipates
 
 POISSON = [0.0, 0.3, 0.4999999, 0.5]
 FINE = [0.0, 0.2, 0.3, 0.45, 0.4999, 0.4999999999, 0.5]

@@ -16,7 +16,6 @@ T_REF = 293.15
 ENTROPIC = rf.Entropic(6e-4)
 TABLE = rf.TabulatedVertical([250.0, 300.0, 400.0], [1.3, 1.0, 0.6])
 LAWS = [ENTROPIC, TABLE]
-WORN = rf.SelfAffine(300.0, 2000.0, 5e4, 0.7, 4e-5)
 V = np.array([1e-3, 0.1, 5.0])  # [m/s]
 T = np.array([273.0, 320.0, 350.0])  # [K]
 
@@ -98,119 +97,12 @@ def test_modulus(make, kind):
         np.testing.assert_array_equal(rf.complex_modulus(shifted, omega), wanted)
 
 
-def softening():
-    return rf.Softening([1e-2, 0.1, 1.0], [1.0, 0.7, 0.4], [1.0, 1.1, 0.6])
-
-
-RIGID = rf.Rigid()
-ELASTIC = rf.Elastic(2e7, 0.3)
-DIRECTIONS = [[2e-12, 1e-12, 3e-12, 1e-12], [2e-12, 3e-12, 1e-12, 2e-12], [1e-17] * 4]
-# Scenes with a shift: one solid, two solids whose series changes, and solids that do not relax.
-SCENES = {
-    "one": lambda s: rf.Scene(rf.Body(RIGID, ROAD), rf.Body(prony(s))),
-    "table": lambda s: rf.Scene(rf.Body(RIGID, ROAD), rf.Body(table(s), layer=rf.Slab(2e-3))),
-    "two": lambda s: rf.Scene(rf.Body(prony(s, 0.3), ROAD), rf.Body(prony(wlf()), WORN)),
-    "on-elastic": lambda s: rf.Scene(rf.Body(ELASTIC, ROAD), rf.Body(prony(s), WORN)),
-    "layers": lambda s: rf.Scene(
-        rf.Body(table(s), ROAD, rf.Slab(1e-2)), rf.Body(prony(s), WORN, rf.Slab(2e-3))
-    ),
-    "static": lambda s: rf.Scene(rf.Body(RIGID, WORN), rf.Body(prony(s), ROAD, rf.Slab(2e-3))),
-    "coating": lambda s: rf.Scene(
-        rf.Body(RIGID, ROAD), rf.Body(prony(s), layer=rf.Coating(1e-4, prony(None, 0.2)))
-    ),
-    "on-steel": lambda s: rf.Scene(rf.Body(RIGID, ROAD), rf.Body(prony(s), layer=rf.Coating(1e-4, ELASTIC))),
-    "own-base": lambda s: rf.Scene(
-        rf.Body(ELASTIC, ROAD), rf.Body(ELASTIC, WORN, layer=rf.Coating(1e-4, prony(s)))
-    ),
-    "softened": lambda s: rf.Scene(rf.Body(RIGID, ROAD), rf.Body(prony(s)), softening=softening()),
-    "two-softened": lambda s: rf.Scene(
-        rf.Body(prony(s, 0.3), ROAD), rf.Body(prony(s), WORN), softening=softening()
-    ),
-    "softened-on-elastic": lambda s: rf.Scene(
-        rf.Body(ELASTIC, ROAD), rf.Body(prony(s), WORN), softening=softening()
-    ),
-    "stretched": lambda s: rf.Scene(
-        rf.Body(prony(s, 0.3), rf.Anisotropic(ROAD, 2.0, 0.3)), rf.Body(prony(s), WORN)
-    ),
-    "directions": lambda s: rf.Scene(
-        rf.Body(
-            prony(s, 0.3),
-            rf.TabulatedAnisotropic([1e2, 1e3, 3e4], DIRECTIONS),
-        ),
-        rf.Body(prony(s)),
-    ),
-}
-QUICK = ("one", "static")
-QUANTITIES = ("area", "friction", "separation")
-
-
-def some(names, quick=QUICK):
-    return [name if name in quick else pytest.param(name, marks=pytest.mark.slow) for name in names]
-
-
-def shifted_scene(scene, shift, b, a):
-    """The scene with b times the moduli that move with a shift, whose times become a times as long."""
-
-    def moved(part):
-        if isinstance(part, rf.Body):
-            layer = part.layer
-            if isinstance(layer, rf.Coating) and layer.base.relaxes:
-                own = layer.base if layer.base.shift else layer.base.replace(shift=part.material.shift)
-                layer = dataclasses.replace(layer, base=moved(own))
-            return rf.Body(moved(part.material), part.spectrum, layer)
-        if part.shift is not shift:
-            return part
-        if isinstance(part, rf.Prony):
-            return rf.Prony(b * part.E_inf, b * part.E, a * part.tau, part.poisson)
-        return part.replace(storage=b * part.storage, loss=b * part.loss, shift=wlf())
-
-    return dataclasses.replace(scene, lower=moved(scene.lower), upper=moved(scene.upper))
-
-
-@pytest.mark.parametrize("name", some(SCENES, QUICK[:1]))
-def test_scenes_with_scaled_moduli(name):
-    """At every temperature the scene is one of b times the moduli."""
-    law = wlf(ENTROPIC)
-    scene = SCENES[name](law)
-    found = rf.solve(scene, V, 3e5, T, quantities=QUANTITIES)
-    for i, at in enumerate(T):
-        plain = shifted_scene(scene, law, factor(ENTROPIC, at), float(jnp.exp(law.log_factor(at))))
-        has_shift = any(body.material.shift is not None for body in (plain.lower, plain.upper))
-        wanted = rf.solve(plain, V[i], 3e5, at if has_shift else None, quantities=QUANTITIES)
-        for quantity in QUANTITIES:
-            value, exact = getattr(found, quantity)[i], getattr(wanted, quantity)
-            np.testing.assert_allclose(value, exact, rtol=2e-11, err_msg=quantity)
-    # No temperature means no shift.
-    cold = rf.friction(scene, V, 3e5)
-    np.testing.assert_allclose(cold, rf.friction(SCENES[name](wlf()), V, 3e5), rtol=1e-12)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", some(SCENES, QUICK[:1]))
-def test_derivatives(name):
-    """By the temperature and by all numbers of the shift, in both modes and by differences."""
-    scene = SCENES[name](wlf(ENTROPIC))
-
-    @jax.jit
-    def values(x):
-        law = rf.WLF(8.86 * x[0], 101.6 * x[1], T_REF, vertical=rf.Entropic(6e-4 * x[2]))
-        found = rf.solve(SCENES[name](law), 0.1, 3e5, 320.0 * x[3], quantities=QUANTITIES)
-        return jnp.log(jnp.stack([getattr(found, q) for q in QUANTITIES if q != "friction" or dissipates]))
-
-    dissipates = rf.friction(scene, 0.1, 3e5, 320.0) > 0
-    one, h = jnp.ones(4), 1e-4
-    forward, reverse = jax.jit(jax.jacfwd(values))(one), jax.jit(jax.jacrev(values))(one)
-    np.testing.assert_allclose(forward, reverse, rtol=1e-9, atol=1e-11)
-    if name in ("table", "layers"):
-        return  # entries of a table are kinks, at which differences err
-    for i in range(4):
-        f = [values(one.at[i].add(k * h)) for k in (-2, -1, 1, 2)]
-        difference = (8 * (f[2] - f[1]) - (f[3] - f[0])) / (12 * h)
-        np.testing.assert_allclose(forward[:, i], difference, rtol=1e-7, atol=1e-9)
+def on_road(material):
+    return rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(material))
 
 
 def test_contact_shear():
-    scene = SCENES["one"](None)
+    scene = on_road(prony(None))
     laws = (rf.Arrhenius(0.5, T_REF, vertical=vertical) for vertical in (None, ENTROPIC))
     shears = (rf.ContactShear(6.5e6, 0.1, 6e-3, shift=law) for law in laws)
     plain, shifted = (dataclasses.replace(scene, shear=shear) for shear in shears)
@@ -282,7 +174,7 @@ def measured(law):
 
 def test_fit_of_a_modulus_at_several_temperatures():
     data = measured(rf.Entropic(8e-4))
-    start = SCENES["one"](wlf(rf.Entropic(1e-4)))
+    start = on_road(prony(wlf(rf.Entropic(1e-4))))
     free = {
         "upper.material.shift.vertical.expansion": fitting.Positive(),
         "upper.material.shift.C1": fitting.Positive(),

@@ -12,7 +12,7 @@ from support.scenes.fits import AFFINE as ROAD
 
 import rubberfric as rf
 from rubberfric.scene.heating import diffusion, heat_kernel, heating_of, rise_below_surface, shear_shares
-from rubberfric.theory.heat_balance import heat_balance, inner_temperatures
+from rubberfric.theory.heat.balance import heat_balance, inner_temperatures
 from rubberfric.theory.integrals import prepare
 
 RUBBER = rf.ThermalProperties(1200.0, 1600.0, 0.23)

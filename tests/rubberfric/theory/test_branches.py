@@ -14,9 +14,10 @@ from support.cases.stored import slow_if
 
 import rubberfric as rf
 from rubberfric.scene.heating import diffusion
-from rubberfric.theory import model, temperatures
-from rubberfric.theory.branch import arrive, begin_at, path
-from rubberfric.theory.heat_balance import heat_balance, inner_temperatures
+from rubberfric.theory import model
+from rubberfric.theory.heat import temperatures
+from rubberfric.theory.heat.balance import heat_balance, inner_temperatures
+from rubberfric.theory.heat.branch import arrive, begin_at, path
 from rubberfric.theory.integrals import prepare
 
 # --- A cubic with known folds

@@ -18,7 +18,6 @@ def quantities(arguments):
 
 
 value = jax.jit(quantities)
-forward = jax.jit(jax.jacfwd(quantities))
 reverse = jax.jit(jax.jacrev(quantities))
 
 

@@ -10,8 +10,54 @@ AFFINE = rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4)
 ROAD = rf.Body(rf.Rigid(), AFFINE)
 PLAIN = rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])
 SHIFTED = rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3], shift=rf.WLF(12.0, 150.0, 293.15))
+THREE_TERMS = rf.Prony(3e6, [5e7, 8e6, 2e6], [1e-5, 1e-3, 1e-1])
+FOUR_TERMS = rf.Prony(3e6, [5e8, 5e7, 8e6, 2e6], [1e-7, 1e-5, 1e-3, 1e-1])
+SCENE = rf.Scene(ROAD, rf.Body(PLAIN))
+WARM = rf.Scene(ROAD, rf.Body(SHIFTED))
+THREE = rf.Scene(ROAD, rf.Body(THREE_TERMS))
+FOUR = rf.Scene(ROAD, rf.Body(FOUR_TERMS))
+FOUR_WARM = FOUR.replace({"upper.material.shift": SHIFTED.shift})
+SHEAR = rf.ContactShear(6.5e6, 0.1, 6e-3)
 E = "upper.material.E"
 E_INF = "upper.material.E_inf"
+H_RMS = "lower.spectrum.h_rms"
+HURST = "lower.spectrum.hurst"
+Q1 = "lower.spectrum.q1"
+
+
+def noise(size, error, seed=0):
+    """Factors of a relative error."""
+    return np.exp(error * np.random.default_rng(seed).standard_normal(size))
+
+
+def modulus_data(material, omega, error=0.02, seed=0, **options):
+    """E' and E'' of a material with noise; the data state its size unless `relative` is given."""
+    exact = np.asarray(rf.complex_modulus(material, omega))
+    values = np.stack([exact.real, exact.imag]) * noise((2, omega.size), error, seed)
+    return fitting.ModulusData(omega, *values, **{"relative": error} | options)
+
+
+def friction_data(scene, v, p=1e5, error=0.02, seed=0, quadrature=FAST, **options):
+    """Friction of a scene with noise; the data state its size unless `relative` is given."""
+    mu = np.asarray(rf.friction(scene, v, p, options.get("temperature"), quadrature=quadrature))
+    return fitting.FrictionData(
+        v, mu * noise(v.size, error, seed), pressure=p, **{"relative": error} | options
+    )
+
+
+def area_data(scene, v, p=5e5, error=0.03, seed=0, quadrature=FAST):
+    """Relative contact area of a scene with noise."""
+    area = np.asarray(rf.contact_area(scene, v, p, quadrature=quadrature))
+    values = area * noise(v.size, error, seed)
+    return fitting.AreaData(v, values, pressure=p, relative=error, check_units=False)
+
+
+def maxwell_columns(omega, tau):
+    """E' and then E'' of terms of 1 Pa and of E_inf = 1 Pa: one column each, by the formula."""
+    a = omega[:, None] * np.asarray(tau)
+    terms = np.concatenate([a**2 / (1 + a**2), a / (1 + a**2)])
+    return np.column_stack([terms, np.repeat([1.0, 0.0], omega.size)])
+
 
 # A small job of rubberfric-fit, and its scene file.
 JOB_SCENE = """

@@ -159,8 +159,10 @@ def test_curves_over_pressure_where_there_is_no_velocity(monkeypatch):
     for _ in explorer.sliders:
         near = explorer.differences(values)
     assert list(near) == [one.name for one in explorer.sliders]
-    for name, exact in found.items():
-        np.testing.assert_allclose(near[name], exact, rtol=1e-5, atol=1e-6)
+    for slider in explorer.sliders:
+        # Poisson's ratio is at the end of its range, where the difference of step 1e-4 has one side.
+        rtol = 3e-4 if values[slider.name] in (slider.low, slider.high) else 1e-5
+        np.testing.assert_allclose(near[slider.name], found[slider.name], rtol=rtol, atol=1e-6)
     np.testing.assert_allclose(found["upper.material.young"], found["lower.spectrum.h_rms"], rtol=1e-9)
 
 

@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from support.exports import book, put
 from support.refusals import refused
 
 import fitting
@@ -47,20 +48,6 @@ BAD = [
 ]
 
 
-def put(folder, text, name="table.csv"):
-    (folder / name).write_text(text, encoding="utf-8")
-    return folder / name
-
-
-def book(folder, rows):
-    openpyxl = pytest.importorskip("openpyxl", reason="writes .xlsx")
-    whole = openpyxl.Workbook()
-    for row in rows:
-        whole.active.append(row)
-    whole.save(folder / "table.xlsx")
-    return folder / "table.xlsx"
-
-
 @pytest.mark.parametrize("head", [TITLES, OWN], ids=["export", "own"])
 @pytest.mark.parametrize("row", BAD, ids=lambda row: row[:24])
 def test_a_row_that_cannot_be_read_is_named_or_left_out(tmp_path, head, row):
@@ -83,7 +70,7 @@ def test_a_bad_row_below_the_titles_is_no_row_of_units(tmp_path, row):
 @pytest.mark.parametrize("cell", ["#DIV/0!", "#N/A", "x", None, True])
 def test_error_cells_in_a_workbook(tmp_path, cell):
     rows = [TITLES.strip().split(","), [0.01, 0.6, 2e5, 293], [cell, 0.65, 2e5, 293], [0.02, 0.7, 2e5, 293]]
-    path = book(tmp_path, rows)
+    path = book(tmp_path, "table.xlsx", {"rows": rows})
     assert "line 3: v [m/s] = " in refused(path, lambda: fitting.read(path))
 
 
@@ -180,7 +167,7 @@ def test_runs_in_the_row_of_units(tmp_path):
         [0.1, 3, 23, 0.9, 0.957, None, "Lauf 3 fehlt"],
         [0.5, 3, 23, 1.13, 1.083, 1.032, None],
     ]
-    data = fitting.read(book(tmp_path, rows))
+    data = fitting.read(book(tmp_path, "table.xlsx", {"rows": rows}))
     np.testing.assert_allclose(data.friction, [0.9, 1.13, 0.957, 1.083, 1.032])
     np.testing.assert_allclose(data.velocity, [1e-4, 5e-4, 1e-4, 5e-4, 5e-4])
     np.testing.assert_allclose(data.pressure, 3e5)

@@ -4,15 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from support.exports import put
 from support.refusals import refused
 
 import fitting
-
-
-def put(folder, text):
-    (folder / "table.csv").write_text(text, encoding="utf-8")
-    return folder / "table.csv"
-
 
 # Rows |E*| [MPa], delta [deg], E' [MPa], E'' [MPa] of a master curve, computed by another program.
 PHASES = (

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from support import exports
+from support.exports import book, put
 from support.refusals import refused
 
 import fitting
@@ -16,23 +17,8 @@ PSI = 6894.757293168361  # lbf/in^2 [Pa]
 ZERO = 273.15  # 0 °C [K]
 
 
-def put(folder, text, name="table.csv"):
-    path = folder / name
-    path.write_bytes(text.encode())
-    return path
-
-
-def book(folder, *sheets):
-    """Write a workbook of sheets with rows of cells."""
-    openpyxl = pytest.importorskip("openpyxl", reason="needs openpyxl, which is in the test extra")
-    whole = openpyxl.Workbook()
-    whole.remove(whole.active)
-    for number, rows in enumerate(sheets):
-        sheet = whole.create_sheet(f"sheet {number}")
-        for row in rows:
-            sheet.append(row)
-    whole.save(folder / "book.xlsx")
-    return folder / "book.xlsx"
+def sheets(folder, *rows):
+    return book(folder, "book.xlsx", {f"sheet {number}": some for number, some in enumerate(rows)})
 
 
 # --- titles and units
@@ -107,7 +93,7 @@ def test_temperatures_beside_each_other(tmp_path, titles):
     else:
         head, rows = [["f/Hz", *(f"{m}({T},0 °C)/MPa" for T in (20, 40) for m in ("E'", "E''"))]], []
         rows = [[row[0], *row[1:3], *row[4:]] for row in ROWS]
-    data = read(book(tmp_path, head + rows))
+    data = read(sheets(tmp_path, head + rows))
     np.testing.assert_allclose([data.omega, data.storage, data.loss, data.temperature], TWO, rtol=1e-12)
 
 
@@ -153,7 +139,7 @@ TITLES = ["f [Hz]", "E' [MPa]", "E'' [MPa]"]
 
 @pytest.mark.parametrize("bad", [[2, None, 1], [None, 6, 1], [2, "n/a", 1], [2, 6, "=B3*0.2"]])
 def test_empty_cells_and_formulas(tmp_path, bad):
-    path = book(tmp_path, [TITLES, [1, 5, 1], bad, [3, 7, 1]])
+    path = sheets(tmp_path, [TITLES, [1, 5, 1], bad, [3, 7, 1]])
     message = refused(path, lambda: read(path))
     assert "line 3: " in message and "must be" in message
     assert ("save the formula's value" in message) == ("=B3*0.2" in bad)
@@ -162,15 +148,15 @@ def test_empty_cells_and_formulas(tmp_path, bad):
 
 
 def test_formulas_without_values(tmp_path):
-    path = book(tmp_path, [TITLES, [1, 5, "=B2*0.2"], [2, 6, "=B3*0.2"]])
+    path = sheets(tmp_path, [TITLES, [1, 5, "=B2*0.2"], [2, 6, "=B3*0.2"]])
     assert "save the formula's value" in refused(path, lambda: read(path, bad_rows="drop"))
-    path = book(tmp_path, [TITLES, ["=1", "=5", "=B2*0.2"]])
+    path = sheets(tmp_path, [TITLES, ["=1", "=5", "=B2*0.2"]])
     assert "no sheet has numbers; formulas must have stored values" in refused(path, lambda: read(path))
 
 
 def test_merged_titles(tmp_path):
     head = [["Frequency", "Modulus", None, "Temp"], [None, "E'", "E''", None], ["Hz", "MPa", "MPa", "°C"]]
-    data = read(book(tmp_path, [["Sample", "tread"], *head, [1, 5, 1, 20], [2, 6, 1, 20]]))
+    data = read(sheets(tmp_path, [["Sample", "tread"], *head, [1, 5, 1, 20], [2, 6, 1, 20]]))
     np.testing.assert_allclose([data.storage, data.temperature], [[5e6, 6e6], [ZERO + 20] * 2])
 
 
@@ -179,10 +165,10 @@ def test_a_sheet_for_each_step(tmp_path):
     details = [["Diameter", 25], ["Operator", "A. B."]]
     steps = [[[f"step {n}"], TITLES, [1, 5 + n, 1], [2, 6 + n, 1]] for n in (1, 2)]
     other = [["A [mm]", "B [mm]"], [1, 2], [3, 4]]
-    path = book(tmp_path, details, *steps, other)
+    path = sheets(tmp_path, details, *steps, other)
     with pytest.warns(UserWarning, match="sheet 1, sheet 2 are read as one table, and not sheet 3; delete"):
         np.testing.assert_allclose(read(path).storage, [6e6, 7e6, 7e6, 8e6])
-    path = book(tmp_path, steps[0], other)
+    path = sheets(tmp_path, steps[0], other)
     with pytest.warns(UserWarning, match=r"the sheet sheet 0 is read, and not sheet 1; delete sheets"):
         np.testing.assert_allclose(read(path).storage, [6e6, 7e6])
 

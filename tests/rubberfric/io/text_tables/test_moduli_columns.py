@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from support.exports import put
 from support.refusals import refused
 
 import fitting
@@ -13,11 +14,6 @@ from rubberfric.io.columns import known_name
 HZ = 2 * math.pi  # [rad/s]
 ANGLE = math.degrees(math.atan2(3, 4))  # of E' = 4 MPa and E'' = 3 MPa
 SHEAR = {"poisson": 0.5}
-
-
-def put(folder, text):
-    (folder / "table.csv").write_text(text, encoding="utf-8")
-    return folder / "table.csv"
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+import rubberfric as rf
 from rubberfric.io.text_tables import units
 
 PREFIXES = {"": 0, "n": -9, "u": -6, "m": -3, "c": -2, "h": 2, "k": 3, "M": 6, "G": 9}
@@ -50,3 +51,14 @@ def test_degrees():
         assert zero[unit] + scale[unit] * freezing == pytest.approx(273.15, rel=1e-15)
         assert zero[unit] + scale[unit] * boiling == pytest.approx(373.15, rel=1e-15)
     assert units.ANGLE["deg"] * 180 == pytest.approx(math.pi, rel=1e-15) and units.ANGLE["mrad"] == 1e-3
+
+
+def test_unit_helpers():
+    assert rf.units.celsius(25.0) == 298.15 and rf.units.to_celsius(298.15) == 25.0
+    assert rf.units.hertz(1.0) == 2 * math.pi and rf.units.to_hertz(2 * math.pi) == 1.0
+    np.testing.assert_allclose(rf.units.young_from_shear(np.array([1e6, 2e6]), 0.5), [3e6, 6e6])
+    np.testing.assert_allclose(rf.units.shear_from_young(3e6, 0.5), 1e6)
+    # Lame: B = lambda + 2 G / 3, lambda = 2 G nu / (1 - 2 nu)
+    G, nu = 2.0, 0.3
+    E = rf.units.young_from_shear(G, nu)
+    np.testing.assert_allclose(rf.units.bulk_from_young(E, nu), 2 * G * nu / (1 - 2 * nu) + 2 * G / 3)

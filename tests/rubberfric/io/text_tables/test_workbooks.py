@@ -4,7 +4,9 @@ import io
 import time
 import zipfile
 
+import numpy as np
 import pytest
+from support import exports
 from support.refusals import refused
 
 import fitting
@@ -15,11 +17,7 @@ MAIN = b'<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/
 
 
 def book(folder):
-    whole = openpyxl.Workbook()
-    for row in (["v [mm/s]", "mu"], [1, 0.5], [2, 0.6]):
-        whole.active.append(row)
-    whole.save(folder / "book.xlsx")
-    return folder / "book.xlsx"
+    return exports.book(folder, "book.xlsx", {"friction": [["v [mm/s]", "mu"], [1, 0.5], [2, 0.6]]})
 
 
 def with_sheet(folder, sheet):
@@ -105,3 +103,59 @@ def test_messages_about_frames_and_titles_are_short(tmp_path):
     path = tmp_path / "long.csv"
     path.write_text(f"v,mu,{100_000 * 'x'}\nm/s,-,-\n1,0.5,1\n")
     assert len(refused(path, lambda: fitting.read(path))) < 2000
+
+
+def test_values_and_damaged_parts_of_a_workbook(tmp_path, monkeypatch):
+    rows = [
+        ["Sample", "tread"],
+        [],
+        ["v [mm/s]", "Reibwert [-]", "Remark"],
+        [0.5, 0.61, "run in"],
+        [5, 0.75, None],
+    ]
+    path = exports.book(tmp_path, "friction.xlsx", {"Notes": [["Notes"]], "run 1": rows})
+    data = fitting.read(path, pressure=1e5)
+    np.testing.assert_allclose([data.velocity, data.friction], [[5e-4, 5e-3], [0.61, 0.75]], rtol=1e-14)
+    whole = path.read_bytes()
+    path.write_bytes(b"PK")
+    assert "cannot be read as .xlsx" in refused(path, lambda: fitting.read(path))
+    random = np.random.default_rng(0)
+    said = []
+    with zipfile.ZipFile(io.BytesIO(whole)) as archive:
+        for name in archive.namelist():
+            for _ in range(3):  # one part of it is damaged, or cut off
+                with zipfile.ZipFile(path, "w") as damaged:
+                    for part in archive.namelist():
+                        content = np.frombuffer(archive.read(part), np.uint8).copy()
+                        if part == name:
+                            content[random.integers(content.size, size=9)] = random.integers(256, size=9)
+                            content = content[: random.integers(content.size // 2, content.size)]
+                        damaged.writestr(part, content.tobytes())
+                try:
+                    fitting.read(path, pressure=1e5)
+                except ValueError as error:
+                    said.append(str(error))
+    assert len(said) > 5 and all(str(path) in one and "\n" not in one for one in said)
+
+    def wrong(*_, **__):
+        raise AssertionError("a mistake of the program")
+
+    monkeypatch.setattr(openpyxl, "load_workbook", wrong)
+    with pytest.raises(AssertionError, match="a mistake"):  # and none of the file
+        fitting.read(path)
+
+
+def test_a_distant_cell_of_a_workbook_is_refused(tmp_path):
+    whole = openpyxl.Workbook()
+    whole.active["A1"], whole.active["XFD60000"] = "v [mm/s]", 1.0
+    path = tmp_path / "distant.xlsx"
+    whole.save(path)
+    assert "more than 1000000 cells" in refused(path, lambda: fitting.read(path))
+
+
+def test_a_workbook_that_unpacks_to_much_is_refused(tmp_path):
+    path = tmp_path / "bomb.xlsx"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("xl/worksheets/sheet1.xml", b" " * (2**26 + 1))
+    assert path.stat().st_size < 1e5
+    assert "has 64 MiB unpacked" in refused(path, lambda: fitting.read(path))

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import problems
 import pytest
 
 import rubberfric as rf
@@ -79,3 +80,22 @@ def test_no_plateau(pressure):
     expected = np.array([-137, 300, -300, 200, -75, 12]) @ at / (60 * h)
     for jacobian in (jax.jacfwd, jax.jacrev):
         np.testing.assert_allclose(jax.jit(jacobian(logs))(0.0), expected, atol=1e-6)
+
+
+def test_slope_of_the_tread_at_rest():
+    """Friction / v of a tread at 1e-30 ... 1e-8 m/s is 3914.98 s/m."""
+    tread = rf.Prony(3.6e6, np.geomspace(1e9, 1e6, 13), np.logspace(-12, 0, 13), 0.5)
+    scene = rf.Scene(rf.Body(tread), rf.Body(rf.Rigid(), problems.ROAD), contact_model="boundary_elements")
+    slope = jax.grad(lambda v: rf.friction(scene, v, 2e5))(0.0)
+    assert float(slope) == pytest.approx(3914.98, rel=2e-6)
+
+
+@pytest.mark.slow
+def test_second_derivative_at_rest():
+    """The area is even in v."""
+    scene = problems.PROBLEMS["law"].scene
+    area = jax.jit(lambda v: rf.contact_area(scene, v, 2e5))
+    found = float(jax.jit(jax.hessian(area))(0.0))
+    h = 1e-4 / scene.lower.spectrum.q1
+    expected = [2 * float(area(k * h) - area(0.0)) / (k * h) ** 2 for k in (100, 200)]
+    assert found == pytest.approx((4 * expected[0] - expected[1]) / 3, rel=1e-3)

@@ -257,7 +257,7 @@ OF_LIBRARY = slopes_by(rf.solve)
 OF_PAPER = slopes_by(functools.partial(paper.solve, nodes=paper.gauss_nodes(step=0.04, panels=24)))
 
 
-@pytest.mark.slow  # test_paper.py compares a scene with a tabulated modulus in the ordinary run
+@pytest.mark.slow  # tests/properties/test_values.py has such a scene in the ordinary run
 def test_contact_and_friction_are_those_of_the_paper():
     """E in every direction at every wavevector: no table of means, and no interpolation over q."""
     found, known = (values(*on_the_road(1)) for values, _ in (OF_LIBRARY, OF_PAPER))

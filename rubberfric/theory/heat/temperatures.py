@@ -19,22 +19,20 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.fixed_points import Inverse, fixed_point, implicit
-from rubberfric.base.quadrature import Quadrature, typed
+from rubberfric.base.quadrature import typed
 from rubberfric.scene.heating import diffusivity
-from rubberfric.theory.branch import arrive, begin_at, path
-from rubberfric.theory.contact import Roughness
-from rubberfric.theory.heat_balance import (
+from rubberfric.theory.contact import Contact, Roughness
+from rubberfric.theory.heat.balance import (
     HeatedPoints,
     Temperatures,
     Thermal,
     heat_balance,
+    heat_of,
     inner_temperatures,
     shear_temperature,
     without_derivatives,
 )
-
-# Mesh on which branches are followed. Its errors only displace the guess for the fine mesh.
-COARSE = Quadrature(order=5, panels=3, graded=2, ratio=8.0, angular_order=6, heat=48)
+from rubberfric.theory.heat.branch import arrive, begin_at, path
 
 # Temperature rise below which a solution is unique [K]. A smaller one makes the way along a branch longer.
 _COLD_RISE = 0.03
@@ -95,6 +93,22 @@ def temperatures_of(
     inside, flash = inner_temperatures(thermal, roughness.mesh, rises, background)
     surface = shear_temperature(thermal.heating, flash, background)
     return Temperatures(thermal, inside, flash, surface, converged)
+
+
+def imbalance(
+    thermal: Thermal, roughness: Roughness, rises: jax.Array, points: HeatedPoints, converged: jax.Array
+) -> tuple[jax.Array, tuple[Contact, Temperatures]]:
+    """Return the rises that the friction causes minus the assumed rises, and the contact with these rises.
+
+    Parameters
+    ----------
+    rises : assumed temperature rises at the unknowns [K], shape (points, unknowns)
+    converged : field of the `Temperatures`
+    """
+    velocity, pressure, background = points
+    hot = temperatures_of(thermal, roughness, rises, background, converged)
+    contact = roughness.contact(velocity, pressure, hot.inside)
+    return heat_of(thermal, roughness, contact, points, hot.surface) - rises, (contact, hot)
 
 
 def _size(thermal, roughness):

@@ -1,4 +1,4 @@
-"""Solids and scenes that many tests use: their numbers stand here once."""
+"""Solids, roughness and optional parts that many tests use: their numbers stand here once."""
 
 import numpy as np
 
@@ -12,6 +12,13 @@ SOFT = rf.Prony(8.0e5, np.array([2.5e7, 4.0e6, 3.0e5]), np.array([3e-7, 2e-4, 0.
 WLF = rf.WLF(12.0, 150.0, 293.15)
 SHIFTED_TREAD = rf.Prony(3e6, [4e8, 5e7, 8e6], [1e-7, 1e-5, 1e-3], 0.5, WLF)
 SHEAR = rf.ContactShear(6.5e6, 0.1, 6e-3, rf.Arrhenius(0.97, 293.15))
+ELASTIC = rf.Elastic(1e7, 0.4)
+STEEL = rf.Elastic(1e8, 0.3)
+HEATING = rf.Heating(1.2e3, 1.6e3, 0.23, 1e-3, 0.05, 0.4)
+SOFTENING = rf.Softening([0.01, 0.1, 1.0], [1.0, 0.7, 0.4], [1.0, 1.2, 0.6])
+GROOVES = rf.Anisotropic(ROAD, 2.0, 0.4, 4)
+# Roughness so fine that adhesion matters.
+FINE = rf.SelfAffine(5e4, 1e5, 3e6, 0.7, 1e-6)
 # Options of a scene for each contact model of half-spaces without further parts.
 CONTACT_MODELS = {
     "paper": {"area_correction": False},

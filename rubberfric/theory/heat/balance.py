@@ -14,6 +14,7 @@ from typing import NamedTuple, TypeVar
 import jax
 import jax.numpy as jnp
 
+from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.mesh.nodes import Mesh
 from rubberfric.scene.heating import (
     Diffusion,
@@ -34,6 +35,9 @@ from rubberfric.theory.structure import SurfaceTemperatures
 # Velocity [m/s], pressure [Pa] and temperature far from the contact [K], shape (points,) each.
 HeatedPoints = tuple[jax.Array, jax.Array, jax.Array]
 
+
+# Mesh on which branches are followed. Its errors only displace the guess for the fine mesh.
+COARSE = Quadrature(order=5, panels=3, graded=2, ratio=8.0, angular_order=6, heat=48)
 
 _Tree = TypeVar("_Tree")
 _OTHER = {"lower": "upper", "upper": "lower"}
@@ -74,30 +78,49 @@ class Temperatures(NamedTuple):
     surface: jax.Array  # of the contact shear, (points,)
     converged: jax.Array  # True for a solution, (points,)
 
+    def at(
+        self, roughness: Roughness, contact: Contact, points: HeatedPoints, q: jax.Array
+    ) -> tuple[list[SurfaceTemperatures], jax.Array]:
+        """Return the temperatures at wavevectors q [1/m] for each contribution, and their mean [K].
 
-def macroasperity(heating: Heating) -> jax.Array:
-    """Return q_m = pi / R, the wavevector of the macroasperities [1/m]."""
-    return jnp.asarray(jnp.pi / heating.radius)
+        Parameters
+        ----------
+        contact : from `rubberfric.theory.integrals.solved`
+        points : HeatedPoints
+        q : shape (wavevectors,)
+
+        Returns
+        -------
+        SurfaceTemperatures of each contribution, of shape (points, wavevectors) for a solid that deforms,
+        otherwise (points,); mean of the deformable solids, of shape (points, wavevectors)
+        """
+        T, background = temperature_at(roughness, contact, self, points, q), points[2]
+        inside = [
+            SurfaceTemperatures(*(background if solid is None else T[:, solid] for solid in pair))
+            for pair in self.thermal.solids
+        ]
+        return inside, jnp.mean(T, 1)
+
+
+def borders(scene: Scene) -> list[jax.Array]:
+    """Return [q_m] with q_m = pi / R, the wavevector of the macroasperities [1/m]; [] without heating."""
+    return [] if scene.heating is None else [jnp.asarray(jnp.pi / scene.heating.radius)[None]]
 
 
 def prepare_thermal(
-    heating: Heating,
-    scene: Scene,
-    roughness: Roughness,
-    count: int,
-    coarse: Roughness | None,
-    coarse_count: int,
+    scene: Scene, roughness: Roughness, quadrature: Quadrature, coarse: Roughness | None
 ) -> Thermal:
     """Return the `Thermal` of a heated scene.
 
     Parameters
     ----------
-    heating, scene : Heating and Scene
+    scene : Scene with heating
     roughness : Roughness
-    count : number of nodes of the sum over ln k
-    coarse : Roughness on the coarse mesh; None if the heat does not depend on the temperature
-    coarse_count : number of nodes of the sum over ln k on the coarse mesh
+    quadrature : Quadrature, of which `heat` is used
+    coarse : Roughness on the mesh of `COARSE`; None if the heat does not depend on the temperature
     """
+    heating = scene.heating
+    assert heating is not None
     bodies = {"lower": scene.lower, "upper": scene.upper}
     solids = [side for side, body in bodies.items() if body.material.deforms]
     own = {side: heating_of(heating, body.thermal) for side, body in bodies.items()}
@@ -107,7 +130,7 @@ def prepare_thermal(
         heating=heating,
         bodies=tuple(own[side] for side in solids),
         shares=tuple(shares[side] for side in solids),
-        diffusion=_diffusion(mesh, unknowns(mesh), count),
+        diffusion=_diffusion(mesh, unknowns(mesh), quadrature.heat),
         exciting=tuple(_index(sides, side) for side in solids),
         solids=tuple((_index(solids, side), _index(solids, _OTHER[side])) for side in sides),
         shear=scene.shear,
@@ -118,8 +141,8 @@ def prepare_thermal(
     linear = _linear(jnp.log(unknowns(mesh)), jnp.log(unknowns(coarse.mesh)))
     coarse_balance = Coarse(
         coarse,
-        _diffusion(coarse.mesh, unknowns(coarse.mesh), coarse_count),
-        _diffusion(coarse.mesh, unknowns(mesh), coarse_count),
+        _diffusion(coarse.mesh, unknowns(coarse.mesh), COARSE.heat),
+        _diffusion(coarse.mesh, unknowns(mesh), COARSE.heat),
         jnp.kron(jnp.eye(len(solids), dtype=linear.dtype), linear),
     )
     return thermal._replace(coarse=without_derivatives(coarse_balance))

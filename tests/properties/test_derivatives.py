@@ -1,0 +1,175 @@
+"""Derivatives: forward mode is reverse mode, and both are differences of the values.
+
+With respect to every number of a scene and its conditions, relative to the number. The derivatives of
+`tests/reference` are differences of brute force.
+"""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.flatten_util import ravel_pytree
+from problems import POINTS, PROBLEMS, compiled, having, stored
+from support.cases.stored import as_arrays, elements, names_of, slow_if
+
+import rubberfric as rf
+from rubberfric.base import fixed_points
+from rubberfric.base.objects.physical import parts_of
+
+STEP = 5e-4
+# Fourth-order central differences.
+WEIGHTS = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
+# The iteration of temperatures goes further than usual, because differences enlarge its errors. It is another
+# setting, so that it compiles again.
+FURTHER = rf.Quadrature(heat=178)
+
+
+def smooth(problem):
+    """The problem with compressible solids: Poisson's ratio 1/2 is the end of its range."""
+    parts = [(path, part) for path, part in parts_of(problem.scene) if getattr(part, "poisson", None) == 0.5]
+    return problem._replace(scene=problem.scene.replace({f"{path}.poisson": 0.49 for path, _ in parts}))
+
+
+def values(arguments, names):
+    found = rf.solve(*arguments, quantities=names)
+    return jnp.stack([getattr(found, name) for name in names])
+
+
+@functools.partial(jax.jit, static_argnames="names")
+def both_modes(arguments, direction, names):
+    """Jacobian by reverse mode, and its product with a direction by forward mode."""
+
+    def of(arguments):
+        return values(arguments, names)
+
+    return jax.jacrev(of)(arguments), jax.jvp(of, (arguments,), (direction,))[1]
+
+
+def differences(problem, unit, quadrature=None):
+    """Differences of the values by every number, (number, quantity)."""
+    numbers, rebuilt = ravel_pytree(problem.arguments)
+
+    def at(moved):
+        scene, *conditions = rebuilt(moved)
+        arguments = scene, *(jnp.full(POINTS, x) for x in conditions)
+        found = compiled(arguments, rf.quantities_of(problem.scene), quadrature)
+        return np.array([found[name][0] for name in problem.names])
+
+    rows = STEP * np.diag(unit)
+    return np.array([sum(w / STEP * at(numbers + k * row) for k, w in WEIGHTS.items()) for row in rows])
+
+
+def tolerance(problem):
+    """Relative error of the differences."""
+    if problem.tags & {"tabulated", "adhesion"}:  # kinks of a table pass nodes; nodes follow the load
+        return 1e-4
+    return 1e-5 if problem.tags & {"heating", "law"} else 1e-6
+
+
+ORDINARY = ("rubber", "slab", "contact shear", "two rubbers")
+
+
+@pytest.mark.parametrize("name", slow_if(lambda name: name not in ORDINARY, PROBLEMS.keys()))
+def test_both_modes_and_differences_agree(name, monkeypatch):
+    problem = smooth(PROBLEMS[name])
+    arguments = problem.arguments
+    numbers = np.asarray(ravel_pytree(arguments)[0])
+    # At rest a velocity that moves nothing far; correlated solids must stay at rest.
+    unit = np.where(numbers == 0, 0.0 if problem.scene.correlation else 1e-5, np.abs(numbers))
+    rng = np.random.default_rng(0)
+    direction = unit * rng.uniform(-1.5, 1.5, unit.size)
+    along = ravel_pytree(arguments)[1](direction)
+    reverse, forward = both_modes(arguments, along, problem.names)
+    reverse = elements(reverse)
+    assert np.isfinite(reverse).all()
+    size = np.abs(reverse * direction[:, None]).sum(0) + 1e-300
+    assert (np.abs(reverse.T @ direction - forward) <= 1e-9 * size).all(), (reverse.T @ direction, forward)
+    quadrature = None
+    if problem.scene.heating is not None:
+        monkeypatch.setattr(fixed_points, "_TOLERANCE", 1e-12)
+        quadrature = FURTHER
+    expected, found = differences(problem, unit, quadrature), reverse * unit[:, None]
+    scale = np.abs(expected) + 1e-2 * np.abs(expected).max(0) + 1e-300
+    error = np.abs(found - expected) / scale
+    worst = np.unravel_index(np.argmax(error), error.shape)
+    assert error.max() <= tolerance(problem), (
+        names_of(arguments)[worst[0]],
+        problem.names[worst[1]],
+        error.max(),
+    )
+
+
+STORED = {
+    f"{file}-{one.name}": one
+    for file in ("derivative", "part")
+    for one in stored(f"{file}_cases")
+    if "derivatives" in one.case
+}
+
+
+@pytest.mark.parametrize("name", slow_if(lambda name: name != "derivative-rigid-on-rubber", STORED.keys()))
+def test_differences_of_brute_force(name):
+    problem = STORED[name]
+    arguments = problem.arguments
+    found = elements(both_modes(arguments, arguments, problem.names)[0])
+    numbers, leaves = np.asarray(ravel_pytree(arguments)[0]), names_of(arguments)
+
+    def exact_of(case):
+        return np.array(
+            [case["transverse" if name == "transverse_friction" else name] for name in problem.names]
+        )
+
+    level = np.abs(exact_of(problem.case))
+    # Over the velocity a table's kinks run through the panels: with 48 panels and angle=1200 3e-6 is left.
+    rtol = 1e-4 if "tabulated" in problem.tags else 1e-8
+    for leaf, case in problem.case["derivatives"].items():
+        i, exact = leaves.index(leaf), exact_of(case)
+        slope = found[i] * (1.0 if leaf.endswith("angle") else numbers[i])
+        error = np.abs(slope - exact) / np.maximum(level + np.abs(exact), np.finfo(float).tiny)
+        assert (error <= rtol).all(), (leaf, slope, exact)
+
+
+@functools.partial(jax.jit, static_argnames="names")
+def slopes_over_velocity(scene, velocity, conditions, names):
+    """Derivatives by the velocity, in both modes."""
+    return [
+        jacobian(lambda velocity: values((scene, velocity, *conditions), names))(velocity)
+        for jacobian in (jax.jacfwd, jax.jacrev)
+    ]
+
+
+AT_REST = {one.name: one for one in having(without=("correlation",))}
+# One scene for each way to the means; those of one structure compile once.
+ORDINARY_AT_REST = ("rubber", "liquid", "law", "law, liquid", "tabulated modulus")
+
+
+@pytest.mark.parametrize("name", slow_if(lambda name: name not in ORDINARY_AT_REST, AT_REST.keys()))
+def test_derivative_at_rest(name):
+    """Friction is odd in v, so that its derivative at v = 0 is friction / v at small v; all else is even."""
+    problem = AT_REST[name]
+    scene, _, *conditions = problem.arguments
+    at = problem.solved(velocity=np.array([0.0, 1e-10, 1e-30]))
+    for slope in slopes_over_velocity(scene, jnp.zeros(()), conditions, problem.names):
+        for quantity, derivative in zip(problem.names, slope, strict=True):
+            rest, slow, slower = at[quantity]
+            if not quantity.endswith("friction"):
+                assert abs(derivative) < 1e-9 * max(1.0, rest), quantity
+                continue
+            assert rest == 0.0
+            if quantity == "viscoelastic_friction" or problem.scene.shear is None:
+                np.testing.assert_allclose(
+                    [slow / 1e-10, slower / 1e-30], derivative, rtol=1e-6, err_msg=quantity
+                )
+            else:  # all derivatives of the bell are 0 at rest
+                assert quantity == "friction" or derivative == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_all_derivatives_at_rest_are_finite(name):
+    problem = PROBLEMS[name]._replace(velocity=0.0)
+    arguments = problem.arguments
+    slopes, _ = both_modes(arguments, as_arrays(arguments), problem.names)
+    assert all(np.isfinite(x).all() for x in jax.tree.leaves(slopes))

@@ -1,0 +1,104 @@
+"""jit and vmap return what an eager call returns, one quantity alone too, and float32 keeps its dtype."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from problems import POINTS, PROBLEMS
+from support.cases.stored import slow_if
+
+import rubberfric as rf
+
+ORDINARY = ("rubber", "two rubbers")
+each_problem = pytest.mark.parametrize("name", slow_if(lambda name: name not in ORDINARY, PROBLEMS.keys()))
+# Outside jit a call takes the setting that fits, within it cannot know.
+USUAL = rf.Quadrature()
+
+
+def curve(problem):
+    """Velocities around that of the problem, and the other conditions."""
+    velocity = problem.velocity * np.array([1.0, 0.1, 10.0, 3.0])
+    return velocity, *problem.conditions[1:]
+
+
+def assert_equal(found, expected, rtol):
+    """Friction that vanishes relative to nothing."""
+    for name, exact in expected.items():
+        value, exact = np.asarray(found[name], float), np.asarray(exact, float)
+        np.testing.assert_allclose(value, exact, rtol=rtol, atol=rtol * np.abs(exact).max(), err_msg=name)
+
+
+@each_problem
+def test_all_ways_of_a_call_return_the_same(name):
+    """Eager, closed over, mapped over points, mapped over scenes: all loops in other orders."""
+    problem = PROBLEMS[name]
+    names = rf.quantities_of(problem.scene)
+    expected = problem.solved(velocity=curve(problem)[0])
+    rtol = 1e-9 if "converged" in names else 1e-11
+
+    def call(scene, velocity, *others):
+        found = rf.solve(scene, velocity, *others, quantities=names, quadrature=USUAL)
+        return {quantity: getattr(found, quantity) for quantity in names}
+
+    scene, (velocity, *others) = problem.scene, curve(problem)
+    assert_equal(call(scene, velocity, *others), expected, rtol)
+    assert_equal(jax.jit(lambda v: call(scene, v, *others))(velocity), expected, rtol)
+    grid = [np.broadcast_to(x, POINTS) for x in others]
+    mapped = jax.jit(jax.vmap(call, (None, *[0] * (1 + len(grid)))))(problem.arguments[0], velocity, *grid)
+    assert_equal(mapped, expected, rtol)
+    scenes = jax.tree.map(lambda x: jnp.stack([x, x]), problem.arguments[0])
+    mapped = jax.jit(jax.vmap(call, (0, None, *[None] * len(others))))(scenes, velocity, *others)
+    for k in (0, 1):
+        assert_equal({quantity: x[k] for quantity, x in mapped.items()}, expected, rtol)
+
+
+@pytest.mark.parametrize("name", slow_if(lambda name: name not in ("rubber", "law"), PROBLEMS.keys()))
+def test_a_point_alone_equals_itself_in_a_curve(name):
+    """Bit by bit: iterations of the others end earlier or later, and do not matter."""
+    problem = PROBLEMS[name]
+    velocity = curve(problem)[0]
+    together = problem.solved(velocity=velocity)
+    for i in range(POINTS):
+        for quantity, alone in problem.solved(velocity=velocity[i]).items():
+            exact = "tabulated" not in problem.tags  # whose grid follows the velocities
+            np.testing.assert_allclose(
+                alone[0], together[quantity][i], rtol=0 if exact else 1e-9, err_msg=quantity
+            )
+
+
+@each_problem
+def test_one_quantity_alone(name):
+    """A call for one quantity returns its value, and None for the rest."""
+    problem = PROBLEMS[name]
+    whole = problem.solved()
+    for quantity in problem.names:
+        only = jax.jit(lambda *at, quantity=quantity: rf.solve(*at, quantities=quantity))(*problem.arguments)
+        scale = max(abs(whole[quantity][0]), abs(whole["friction"][0]) * quantity.endswith("friction"))
+        assert abs(getattr(only, quantity) - whole[quantity][0]) <= 1e-9 * scale, quantity
+        assert [x for x, value in only._asdict().items() if value is not None] == [quantity]
+
+
+ORDINARY_SINGLE = ("rubber", "contact shear", "slab")
+
+
+@pytest.mark.parametrize("name", slow_if(lambda name: name not in ORDINARY_SINGLE, PROBLEMS.keys()))
+def test_single_precision(name):
+    problem = PROBLEMS[name]
+    expected, found = problem.solved(), problem.solved(dtype=np.float32)
+    rtol = 5e-4 if problem.tags & {"heating", "adhesion"} else 5e-5
+    for quantity in problem.names:
+        assert found[quantity].dtype == np.float32
+        # A separation near full contact is a small difference.
+        floor = 1e-6 if quantity == "separation" else 0.0
+        np.testing.assert_allclose(found[quantity], expected[quantity], rtol=rtol, atol=1e-2 * floor * 5e-4)
+    assert found.get("converged", np.ones(1)).all()
+
+
+@each_problem
+def test_python_numbers_do_not_widen_a_float32_scene(name):
+    problem = PROBLEMS[name]
+    single = jax.tree.map(lambda x: x.astype(np.float32), problem.arguments[0])
+    shapes = jax.eval_shape(
+        lambda scene: rf.solve(scene, *problem.conditions, quantities=problem.names), single
+    )
+    assert {leaf.dtype for leaf in jax.tree.leaves(shapes)} == {np.dtype(np.float32)}
