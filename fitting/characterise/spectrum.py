@@ -222,7 +222,7 @@ def fit_spectrum(
     data, remarks = _within(data, q0, q1, 1 + (fixed_H is None) + (fixed_qr is None))
     t, y = np.log(data.q), np.log(np.maximum(data.C, 1e-12 * data.C.max()))
     weight = _weights(data)
-    slopes = _SLOPES if fixed_H is None else (2 * (1 + fixed_H),) * 2
+    slopes = _SLOPES if fixed_H is None else (2 * (1 + fixed_H), 2 * (1 + fixed_H))
     line, no_kink = start_line(t, y, weight, slopes, fixed_qr, q0, q1, known=data.error is not None)
     if no_kink and of_profiles and rms_height is not None:
         line, no_kink = limited_by_height(line, no_kink, q0, q1, rms_height, data.q.min())

@@ -28,7 +28,7 @@ from rubberfric.base.checks import (
     either,
     is_concrete,
 )
-from rubberfric.base.compilation import exact_products, quick_jit
+from rubberfric.base.compilation import exact_products
 from rubberfric.base.objects.fields import Number, leaf
 from rubberfric.base.objects.physical import Kind, check_kind, kinds, physical
 
@@ -175,7 +175,7 @@ class SelfAffine(Spectrum):
         return SelfAffine(self.q0, qr, q1, self.hurst, h_rms)
 
 
-@quick_jit()
+@jax.jit
 @exact_products
 def _when_cut(spectrum, q1):
     """Return qr and h_rms of a self-affine spectrum with another q1 and an unchanged plateau C0."""
@@ -218,7 +218,7 @@ def power_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
     return _power_spectrum(spectrum, as_numbers("q", q))
 
 
-@quick_jit()
+@jax.jit
 @exact_products
 def _power_spectrum(spectrum, q):
     law = spectrum.power_law()
