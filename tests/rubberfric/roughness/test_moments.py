@@ -298,3 +298,18 @@ def test_single_precision():
     q1 = rf.roughness.cutoff(single, jnp.float32(0.5))
     assert q1.dtype == jnp.float32 and rf.rms_slope(single, q1) == pytest.approx(0.5, rel=1e-5)
     assert {x.dtype for x in jax.tree.leaves(rf.with_cutoff(single, 0.5))} == {jnp.dtype(jnp.float32)}
+
+
+def test_a_gradient_without_jit():
+    """h_rms and the slope are proportional to the parameter h_rms, C to its square."""
+
+    def road(height):
+        return rf.SelfAffine(*ROAD[:4], height)
+
+    for function, power in (
+        (rf.roughness.rms_height, 1),
+        (rf.rms_slope, 1),
+        (lambda s: rf.power_spectrum(s, 2e3), 2),
+    ):
+        slope = jax.grad(lambda height, function=function: function(road(height)))(5e-4)
+        assert float(slope) == pytest.approx(power * float(function(road(5e-4))) / 5e-4, rel=1e-12)
