@@ -41,6 +41,11 @@ class Body(PhysicalObject):
     >>> tread = rf.Body(rf.Prony(E_inf=3e6, E=[1e7], tau=[1e-3]), layer=rf.Coating(thickness=2e-3, base=foam))
     >>> float(tread.below.young)
     1000000.0
+
+    A slab of 2 mm on a rigid base is stiffer than a half-space at q = 1000 1/m:
+
+    >>> round(float(rf.Body(foam, layer=rf.Slab(thickness=2e-3)).S_bar(1e3)), 2)
+    1.31
     """
 
     material: Material = child()

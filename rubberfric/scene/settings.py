@@ -247,7 +247,7 @@ def _evaluated(spectra, bodies):
         of_bodies = []
         for body in bodies:
             modulus = body.material.glassy_reduced()
-            if body.separable:
+            if body.separable and not body.half_space:
                 modulus = modulus * body.S_bar(law.q[0])
             of_bodies.append(modulus)
         moduli.append(functools.reduce(jnp.minimum, of_bodies))

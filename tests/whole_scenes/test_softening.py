@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from problems import ROAD
 from support.cases.parts import CASES, expected, reverse, value
-from support.cases.stored import arguments, as_arrays, slow_if
+from support.cases.stored import arguments, as_arrays
 from support.oracles import oracle
 from support.oracles.angular import angular_means, prony, with_spring
 
@@ -151,14 +151,6 @@ def unsoftened(given, scale=1.0):
     return np.asarray(value(arguments(given | {"softening": None, "solid1": material})))
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("scale", [1.0, 0.4])
-def test_equal_factors_scale_the_rubber(scale):
-    """f = g = c at all strains is a rubber of moduli c E; c = 1 softens nothing."""
-    flat = [scale] * 20
-    np.testing.assert_allclose(solved(storage=flat, loss=flat), unsoftened(PLAIN, scale), rtol=1e-12)
-
-
 def unsoftened_of(given):
     return np.asarray(value(arguments(given | {"softening": None})))
 
@@ -245,19 +237,6 @@ def test_elastic_solids_do_not_soften():
 # Tables of the bodies' own.
 
 BOTH = CASES["soft-two-rubbers"]
-
-
-@pytest.mark.parametrize("name", slow_if(lambda name: "two" in name, ["soft-plain", "soft-two-rubbers"]))
-def test_a_table_of_each_body_is_that_of_the_scene(name):
-    given = CASES[name]
-    own = {
-        solid: given[solid] | {"softening": given["softening"]}
-        for solid in ("solid1", "solid2")
-        if given[solid]["kind"] != "rigid"
-    }
-    np.testing.assert_allclose(
-        value(arguments(given | own | {"softening": None})), expected(given), rtol=1e-10
-    )
 
 
 @pytest.mark.slow

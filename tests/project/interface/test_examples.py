@@ -82,6 +82,7 @@ METHODS_WITHOUT = {
             "rubberfric.roughness.ArealSpectrum.moment_error",
         ),
         *("rubberfric.Quadrature.resolving", "rubberfric.Solution.labelled", "fitting.Members.fingerprint"),
+        "rubberfric.Body.check_single",
         *("fitting.PronyFit.model", "fitting.Budget.write_group", "fitting.Calibration.on_normal"),
         *("fitting.Calibration.ranks", "fitting.Calibration.distribution", "fitting.Calibration.envelope"),
         "fitting.Calibration.doubts",

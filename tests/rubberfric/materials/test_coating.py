@@ -214,30 +214,6 @@ def test_scenes(name):
     np.testing.assert_allclose(found, [exact[quantity] for quantity in QUANTITIES], rtol=1e-9)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["both relax", "shared times", "facing elastic"])
-def test_gradients(name):
-    """By all numbers along two directions: forward equals reverse mode and differences of the values.
-
-    The times of both solids scale together.
-    """
-    given = CASES[name]
-    at = as_arrays((scene(given), given["v"], given["pressure"]))
-    reverse, values = jax.jit(jax.jacrev(quantities))(at), jax.jit(quantities)
-    for seed in (0, 1):
-        rng = np.random.default_rng(seed)
-        along = jax.tree.map_with_path(
-            lambda path, x, rng=rng: -x * (0.3 if "tau" in str(path) else rng.uniform(0.2, 1, x.shape)), at
-        )
-        forward = jax.jit(lambda at, along: jax.jvp(quantities, (at,), (along,))[1])(at, along)
-        parts = jax.tree.map(lambda slope, d: np.tensordot(slope, d, d.ndim), reverse, along)
-        np.testing.assert_allclose(sum(jax.tree.leaves(parts)), forward, rtol=1e-9)
-        # An incompressible solid has no ratio above: one-sided, of third order.
-        ends = [values(jax.tree.map(lambda x, d, k=k: x + 1e-3 * k * d, at, along)) for k in range(4)]
-        difference = np.array([-11 / 6, 3, -3 / 2, 1 / 3]) @ np.array(ends) / 1e-3
-        np.testing.assert_allclose(forward, difference, rtol=1e-6)
-
-
 def test_elastic_layer_on_rubber_dissipates():
     def body(layer, base, spectrum=None):
         return rf.Body(layer, spectrum, rf.Coating(1e-3, base))
@@ -274,17 +250,6 @@ def test_extremes_are_finite():
                 value, slopes = both(*as_arrays((rf.Scene(*bodies), v)))
                 assert np.isfinite(value) and value >= 0, (d, E_inf, soft)
                 assert all(np.isfinite(x).all() for x in jax.tree.leaves(slopes)), (d, E_inf, soft)
-
-
-@pytest.mark.slow
-def test_single_precision():
-    rigid = rf.Body(rf.Rigid(), rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4))
-    double = rf.Scene(rf.Body(RUBBER, None, rf.Coating(1e-3, OTHER)), rigid)
-    v = np.array([1e-4, 0.1])
-    single = rf.solve(as_arrays(double, jnp.float32), jnp.float32(v), jnp.float32(1e5))
-    for name, exact in zip(QUANTITIES, map(rf.solve(double, v, 1e5)._asdict().get, QUANTITIES), strict=True):
-        assert getattr(single, name).dtype == jnp.float32
-        np.testing.assert_allclose(getattr(single, name), exact, rtol=1e-5)
 
 
 def test_what_single_precision_cannot_hold():

@@ -200,17 +200,6 @@ def test_parts_add_up(s):
     np.testing.assert_allclose(found.friction[0], -found.friction[3], rtol=1e-12)  # odd
 
 
-@pytest.mark.parametrize("name", ["case-I", "case-II"])
-def test_one_part_alone(name):
-    """A call for one part returns the same value as a call for all, and None for the rest."""
-    whole = parts(SCENES[name], 0.1, 3e5)
-    assert float(rf.friction(SCENES[name], 0.1, 3e5)) == pytest.approx(float(whole.friction), rel=1e-12)
-    for part in PARTS[2:]:
-        alone = parts(SCENES[name], 0.1, 3e5, quantities=part)
-        np.testing.assert_allclose(getattr(alone, part), getattr(whole, part), rtol=1e-12)
-        assert [n for n, x in alone._asdict().items() if x is not None] == [part]
-
-
 def test_scenes_without_viscoelastic_friction_still_resist_shear():
     for name in ("case-II", "case-III", "smooth"):
         found = parts(SCENES[name], 0.1, 3e5)
