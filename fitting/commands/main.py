@@ -40,10 +40,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(given: Sequence[str], interrupts: Interrupts, process: bool) -> int:
-    from importlib import import_module
+    with interrupts.loading():
+        from importlib import import_module
 
-    from fitting.commands.arguments import COMMANDS
-    from rubberfric.commands import begin_jax, command_progress, use_words_of
+        from fitting.commands.arguments import COMMANDS
+        from rubberfric.commands import begin_jax, command_progress, use_words_of
 
     kind, rest = (given[0], given[1:]) if given and given[0] in COMMANDS else ("fit", given)
     command = COMMANDS[kind]
@@ -52,6 +53,7 @@ def _run(given: Sequence[str], interrupts: Interrupts, process: bool) -> int:
     command.check(arguments)
     with command_progress(arguments.verbose) as show:
         show("loading JAX")
-        begin_jax(process=process, cache=not arguments.no_cache)
-        module = import_module(f"fitting.commands.{command.module}")
+        with interrupts.loading():
+            begin_jax(process=process, cache=not arguments.no_cache)
+            module = import_module(f"fitting.commands.{command.module}")
         return getattr(module, f"run_{kind}")(arguments, interrupts, show)

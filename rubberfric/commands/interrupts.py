@@ -12,11 +12,14 @@ ends the process by `os._exit`, which skips that shutdown.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
+import sys
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from types import FrameType
     from typing import Any, Self
 
@@ -76,9 +79,10 @@ class Interrupts:
         self.program, self.process = program, process
         self.asked = self.stopped = self.holding = False
         self.which = signal.SIGINT
-        self._seen = False
+        self._seen = self._loads = False
         self._again: Any = None  # timer
         self._before: dict[signal.Signals, Any] = {}  # handlers
+        self._report: Any = None  # hook for exceptions that Python ignores
 
     def __enter__(self) -> Self:
         import socket  # imported late: a signal must be answered before
@@ -94,11 +98,15 @@ class Interrupts:
             for which in SIGNALS:
                 if signal.getsignal(which) != signal.SIG_IGN:  # set by shells for background jobs
                     self._before[which] = signal.signal(which, self._arrived)
+            if not self.process:
+                self._report, sys.unraisablehook = sys.unraisablehook, self._ignored
         return self
 
     def __exit__(self, *error: object) -> None:
         if self._again is not None:
             self._again.cancel()
+        if self._report is not None:
+            sys.unraisablehook = self._report
         for which, handler in self._before.items():
             # The work is done and the process is about to end.
             signal.signal(which, signal.SIG_IGN if self.process else handler)
@@ -110,6 +118,8 @@ class Interrupts:
     def _arrived(self, which: int, _frame: FrameType | None) -> None:
         first, self.asked, self.which = not self.asked, True, which
         if self.process or (self.holding and first):
+            if self._loads:
+                say(self.program, WAIT)
             return
         import threading
 
@@ -143,6 +153,27 @@ class Interrupts:
                 os._exit(128 + which)
 
         remove_begun(leave)
+
+    def _ignored(self, event: Any) -> None:
+        """Report an exception that Python ignores, but no interrupt, which is raised again."""
+        if not (self.asked and event.exc_type is KeyboardInterrupt):
+            self._report(event)
+
+    @contextlib.contextmanager
+    def loading(self) -> Iterator[None]:
+        """Hold back the first signal while a command called from Python imports modules.
+
+        An exception in the import of a compiled module can crash Python. A process is not affected.
+        """
+        if self.process:
+            yield
+            return
+        self._loads = self.holding = True
+        try:
+            yield
+        finally:
+            self._loads = self.holding = False
+        self.check()
 
     @property
     def status(self) -> int:

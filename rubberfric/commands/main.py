@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from rubberfric.base.progress import Progress
+    from rubberfric.commands.interrupts import Interrupts
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -25,14 +26,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         leave_at_once("rubberfric")
     from rubberfric.commands.ending import ended
 
-    return ended("rubberfric", lambda _: _run(argv), process=argv is None)
+    return ended("rubberfric", lambda interrupts: _run(argv, interrupts), process=argv is None)
 
 
-def _run(argv: Sequence[str] | None) -> int:
-    from rubberfric.base.progress import command_progress
-    from rubberfric.commands.arguments import check_arguments, parser
-    from rubberfric.commands.ending import begin_jax
-    from rubberfric.commands.wording import reworded, use_words_of
+def _run(argv: Sequence[str] | None, interrupts: Interrupts) -> int:
+    with interrupts.loading():
+        from rubberfric.base.progress import command_progress
+        from rubberfric.commands.arguments import check_arguments, parser
+        from rubberfric.commands.ending import begin_jax
+        from rubberfric.commands.wording import reworded, use_words_of
 
     arguments = parser().parse_args(argv)
     use_words_of(arguments.words)
@@ -41,8 +43,10 @@ def _run(argv: Sequence[str] | None) -> int:
         show("loading JAX")
         # `accuracy` measures compile times, so it must not use the cache.
         cache = not arguments.no_cache and arguments.command != "accuracy"
-        begin_jax(process=argv is None, cache=cache)
-        text, failure = _work(arguments.command)(arguments, show)
+        with interrupts.loading():
+            begin_jax(process=argv is None, cache=cache)
+            work = _work(arguments.command)
+        text, failure = work(arguments, show)
     print(reworded(text))
     if failure is not None:
         raise failure
