@@ -31,7 +31,7 @@ ORDINARY = (
     *(f"forward-extreme-{name}-0" for name in ("slow", "fast", "light", "heavy")),
     *(f"edge-{name}" for name in ("ten-decades", "narrow", "disjoint-spectra", "zero-weights-series")),
     *(f"edge-{name}" for name in ("liquid-rough-static", "negative-velocity", "thin-layer")),
-    *(f"option-{name}" for name in ("correction-light", "correction-heavy", "correction-two-rubbers")),
+    *(f"option-{name}" for name in ("correction-light", "correction-heavy")),
     *(f"option-{name}" for name in ("frictionless-slab", "table-spectrum", "table-modulus", "wlf-hot")),
     *(f"option-{name}" for name in ("frictionless-and-bonded-slab", "wlf-and-arrhenius")),
     *(f"part-soft-{name}" for name in ("plain", "slow", "fast", "backwards", "at-rest", "gentle")),
@@ -78,6 +78,8 @@ SLOW = (
     *("shear relaxes", "shear relaxes on a slab", "shear relaxes on elastic", "rough rubber", "two slabs"),
     *("vertical shift", "tabulated spectrum", "short plateau", "S in G", "contact shear", "two elastic"),
     *("two rubbers", "S in G, two rough", "table of shifts", "frictionless slab", "rubber on elastic"),
+    # The ordinary run has these parts by brute force.
+    *("tabulated modulus", "slabs", "rubber on rough rubber", "rigid on rough rubber", "elastic"),
 )
 
 
