@@ -35,8 +35,10 @@ _UNKNOWN = 0.1
 # Half-width of a 90 % range in standard deviations.
 _NINETY = 1.645
 
-# Parts of a scene and of its bodies that the law lacks.
+# Parts of a scene that the law lacks.
 _PARTS = ("heating", "softening", "adhesion", "correlation")
+
+# Parts of a body that the law lacks.
 _PARTS_OF_BODIES = ("softening",)
 
 

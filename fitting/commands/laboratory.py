@@ -254,11 +254,11 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
     sets = [([path], reading | kind) for path in arguments.data for kind in kinds]
     data: Any = []
     for (path,), given in sets:
-        one: Any = read(path, **given)
-        if relative is not None and one.error is None:
+        dataset: Any = read(path, **given)
+        if relative is not None and dataset.error is None:
             given["relative"] = relative
-            one = dataclasses.replace(one, relative=relative, check_units=False)
-        data.append(one)
+            dataset = dataclasses.replace(dataset, relative=relative, check_units=False)
+        data.append(dataset)
     if arguments.average and len(arguments.data) > 1:
         data, sets = [average(data)], [(arguments.data, reading | kinds[0])]
     data = as_data_sets(data)

@@ -189,7 +189,7 @@ def quick_jit(**options: Any) -> Callable[[Callable[_Given, _Found]], Callable[_
 
         @functools.wraps(function)
         def called(*arguments: _Given.args, **named: _Given.kwargs) -> _Found:
-            is_quick = quick_options() is not None and not _is_traced()
+            is_quick = quick_options() is not None and not _is_traced(arguments, named)
             return compiled(is_quick)(*arguments, **named)
 
         return called
@@ -197,11 +197,16 @@ def quick_jit(**options: Any) -> Callable[[Callable[_Given, _Found]], Callable[_
     return decorated
 
 
-def _is_traced() -> bool:
-    """Return True within a trace, in which jax.jit refuses options of the compiler."""
+def _is_traced(*arguments: Any) -> bool:
+    """Return True within a trace, in which jax.jit refuses options of the compiler.
+
+    In jax.jit all new arrays are traced. In jax.grad and jax.vmap without jit only the arguments are.
+    """
+    import jax
+
     from rubberfric.base.checks import is_concrete
 
-    return not is_concrete(_compiled_zero()())
+    return not all(map(is_concrete, (_compiled_zero()(), *jax.tree.leaves(arguments))))
 
 
 @functools.cache

@@ -247,7 +247,7 @@ def _evaluated(spectra, bodies):
         of_bodies = []
         for body in bodies:
             modulus = body.material.glassy_reduced()
-            if body.separable and not body.half_space:
+            if body.separable and not body.half_space:  # computing S_bar = 1 compiles one more program
                 modulus = modulus * body.S_bar(law.q[0])
             of_bodies.append(modulus)
         moduli.append(functools.reduce(jnp.minimum, of_bodies))

@@ -40,6 +40,11 @@ def replaced(scene, cls, new):
     return scene.replace({path: new(part) for path, part in parts(scene, cls)})
 
 
+def without(part):
+    """Leave out an optional part of a scene."""
+    return lambda scene: scene.replace({part: None})
+
+
 def with_layer(layer):
     """Make each solid that deforms a layer."""
 
@@ -257,12 +262,12 @@ LIMITS = {
     ),
     "no heat": Limit(
         lambda scene: scene.replace({"heating.heat_capacity": 1e30}),
-        other=lambda scene: scene.replace(heating=None),
+        other=without("heating"),
         has=("heating",),
     ),
     "no shear": Limit(
         lambda scene: scene.replace({"shear.tau_f0": 0.0}),
-        other=lambda scene: scene.replace(shear=None),
+        other=without("shear"),
         has=("shear",),
         lacks=("heating",),
     ),
@@ -271,12 +276,12 @@ LIMITS = {
     ),
     "no work of adhesion": Limit(
         lambda scene: scene.replace({"adhesion.work": 1e-28}),
-        other=lambda scene: scene.replace(adhesion=None),
+        other=without("adhesion"),
         has=("adhesion",),
     ),
     "no coherence": Limit(
         lambda scene: scene.replace({"correlation.coherence": 0.0}),
-        other=lambda scene: scene.replace(correlation=None),
+        other=without("correlation"),
         has=("correlation",),
         ordinary=("correlation",),
     ),

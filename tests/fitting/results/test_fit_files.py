@@ -8,17 +8,12 @@ import jax
 import numpy as np
 import pytest
 from support.scenes import fits
-from support.scenes.fit_problems import OMEGA, REPORTED, RUBBER, fitted, same
+from support.scenes.fit_problems import OMEGA, REPORTED, RUBBER, same
 from support.scenes.fits import E
 
 import fitting
 from fitting.results.hdf5 import GROUPS, save
 from fitting.solvers.objective import INTERRUPTED
-
-
-@pytest.fixture
-def quick():
-    return fitted("without effect")
 
 
 @pytest.mark.parametrize(("element", "x"), [(-1, 50.0), (0, 800.0)])

@@ -5,23 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 from support.scenes import fits
-from support.scenes.fit_problems import OMEGA, REPORTED, RUBBER, fitted
+from support.scenes.fit_problems import OMEGA, REPORTED, RUBBER
 from support.scenes.fits import FAST
 
 import fitting
 import rubberfric as rf
 from fitting.results.plot import CurveConditions, PlottedCurve, curve_looks, plot_fit, save_plot
 from rubberfric.plot import style
-
-
-@pytest.fixture
-def joint():
-    return fitted("joint")
-
-
-@pytest.fixture
-def quick():
-    return fitted("without effect")
 
 
 @pytest.mark.slow

@@ -18,16 +18,6 @@ from fitting.solvers.objective import OUT_OF_STEPS
 
 
 @pytest.fixture
-def joint():
-    return fitted("joint")
-
-
-@pytest.fixture
-def quick():
-    return fitted("without effect")
-
-
-@pytest.fixture
 def long():
     return fitted("many terms")
 
