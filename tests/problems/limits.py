@@ -198,13 +198,12 @@ LIMITS = {
         lambda scene: replaced(scene, rf.Rigid, lambda _: STIFF),
         has=("rigid",),
         lacks=("heating", "correlation"),
-        ordinary=("rubber", "slab"),
+        ordinary=("rubber",),
     ),
     "two elastic solids": Limit(one_solid, has=("static", "both rough"), lacks=("correlation",)),
     "no roughness": Limit(
         with_other_roughness(0.0),
         lacks=("both rough", "law", "heating"),
-        ordinary=("rubber on rough rubber",),
     ),
     "hardly any roughness": Limit(with_other_roughness(1e-14), lacks=("both rough", "law", "heating")),
     "table of the spectrum": Limit(with_tables, has=("self-affine",)),
@@ -254,7 +253,6 @@ LIMITS = {
     "softening by 1": Limit(
         softened_alike(1.0),
         lacks=("softening", "anisotropic", "coating", "correlation", "law", "static", "heating", "adhesion"),
-        ordinary=("rubber",),
     ),
     "softening by 0.4": Limit(
         softened_alike(0.4),
@@ -292,7 +290,6 @@ LIMITS = {
         lambda scene: scene.replace({"correlation.coherence": 0.0}),
         other=without("correlation"),
         has=("correlation",),
-        ordinary=("correlation",),
     ),
     "a patch": Limit(lambda scene: scene.replace(patch=rf.Patch(0.1, 0.2, 5e7)), lacks=("correlation",)),
     "heat far away": Limit(

@@ -67,10 +67,7 @@ def tolerance(problem):
     return 1e-5 if problem.tags & {"heating", "law"} else 1e-6
 
 
-ORDINARY = ("rubber", "contact shear")
-
-
-@each(PROBLEMS.values(), ORDINARY)
+@each(PROBLEMS.values(), ("rubber",))
 def test_both_modes_and_differences_agree(problem, monkeypatch):
     problem = smooth(problem)
     arguments = problem.arguments

@@ -21,22 +21,19 @@ STORED = [
     for file in ("forward", "edge", "option", "part", "heated")
     for problem in stored(f"{file}_cases")
 ]
-# Scenes of the fewest structures that have every part, and extremes of the same structures.
+# Scenes of the fewest structures that compile quickly, and extremes of the same structures.
 ORDINARY = (
     *(f"forward-{name}-0" for name in ("smooth-rubber-rough-rigid", "case2-rough-rubber-smooth-rigid")),
-    *(f"forward-{name}-0" for name in ("elastic-elastic", "layer-on-rough-rigid", "general-layered")),
+    *(f"forward-{name}-0" for name in ("elastic-elastic", "layer-on-rough-rigid")),
     *(f"forward-{name}-0" for name in ("case3-rough-rubber-smooth-elastic", "rubber-on-rough-elastic")),
     *(f"forward-{name}-0" for name in ("case1-rough-rubber-rough-rigid", "general-both-rubber-both-rough")),
     *(f"forward-extreme-{name}-0" for name in ("slow", "fast", "light", "heavy")),
-    *(f"edge-{name}" for name in ("ten-decades", "narrow", "disjoint-spectra", "zero-weights-series")),
-    *(f"edge-{name}" for name in ("liquid-rough-static", "negative-velocity", "thin-layer")),
+    *(f"edge-{name}" for name in ("ten-decades", "negative-velocity")),
     *(f"option-{name}" for name in ("correction-light", "correction-heavy")),
     *(f"option-{name}" for name in ("frictionless-slab", "table-spectrum", "table-modulus", "wlf-hot")),
-    *(f"option-{name}" for name in ("frictionless-and-bonded-slab", "wlf-and-arrhenius")),
     *(f"part-soft-{name}" for name in ("plain", "slow", "fast", "backwards", "at-rest", "gentle")),
     *(f"part-grooved-{name}" for name in ("plain", "slow", "backwards", "at-rest", "along", "across")),
-    *("part-soft-two-rubbers", "part-grooved-mirrored", "part-grooved-table"),
-    *(f"heated-{name}" for name in ("one", "slow", "backwards", "light")),
+    "part-grooved-mirrored",
 )
 
 
@@ -70,11 +67,8 @@ def test_brute_force(problem):
         assert error <= rtol * scale, (quantity, results[quantity][0], exact)
 
 
-# One structure, and a layer. The ordinary run has other parts by brute force.
-ORDINARY_OF_PAPER = (
-    *("rubber", "light load", "heavy load", "backwards", "rest", "liquid", "flat spectrum"),
-    *("slab", "S in G, contact shear"),
-)
+# One structure. The ordinary run has other parts by brute force.
+ORDINARY_OF_PAPER = ("rubber", "light load", "heavy load", "backwards", "rest", "liquid", "flat spectrum")
 
 
 @functools.partial(jax.jit, static_argnames="tabulated")
