@@ -44,7 +44,7 @@ def test_ordinary_scenes_converge(problem, monkeypatch):
 @pytest.mark.parametrize("steps", ENDED)
 @each(ITERATED, ())
 def test_what_did_not_converge_says_so_and_is_finite(problem, steps, monkeypatch):
-    """Values that are said to have converged are those of the full iteration."""
+    """Where `converged` is True, values equal the results of the full iteration."""
     velocity = np.array([0.0, 1e-3, 1.0, 10.0])
     usual = problem.solved(velocity=velocity, quadrature=rf.Quadrature())
     for module, name in LIMITS:
