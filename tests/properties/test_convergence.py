@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from problems import PROBLEMS, each
+from problems import PROBLEMS, each, having
 
 import rubberfric as rf
 from rubberfric.base import fixed_points, roots
@@ -21,6 +21,7 @@ LIMITS = (
 # Settings with changed constants of an iteration compile again.
 FURTHER = rf.Quadrature(heat=178)
 ENDED = {1: rf.Quadrature(heat=174), 2: rf.Quadrature(heat=175)}
+FOLLOWED = rf.Quadrature(heat=177)
 
 
 def assert_equal(values, expected, at, rtol=1e-8):
@@ -79,3 +80,14 @@ def test_what_did_not_converge_says_so_and_is_finite(problem, steps, monkeypatch
     # At rest nothing is hot, and liquids have no stiffness. Adhesion starts close to its solution.
     assert not ended[1:].any() or "adhesion" in problem.tags
     assert_equal(results, usual, ended)
+
+
+@each(having("heating"), ())
+def test_the_branch_is_followed_where_the_refinement_ended_before(problem, monkeypatch):
+    """Without enough steps on the scene's mesh, its branch leads to the solution."""
+    velocity = problem.velocity * np.array([1.0, 1e-3, 30.0])
+    usual = problem.solved(velocity=velocity, quadrature=rf.Quadrature())
+    monkeypatch.setattr(fixed_points, "_MOST_STEPS", 1)
+    results = problem.solved(velocity=velocity, quadrature=FOLLOWED)
+    assert results["converged"].all()
+    assert_equal(results, usual, slice(None))
