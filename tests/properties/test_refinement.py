@@ -12,6 +12,7 @@ FINER = rf.Quadrature(order=18, panels=36, graded=16, ratio=3.5, angular_order=2
 LONG = {
     "ten decades": (ROAD.replace(q0=1.0, qr=1e3, q1=1e10, h_rms=1e-3), 1e5),
     "plateau of nine decades": (ROAD.replace(q0=1.0, qr=1e9, q1=1e10, h_rms=1e-9), 1e5),
+    "no plateau, light load": (ROAD.replace(qr=100.0), 1e1),
     "ten decades, light load": (ROAD.replace(q0=1.0, qr=1e3, q1=1e10, h_rms=1e-3), 1e1),
 }
 RUBBER = PROBLEMS["rubber"]

@@ -287,17 +287,24 @@ def _fixed_point(balance, start):
     """
     tolerance = 1e-13 if start.dtype == jnp.float64 else 1e-5
 
+    def ended(y, change):
+        return change <= tolerance * (1 + jnp.abs(y))
+
     def step(progress):
-        k, y, before, residual_before, _ = progress
+        k, y, before, residual_before, last = progress
         residual = balance(y) - y
         moved = y != before
         slope = (residual - residual_before) / jnp.where(moved, y - before, 1.0)
         change = residual / jnp.where(moved, jnp.clip(-slope, 0.5, 6.0), 1.0)
-        return k + 1, y + change, y, residual, jnp.abs(change)
+        # A point ends at its own convergence, so that its result does not depend on the others.
+        still = ended(y, last)
+        following = y + change, y, residual, jnp.abs(change)
+        kept = zip((y, before, residual_before, last), following, strict=True)
+        return k + 1, *(jnp.where(still, old, new) for old, new in kept)
 
     def going(progress):
         k, y, *_, change = progress
-        return (k < _STEPS) & jnp.any(change > tolerance * (1 + jnp.abs(y)))
+        return (k < _STEPS) & ~jnp.all(ended(y, change))
 
     begin = 0, start, start, start, jnp.full_like(start, jnp.inf)
     _, y, *_, change = jax.lax.while_loop(going, step, begin)
