@@ -144,11 +144,11 @@ def _misfits(curve, command):
 
 def largest_fall(curve: Any) -> Fall | None:
     """Return the most significant `Fall` of E' of a `MasterCurve`, or None if no fall is significant."""
-    one = curve.shifts
-    t = np.linspace(one.knots[3], one.knots[-4] - 1e-9, _POINTS)
-    t = t[(t >= one.t.min()) & (t <= one.t.max())]
-    B = BSpline.design_matrix(t, one.knots, 3).toarray()
-    y, V = B @ one.splines[0], B @ one.covariances[0][: B.shape[1], : B.shape[1]] @ B.T
+    shifts = curve.shifts
+    t = np.linspace(shifts.knots[3], shifts.knots[-4] - 1e-9, _POINTS)
+    t = t[(t >= shifts.t.min()) & (t <= shifts.t.max())]
+    B = BSpline.design_matrix(t, shifts.knots, 3).toarray()
+    y, V = B @ shifts.splines[0], B @ shifts.covariances[0][: B.shape[1], : B.shape[1]] @ B.T
     change = y - y[:, None]  # from the row's frequency to the column's
     error = np.sqrt(np.maximum(np.diag(V) + np.diag(V)[:, None] - 2 * V, 0.0))
     falls = (change < -_SMALLEST_FALL) & (error > 0)

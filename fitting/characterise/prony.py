@@ -23,8 +23,8 @@ from fitting.characterise.prony_series import (
     Response,
     SeriesProblem,
     check_gaps,
+    checked_times,
     fixed_modulus,
-    given,
     grid,
     reduced,
 )
@@ -118,7 +118,7 @@ def fit_prony(
     omega, is_creep = frequencies(reference), isinstance(reference, CreepData)
     if per_decade is None:
         per_decade = _PER_DECADE if isinstance(data, ModulusData) else _PER_DECADE_OF_TRANSIENTS
-    times = grid(omega, per_decade) if tau is None else given(data, tau, omega)
+    times = grid(omega, per_decade) if tau is None else checked_times(data, tau, omega)
     fixed = fixed_modulus(E_inf)
     flow = flow_time(reference) if isinstance(reference, CreepData) else np.nan
     if is_creep:
@@ -182,9 +182,9 @@ def over_frequency(data: Response | Sequence[Response], same: float) -> Response
     same : largest difference between neighbouring temperatures within a measurement [K]
     """
     sets: list[Any] = list(data) if isinstance(data, list | tuple) else [data]
-    if not any(isinstance(one, TRANSIENTS) for one in sets):
+    if not any(isinstance(dataset, TRANSIENTS) for dataset in sets):
         return data
-    return [sweep for one in sets for sweep in _sweeps_of(one, same)]
+    return [sweep for dataset in sets for sweep in _sweeps_of(dataset, same)]
 
 
 def _sweeps_of(data, same):

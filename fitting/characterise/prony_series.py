@@ -93,7 +93,7 @@ def grid(omega: np.ndarray, per_decade: float) -> np.ndarray:
     return np.geomspace(1 / omega.max(), 1 / omega.min(), int(np.ceil(per_decade * decades - 1e-6)) + 1)
 
 
-def given(data: Response, tau: ArrayLike, omega: np.ndarray) -> np.ndarray:
+def checked_times(data: Response, tau: ArrayLike, omega: np.ndarray) -> np.ndarray:
     """Return the relaxation times `tau` as an array [s]. Raise ValueError if one is invalid.
 
     Relaxation times must be > 0, all different, and within two decades of the range of 1/omega.
@@ -191,7 +191,7 @@ def nonnegative_logarithmic(
         # The first step, from x = 0, is a full step; later steps are shortened as needed.
         parts = 0.5 ** np.arange(20 if np.isfinite(lowest) else 1)
         tried = [x + part * (solution - x) for part in parts]
-        costs = [cost(one) for one in tried]
+        costs = [cost(trial) for trial in tried]
         best = int(np.argmin(costs))
         gained = lowest - costs[best]
         if not gained > 0:

@@ -90,7 +90,7 @@ def wlf_through(T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref:
         )
         for p in starts
     ]
-    best = min(fits, key=lambda one: one.cost)
+    best = min(fits, key=lambda fit: fit.cost)
     if not best.x[0] > 1e-5:
         return None
     J = slopes(best.x)

@@ -204,12 +204,12 @@ def fit_spectrum(
     """
     if isinstance(data, rf.TabulatedSpectrum):
         own = [None if end is None else float(end) for end in (data.q0, data.q1)]
-        q0, q1 = (end if given is None else given for given, end in zip((q0, q1), own, strict=True))
+        q0, q1 = (end if stated is None else stated for stated, end in zip((q0, q1), own, strict=True))
     rms_height = data.rms_height if isinstance(data, MeasuredSpectrum) else None
     of_profiles = isinstance(data, MeasuredSpectrum) and data.dimensions == 1
     if isinstance(data, MeasuredSpectrum | ArealSpectrum):
         own = resolved_ends(data)
-        q0, q1 = (end if given is None else given for given, end in zip((q0, q1), own, strict=True))
+        q0, q1 = (end if stated is None else stated for stated, end in zip((q0, q1), own, strict=True))
         data = spectrum_data(data)
     data = _data(data, relative, body)
     body = data.body or "lower"

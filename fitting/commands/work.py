@@ -232,8 +232,8 @@ def read_design(path: StrPath, content: Any, scene: rf.Scene) -> dict[str, Any]:
 
 def _grid(path, table, content, scene):
     """Return flat arrays (velocity, pressure), and temperature if given, of all combinations."""
-    given = {name: content[name] for name in _POINTS if name in content}
-    conditions = read_conditions(path, table, given, scene)
+    points = {name: content[name] for name in _POINTS if name in content}
+    conditions = read_conditions(path, table, points, scene)
     size = math.prod(values.size for values in conditions if values is not None)
     if size > _MOST["candidates"]:
         raise ValueError(f"{path}: {table}: has {size} candidates: must have at most {_MOST['candidates']}")

@@ -126,7 +126,7 @@ def costs_at(problem: Problem, x: np.ndarray) -> np.ndarray:
     """Return the cost at every row of x, or inf if the model is not finite there."""
     of = padded(problem)
     rows, _ = evaluate_rows(of.structure, of.numbers, x.astype(problem.start.dtype))
-    costs = [float(_cost_of_rows(of.structure, of.numbers, of.targets, values)) for values in rows]
+    costs = [float(_cost_of_rows(of.structure, of.numbers, of.targets, row)) for row in rows]
     return np.where(np.isfinite(costs), costs, np.inf)
 
 
@@ -151,11 +151,11 @@ def at_conditions(
     take more than `CALLS` calls.
     """
     of = padded(problem)
-    given = [c is not None for c in conditions]
+    present = [c is not None for c in conditions]
     size = next(c.size for c in conditions if c is not None)
     for i, block in enumerate(of.structure.blocks):
         here = of.numbers.conditions[i]
-        if (block.quantity, block.body, block.scene) == key and [c is not None for c in here] == given:
+        if (block.quantity, block.body, block.scene) == key and [c is not None for c in here] == present:
             break
     else:
         return None

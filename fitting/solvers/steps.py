@@ -72,8 +72,8 @@ class Engine(NamedTuple):
         if isinstance(self.solver, LevenbergMarquardt):
             return memory_of_evaluation(self.structure, self.placed, starts, self.devices)
         iterate = self.blank(targets, starts)
-        static, given = (self.solver, self.structure), self._full((targets, iterate))
-        return _step_of_solver.memory(self.devices, static, self.placed, *given)
+        static, arguments = (self.solver, self.structure), self._full((targets, iterate))
+        return _step_of_solver.memory(self.devices, static, self.placed, *arguments)
 
     def _full(self, tree):
         """Repeat rows of the arrays of a pytree, so that their number is `count`."""

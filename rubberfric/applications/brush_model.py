@@ -165,10 +165,12 @@ def grip_of_friction(
     sigma = jnp.tan(slip) if kind == "angle" else slip / (1 + slip)
     shape = jnp.broadcast_shapes(slip.shape, load.shape, mu.shape[:-1])
     sigma, load = jnp.broadcast_to(sigma, shape), jnp.broadcast_to(load, shape)
-    one = functools.partial(brush, patch)
+    mapped_brush = functools.partial(brush, patch)
     for _ in shape:
-        one = jax.vmap(one)
-    force, moment, sliding = one(sigma, load / patch.area, jnp.broadcast_to(mu, (*shape, mu.shape[-1])))
+        mapped_brush = jax.vmap(mapped_brush)
+    force, moment, sliding = mapped_brush(
+        sigma, load / patch.area, jnp.broadcast_to(mu, (*shape, mu.shape[-1]))
+    )
     return Grip(force, force / load, moment if kind == "angle" else None, sliding)
 
 

@@ -356,9 +356,9 @@ def _pieces(nodes, values):
     before, after = line[:-1], line[1:]
     monotone = before * after > 0
     # A slope of the other sign is replaced by 1 to avoid division by 0.
-    one, two = jnp.where(monotone, before, 1.0), jnp.where(monotone, after, 1.0)
+    first, second = jnp.where(monotone, before, 1.0), jnp.where(monotone, after, 1.0)
     share = (width[:-1] + 2 * width[1:]) / (3 * (width[:-1] + width[1:]))
-    inner = jnp.where(monotone, one * two / (share * two + (1 - share) * one), 0.0)
+    inner = jnp.where(monotone, first * second / (share * second + (1 - share) * first), 0.0)
     slope = jnp.concatenate([line[:1], inner, line[-1:]])
     left, right = (slope[:-1] - line) / width, (slope[1:] - line) / width
     return jnp.stack(

@@ -79,7 +79,9 @@ def plot_modulus(
     points = None if data is None else _shifted(material, temperature, data)
     table = _table(material, temperature)
     if omega is None:
-        omega = _range(material, temperature, [one[0] for one in (points, table) if one is not None])
+        omega = _range(
+            material, temperature, [columns[0] for columns in (points, table) if columns is not None]
+        )
     else:
         omega = np.sort(vector("omega", omega, positive=True))
     modulus = np.asarray(_modulus(material, omega, temperature))

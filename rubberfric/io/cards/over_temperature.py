@@ -26,7 +26,7 @@ _MOST_ROWS = 1000
 
 
 def at_temperature(material: object, temperature: NumberLike) -> object:
-    """Return the material at a temperature [K], without a shift. `_series` refuses other materials."""
+    """Return the material at a temperature [K], without its shift. Raise ValueError if it has none."""
     law = getattr(material, "shift", None)
     if not isinstance(material, Prony | PronyShear) or law is None:
         raise ValueError(f"temperature = {shown(temperature)}: must not be given; the material has no shift")
