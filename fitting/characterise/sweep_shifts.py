@@ -75,6 +75,18 @@ class Shifts(NamedTuple):
         inside = np.clip(t, self.knots[3], self.knots[-4] - 1e-9)
         return np.array([BSpline(self.knots, c, 3)(inside) for c in self.splines])
 
+    def offsets(self, residuals: np.ndarray, of_sweep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the means of residuals, shape (2, points), over each sweep, and their standard errors.
+
+        Bad points are left out, and so is `hidden`, the vertical shift that the curve allows for. `of_sweep`
+        is the index of the sweep of each point. The results have the shape (2, sweeps).
+        """
+        rest = np.where(self.bad, np.nan, residuals - self.hidden[of_sweep])
+        sweeps = [rest[:, of_sweep == i] for i in range(self.log_a.size)]
+        count = np.transpose([np.maximum(np.isfinite(own).sum(axis=1), 1) for own in sweeps])
+        errors = np.array(self.scatter)[:, None] * np.sqrt(self.correlated[:, None] / count)
+        return np.stack([np.nanmean(own, axis=1) for own in sweeps], axis=1), errors
+
 
 @dataclasses.dataclass
 class _Superposition:
