@@ -43,7 +43,9 @@ ENTROPIC = Entropic(6e-4)  # vertical shift "entropic", with the thermal expansi
 _POWER_OF_ONE = 0.25
 # Standard deviation of m in the unknown factor (T/T_ref)^m of the entropic b_T.
 _POWER_OF_ENTROPIC = 0.3
-_GAIN = 8.0  # of -2 ln(likelihood), beyond which data need the latter; chance gives as much in 0.5 %
+# Decrease of -2 ln(likelihood) above which data need a factor near the entropic b_T. Chance gives as much in
+# 0.5 % of cases.
+_GAIN = 8.0
 _FREE = 0.3  # standard deviation of free ln b_T
 
 
