@@ -21,6 +21,7 @@ from fitting.parameters.constraints import is_number
 from fitting.parameters.priors import Prior
 from fitting.uncertainty.posterior import joint_prior
 from rubberfric.base import shown
+from rubberfric.materials import log_factors
 from rubberfric.plot import style
 
 # Temperature of a room [K], near which the sweep of the default reference lies.
@@ -152,7 +153,7 @@ class MasterCurve:
         """Return a law, or None, whose shift includes the law for b_T."""
         if law is None or not self.vertical:
             return law
-        vertical = self._vertical(np.asarray(law.shift.log_factor(self.T), float))
+        vertical = self._vertical(log_factors(law.shift, self.T))
         return law._replace(shift=law.shift.replace(vertical=vertical))
 
     def _vertical(self, log_aT):

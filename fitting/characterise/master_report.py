@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 
 from fitting.characterise.sweep_shifts import ENTROPIC
 from rubberfric.base import Labelled, LabelledArrays, shown
+from rubberfric.materials import log_factors
 
 # Largest error of temperatures that is considered as the reason of a misfit [K].
 _WARMEST = 5.0
@@ -81,7 +82,7 @@ def report_of(curve: Any, command: bool) -> str:
 def _temperatures(curve):
     """Return a line with the error of the temperatures that would explain the misfit of the better law."""
     law, others = curve.law, np.arange(curve.T.size) != curve.reference
-    rest = (curve.log_aT - np.asarray(law.shift.log_factor(curve.T), float))[others]
+    rest = (curve.log_aT - log_factors(law.shift, curve.T))[others]
     contrast = np.eye(curve.T.size) - np.eye(curve.T.size)[curve.reference]
     thermal = ((contrast * np.gradient(curve.log_aT, curve.T) ** 2) @ contrast.T)[np.ix_(others, others)]
     known = curve.covariance[np.ix_(others, others)] - curve.temperature_error**2 * thermal
@@ -173,7 +174,7 @@ def _rising(curve):
 
 def _advised(curve):
     """Return the vertical shift that the data show and the curve lacks: "entropic", "free", or None."""
-    seen, entropic = curve.shifts.hidden, np.asarray(ENTROPIC.log_factor(curve.T, curve.T_ref), float)
+    seen, entropic = curve.shifts.hidden, log_factors(ENTROPIC, curve.T, curve.T_ref)
     if curve.vertical == "entropic":
         # The entropic b_T changes by 10 % in 30 K, more than errors of the moduli.
         return "free" if np.linalg.norm(seen) > np.linalg.norm(entropic) else None

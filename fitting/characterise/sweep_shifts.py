@@ -24,6 +24,7 @@ from scipy.interpolate import BSpline
 
 from fitting.characterise.sweeps import Sweep, first_shifts
 from rubberfric import Entropic
+from rubberfric.materials import log_factors
 
 # Phase error [rad] and offsets of ln E' and ln E'' that the initial guesses assume.
 _GUESSES = (0.003, (0.02, 0.02)), (0.03, (0.002, 0.02))
@@ -318,7 +319,7 @@ def shifts_of(
     """
     T, n = np.array([sweep.T for sweep in sweeps]), len(sweeps)
     power = ((T - T[reference]) / T[reference])[:, None]
-    entropic = np.asarray(ENTROPIC.log_factor(T, T[reference]), float)
+    entropic = log_factors(ENTROPIC, T, T[reference])
     none = np.zeros(n)
     free = np.delete(np.eye(n), reference, axis=1)
 

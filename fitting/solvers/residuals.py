@@ -230,6 +230,11 @@ def in_errors(structure: FitStructure, numbers: Numbers, targets: Targets, rows:
     return jnp.concatenate([_whitened(numbers, of_data), rows[count:]])
 
 
+def cost_of(structure: FitStructure, numbers: Numbers, targets: Targets, rows: Array) -> jax.Array:
+    """Return the cost for the result of `rows_of`."""
+    return loss_of(structure, numbers).cost(in_errors(structure, numbers, targets, rows))
+
+
 def slopes_in_errors(structure: FitStructure, numbers: Numbers, targets: Targets, slopes: Array) -> jax.Array:
     """Convert derivatives of `rows_of` to the Jacobian of the residuals, 0 for fixed elements of x."""
     count = data_rows(structure)

@@ -31,6 +31,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebpts1
 
 from rubberfric.base.checks import POSITIVE, ArrayLike, UnitWarning, as_array, check_kind, check_values, shown
+from rubberfric.base.compilation import quick_jit
 from rubberfric.base.quadrature import Quadrature, chebyshev_sum, chebyshev_transform, gauss, typed
 from rubberfric.base.roots import root
 from rubberfric.roughness.moments import safe_root
@@ -137,6 +138,7 @@ def grip(
     return grip_of_friction(patch, slip, load, mu, kind)
 
 
+@quick_jit(static_argnames="kind")
 def friction_points(
     patch: Patch,
     slip: jax.Array,
@@ -155,7 +157,7 @@ def friction_points(
     return sliding_speed[..., None], highest[..., None] * _pressures(patch, slip.dtype), at
 
 
-@functools.partial(jax.jit, static_argnames="kind")
+@quick_jit(static_argnames="kind")
 def grip_of_friction(
     patch: Patch, slip: jax.Array, load: jax.Array, mu: jax.Array, kind: SlipKind = "angle"
 ) -> Grip:

@@ -19,11 +19,13 @@ from rubberfric.base.checks import (
     NONNEGATIVE,
     PLAUSIBLE_TEMPERATURE,
     POSITIVE,
+    ArrayLike,
     NumberLike,
     check_table,
     check_values,
     is_concrete,
 )
+from rubberfric.base.compilation import quick_jit
 from rubberfric.base.objects.fields import Number, Vector, child, leaf
 from rubberfric.base.objects.physical import Kind, physical
 
@@ -193,6 +195,16 @@ class Entropic(VerticalShift):
         """Return ln b_T at temperature [K]."""
         temperature = jnp.maximum(temperature, 1.0)  # ln 0 has no derivative
         return saturated(jnp.log(temperature / T_ref) - self.expansion * (temperature - T_ref))
+
+
+def log_factors(law: Shift | VerticalShift, *temperatures: ArrayLike) -> np.ndarray:
+    """Return `law.log_factor(*temperatures)`, compiled as a whole, as a NumPy array of double precision."""
+    return np.asarray(_log_factor(law, *(jnp.asarray(T, float) for T in temperatures)), float)
+
+
+@quick_jit()
+def _log_factor(law, *temperatures):
+    return law.log_factor(*temperatures)
 
 
 def largest_log_factor(dtype: DTypeLike) -> float:

@@ -37,6 +37,7 @@ from rubberfric.base.checks import (
     check_values,
     is_concrete,
 )
+from rubberfric.base.compilation import quick_jit
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.body import differs_by_wavevector
 from rubberfric.scene.scene import Scene, iterates, rough_surfaces, temperature_by_scale
@@ -240,8 +241,8 @@ def extent_of(scene: Scene, pressure: ArrayLike) -> Extent:
     return Extent(max(ends) - min(ends) + rises, *loads)
 
 
-# Jitted, so that a call compiles once instead of once per operation.
-@jax.jit
+# Compiled as a whole, so that a call compiles once instead of once per operation.
+@quick_jit()
 def _evaluated(spectra, bodies):
     """Return the power law of each spectrum, and the glassy modulus of the softer body at its beginning."""
     laws, moduli = [spectrum.power_law() for spectrum in spectra], []

@@ -207,13 +207,14 @@ LIMITS = {
         lambda scene: replaced(scene, rf.SelfAffine, lambda road: rf.Anisotropic(road, 1.0, 0.3, 4)),
         has=("self-affine",),
         lacks=("anisotropic", "softening", "correlation", "heating", "adhesion"),
+        rtol=1e-12,
         ordinary=("rubber",),
     ),
     "same in all directions": Limit(
         lambda scene: replaced(scene, rf.TabulatedSpectrum, in_all_directions),
         has=("tabulated spectrum",),
     ),
-    "half a turn": Limit(turned(np.pi), has=("grooves",)),
+    "half a turn": Limit(turned(np.pi), has=("grooves",), rtol=1e-12),
     "a quarter of a turn of the inverse": Limit(turned(np.pi / 2, lambda x: 1 / x), has=("grooves",)),
     "spectra exchanged at rest": Limit(
         with_spectra_exchanged, has=("both rough",), lacks=("heating", "correlation"), rest=True
