@@ -361,9 +361,7 @@ def fit_master_curve(
     order = np.argsort(shifts.t, kind="stable")
     order = order[np.all(np.isfinite(y), axis=0)[order]]
     residuals = y - shifts.smooth
-    # Exclude the vertical shift that `data` show, and bad points.
-    rest = np.where(shifts.bad, np.nan, residuals - shifts.hidden[which])
-    count = [np.maximum(np.isfinite(rest[:, which == i]).sum(axis=1), 1) for i in range(T.size)]
+    offsets, offset_errors = shifts.offsets(residuals, which)
     omega = np.exp(np.concatenate([sweep.t for sweep in sweeps]))
     curve = MasterCurve(
         data=superposed(measured, sweeps, shifts.t, y, order),
@@ -374,9 +372,8 @@ def fit_master_curve(
         arrhenius=arrhenius_through(*known),
         of_sweep=which[order],
         residuals=residuals[:, order],
-        offsets=np.stack([np.nanmean(rest[:, which == i], axis=1) for i in range(T.size)], axis=1),
-        offset_errors=np.array(shifts.scatter)[:, None]
-        * np.sqrt(shifts.correlated[:, None] / np.transpose(count)),
+        offsets=offsets,
+        offset_errors=offset_errors,
         bad_points=tuple(
             (("E'", "E''")[k], float(T[which[i]]), float(omega[i]))
             for k, i in zip(*np.nonzero(shifts.bad), strict=True)

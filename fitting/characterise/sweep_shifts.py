@@ -44,7 +44,9 @@ ENTROPIC = Entropic(6e-4)  # vertical shift "entropic", with the thermal expansi
 _POWER_OF_ONE = 0.25
 # Standard deviation of m in the unknown factor (T/T_ref)^m of the entropic b_T.
 _POWER_OF_ENTROPIC = 0.3
-_GAIN = 8.0  # of -2 ln(likelihood), beyond which data need the latter; chance gives as much in 0.5 %
+# Decrease of -2 ln(likelihood) above which data need a factor near the entropic b_T. Chance gives as much in
+# 0.5 % of cases.
+_GAIN = 8.0
 _FREE = 0.3  # standard deviation of free ln b_T
 
 
@@ -75,6 +77,18 @@ class Shifts(NamedTuple):
         """Return ln E' and ln E'' of the smooth curve at the reduced ln omega t, shape (2, points)."""
         inside = np.clip(t, self.knots[3], self.knots[-4] - 1e-9)
         return np.array([BSpline(self.knots, c, 3)(inside) for c in self.splines])
+
+    def offsets(self, residuals: np.ndarray, of_sweep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the means of residuals, shape (2, points), over each sweep, and their standard errors.
+
+        Bad points are left out, and so is `hidden`, the vertical shift that the curve allows for. `of_sweep`
+        is the index of the sweep of each point. The results have the shape (2, sweeps).
+        """
+        rest = np.where(self.bad, np.nan, residuals - self.hidden[of_sweep])
+        sweeps = [rest[:, of_sweep == i] for i in range(self.log_a.size)]
+        count = np.transpose([np.maximum(np.isfinite(own).sum(axis=1), 1) for own in sweeps])
+        errors = np.array(self.scatter)[:, None] * np.sqrt(self.correlated[:, None] / count)
+        return np.stack([np.nanmean(own, axis=1) for own in sweeps], axis=1), errors
 
 
 @dataclasses.dataclass

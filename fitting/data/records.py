@@ -58,7 +58,7 @@ _LOADED = 0.9
 
 
 class Steps(NamedTuple):
-    """Options of `fitting.read` for records. `stroke` and `frequency` [m, Hz] state a sinusoidal motion."""
+    """Options of `fitting.read` for records. `stroke` is the length of sinusoidal strokes [m]."""
 
     zero: bool = False
     discard: str | None = None

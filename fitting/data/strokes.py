@@ -24,6 +24,7 @@ from fitting.data.sections import Table, direction_of, friction_of, turns_of
 from rubberfric.base import POSITIVE, as_leaf, check_values
 from rubberfric.io import stated_frequency, stated_stroke
 
+# Phase of a full period [rad].
 _TURN = 2 * np.pi
 # Values of `fold` for strokes whose velocity varies.
 FOLDS = ("middle", "speeds")

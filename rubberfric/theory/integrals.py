@@ -188,12 +188,12 @@ def _tables_of(roughness, needs):
     )
 
 
-def _borders(scene, surfaces, asked):
+def _borders(scene, surfaces, requested):
     """Return wavevectors that must be borders of panels, or None.
 
-    The wavevector of the macroasperities comes first, and the requested borders `asked` come last.
+    The wavevector of the macroasperities comes first, and the `requested` borders come last.
     """
-    borders = [*borders_of_heat(scene), *kinks(surfaces), *([] if asked is None else [asked])]
+    borders = [*borders_of_heat(scene), *kinks(surfaces), *([] if requested is None else [requested])]
     return jnp.concatenate(borders) if borders else None
 
 
