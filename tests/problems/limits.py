@@ -111,9 +111,11 @@ def with_other_roughness(h_rms):
     return change
 
 
-def softened_alike(factor):
+def softened_alike(storage, loss=None):
+    """The same factors of E' and E'' at all strains."""
+
     def change(scene):
-        flat = rf.Softening([0.01, 0.1, 1.0], [factor] * 3, [factor] * 3)
+        flat = rf.Softening([0.01, 0.1, 1.0], [storage] * 3, [storage if loss is None else loss] * 3)
         return scene.replace(softening=flat)
 
     return change
@@ -125,6 +127,17 @@ def with_softer_solids(factor):
             scene,
             rf.Prony,
             lambda solid: solid.replace({"E_inf": factor * solid.E_inf, "E": factor * solid.E}),
+        )
+
+    return change
+
+
+def with_softer_tables(storage, loss):
+    def change(scene):
+        return replaced(
+            scene,
+            rf.TabulatedModulus,
+            lambda table: table.replace({"storage": storage * table.storage, "loss": loss * table.loss}),
         )
 
     return change
@@ -263,6 +276,12 @@ LIMITS = {
             *("softening", "anisotropic", "coating", "correlation", "law", "static", "tabulated", "heating"),
             "shear modulus",
         ),
+    ),
+    "softening of E' and E''": Limit(
+        softened_alike(0.4, 0.7),
+        other=with_softer_tables(0.4, 0.7),
+        has=("tabulated",),
+        lacks=("softening", "law"),
     ),
     "a table of each body": Limit(
         with_tables_of_the_bodies,

@@ -200,7 +200,7 @@ def covering(problems, also=()):
 
 
 def each(problems, ordinary):
-    """Run a test with each `problem`: in the ordinary run with those of these names only."""
+    """Run a test with each `problem`. All but those named in `ordinary` are slow."""
     by_name = {problem.name: problem for problem in problems}
     assert set(ordinary) <= set(by_name), set(ordinary) - set(by_name)
     return pytest.mark.parametrize("problem", slow_if(lambda name: name not in ordinary, by_name))

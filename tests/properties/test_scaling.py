@@ -114,7 +114,8 @@ def test_solids_exchanged(problem):
 @each(distinct(having(without=("adhesion", "heating"))), (*ORDINARY, "S in G"))
 def test_light_load(problem):
     """A ~ load, friction independent of it, the separation falls by the same amount every decade."""
-    at = problem.solved(pressure=np.array([1e-4, 1e-3, 1e-2]))
+    # The first correction is proportional to the load. At 1e-3 Pa it is 3e-8 for a liquid.
+    at = problem.solved(pressure=np.array([1e-5, 1e-4, 1e-3]))
     rtol = 1e-4 if "law" in problem.tags else 2e-7
     np.testing.assert_allclose(at["area"] / at["area"][0], [1, 10, 100], rtol=rtol)
     for quantity in (name for name in problem.names if name.endswith("friction")):
