@@ -1,10 +1,8 @@
-"""Errors and run times of accuracy settings, checked against brute force; report, file and command."""
+"""Errors and run times of accuracy settings, checked against brute force; report and file."""
 
 import csv
 import functools
-import os
 import unittest.mock
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -32,9 +30,6 @@ from rubberfric.analysis.reference import (
 )
 from rubberfric.analysis.reference import reference as reference_of
 from rubberfric.analysis.sweep import Accuracy, Row
-from rubberfric.commands import main as command
-from rubberfric.commands import run as run_commands
-from rubberfric.io.results import Conditions
 from rubberfric.plot import plot_accuracy
 
 CASE = reference("forward_cases")["smooth-rubber-rough-rigid-0"]
@@ -351,13 +346,9 @@ def test_times_are_medians_over_alternating_rounds():
     ("changed", "message"),
     [
         ({"error": -1e-6}, "error = -1e-06: must be a number, >= 1e-15 and < 1"),
-        ({"error": 1e-40}, "error = 1e-40: must be a number, >= 1e-15"),
-        ({"error": float("nan")}, "error = nan: must be a number"),
-        ({"error": "small"}, "error = 'small': must be a number"),
         ({"settings": ()}, "settings is empty"),
         ({"settings": (12,)}, "settings has 12: every setting must be a Quadrature"),
         ({"textbook": ((200, 1),)}, r"textbook has \(200, 1\): every size must be a pair of integers >= 2"),
-        ({"textbook": (200, 64)}, "textbook has 200: every size must be a pair"),
         ({"repeats": 0}, "repeats = 0: must be an integer >= 1"),
         ({"scene": 3}, "scene is a int: must be a Scene"),
         ({"pressure": -1.0}, "pressure = -1.0: must be > 0"),
@@ -383,86 +374,3 @@ def test_double_precision_is_needed():
                 ValueError, match=r'write jax\.config\.update\("jax_enable_x64", True\) first$'
             ):
                 call()
-
-
-TEXT = """
-title = "Small"
-[lower]
-material = { kind = "rigid" }
-spectrum = { kind = "self_affine", q0 = 100, qr = 1000, q1 = 1e4, hurst = 0.8, h_rms = 1e-4 }
-[upper]
-material = { kind = "prony", E_inf = 1e6, E = [1e8], tau = [1e-5] }
-[run]
-velocity = { from = 1e-3, to = 1e1, points = 90 }
-pressure = 1e5
-"""
-
-
-@pytest.fixture
-def call(call_main, tmp_path, monkeypatch):
-    """Run the command in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-    Path("scene.toml").write_text(TEXT)
-    return functools.partial(call_main, command.main)
-
-
-def test_command(call, monkeypatch):
-    seen = {}
-
-    def sweep_of(_, *at, error, progress, report):
-        seen.update(at=at, error=error)
-        progress("working")  # not a terminal: nothing is shown
-        report(found().rows[0], 1, 2)
-        return found()
-
-    monkeypatch.setattr(sweep, "accuracy", sweep_of)
-    arguments = ("accuracy", "scene.toml", "--error", "1e-4", "--out", "t.csv", "--plot", "t.png")
-    status, printed, complaint = call(*arguments)
-    assert (status, complaint) == (0, "")
-    assert printed == f"Small\n60 of 90 velocities, equally spread\n{found().report()}\n"
-    assert seen["error"] == 1e-4 and seen["at"][2] is None
-    velocity, pressure = seen["at"][:2]
-    assert velocity.shape == (60,) and (velocity[0], velocity[-1]) == pytest.approx((1e-3, 10))
-    assert pressure.shape == (1, 1)
-    assert sorted(os.listdir()) == ["scene.toml", "t.csv", "t.png"]
-    assert Path("t.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_velocities_are_thinned_to_a_number_of_points():
-    conditions = Conditions(np.logspace(-8, 2, 41), np.array([1e5, 2e5]), np.array([283.15, 293.15, 303.15]))
-    velocity = run_commands.thinned(conditions)
-    assert velocity.size == 10 and set(velocity) < set(conditions.velocity)
-    few = conditions._replace(velocity=np.array([1.0, -2.0]))
-    np.testing.assert_array_equal(run_commands.thinned(few), [1.0, -2.0])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("no.toml",), "no.toml: cannot be read: No such file"),
-        (("scene.toml", "--error", "-1"), "--error -1.0: must be a number, >= 1e-15 and < 1"),
-        (("scene.toml", "--error", "small"), "argument --error: invalid float value: 'small'"),
-        (("scene.toml", "--out", "t.h5"), "t.h5: suffix '.h5': must be .csv"),
-        (("scene.toml", "--out", "no/t.csv"), "folder 'no' does not exist; create it first"),
-        (("scene.toml", "--plot", "t.csv"), "t.csv: suffix '.csv': must be .png or .pdf or .svg"),
-        (("bare.h5",), "bare.h5: run: is missing; must hold velocity and pressure"),
-        ((), "SCENE"),
-    ],
-)
-def test_command_with_bad_input(call, monkeypatch, arguments, message):
-    rf.save_scene("bare.h5", SCENE)
-    monkeypatch.setattr("rubberfric.analysis.reference.case_of", None)  # nothing may be computed
-    before = sorted(os.listdir())
-    status, printed, complaint = call("accuracy", *arguments)
-    assert (status, printed, complaint.count("\n")) == (2, "", 1)
-    assert message in complaint and complaint.startswith("rubberfric")
-    assert sorted(os.listdir()) == before
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", sorted(p for p in DATA.glob("*.toml") if "_fit" not in p.stem), ids=str)
-def test_scenes_of_the_data_folder(call, path):
-    error = "1e-2" if "tabulated" in path.stem else "1e-6"
-    status, printed, complaint = call("accuracy", path, "--error", error, "--plot", "t.png", "--out", "t.csv")
-    assert (status, complaint) == (0, "")
-    assert "Quadrature(" in printed and "no setting" not in printed and "times as long" in printed
