@@ -46,9 +46,6 @@ def sheared_with(shift):
     return replace(SCENES["case-I"], shear=replace(SHEAR, shift=shift))
 
 
-# --- The formula
-
-
 def exact_log_factor(shift, T):
     """ln a_T of a WLF or Arrhenius shift in the working precision of mpmath."""
     if isinstance(shift, rf.WLF):
@@ -180,9 +177,6 @@ def test_finite_and_of_its_dtype_at_all_extremes(case):
                 assert np.isfinite(slope).all(), name
 
 
-# --- In a scene
-
-
 @pytest.mark.parametrize("s", slow_if(SLOW.__contains__, SCENES))
 def test_parts_add_up(s):
     plain = replace(s, shear=None)
@@ -221,9 +215,6 @@ def test_share_from_outside_the_table_is_that_of_the_viscoelastic_friction():
     np.testing.assert_allclose(
         found, rf.analysis.friction_outside_table(replace(s, shear=None), v, 3e5), rtol=1e-9
     )
-
-
-# --- Temperatures
 
 
 @pytest.mark.slow
