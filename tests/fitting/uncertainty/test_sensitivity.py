@@ -250,7 +250,6 @@ def test_dtype():
         ({"parameters": "lower.material"}, "must be one of its numbers"),
         ({"parameters": "shear.tau_f0"}, "the scene has no shear"),
         ({"parameters": []}, "must be one or several key paths"),
-        ({"parameters": 3}, "must be one or several key paths"),
         ({"quantity": "mu"}, "must be one of area, friction"),
         ({"velocity": np.array([1.0, np.nan])}, r"velocity\[1\] = nan"),
         ({"pressure": np.array([0.0])}, r"pressure\[0\] = 0.0: must be > 0"),
