@@ -161,6 +161,8 @@ def test_smooth_needs_a_free_series_of_three_different_times():
         (lambda: Gaussian([1.0, np.inf], 1.0), "must be a finite number"),
         (lambda: Gaussian(1.0, [1.0, -1.0]), "must be a finite number > 0"),
         (lambda: Gaussian(1.0, 0.0), "sigma = 0.0: must be a finite number > 0"),
+        (lambda: Smooth(0.0), "sigma = 0.0: must be a finite number > 0"),
+        (lambda: Sum(high=1.0, sigma=0.0), "sigma = 0.0: must be a finite number > 0"),
         (lambda: Sum(), "must be numbers > 0, at least one of them given"),
         (lambda: Sum(high=-1.0), "must be numbers > 0"),
         (lambda: Sum(2.0, 1.0), "must be low < high"),

@@ -104,6 +104,7 @@ GOOD = Slider("E", "upper", "E", "Pa", 2.0, 1.0, 4.0, True)
         ({"file": "/etc/passwd"}, "'file': unknown slider"),
         ({"__class__": 1.0}, "unknown slider"),
         ({"E": math.nan}, "E = nan: must be between 1.0 and 4.0"),
+        ({"E": 4.001}, "must be between"),
         ({"E": -math.inf}, "must be between"),
         ({"E": "2"}, "E = '2': must be a number"),
         ({"E": None}, "must be a number"),
