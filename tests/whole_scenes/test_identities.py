@@ -65,11 +65,7 @@ def test_gamma_and_S_in_G():
 
 def test_no_friction_without_moving_roughness():
     """Cases II and III, and elastic solids: zero and exactly zero, so is every derivative."""
-    for s in (
-        scene((SOFT, WORN), (RIGID,)),
-        scene((SOFT, WORN), (rf.Elastic(1e7, 0.3),)),
-        ELASTIC,
-    ):
+    for s in (scene((SOFT, WORN), (RIGID,)), scene((SOFT, WORN), (rf.Elastic(1e7, 0.3),)), ELASTIC):
         mu, slopes = jax.jit(jax.value_and_grad(rf.friction))(as_arrays(s), 0.1, 3e5)
         assert mu == 0.0
         assert all((x == 0).all() for x in jax.tree.leaves(slopes))

@@ -56,8 +56,7 @@ def sums(quantity):
 
 
 each_quantity = pytest.mark.parametrize(
-    "quantity",
-    ["friction", *(pytest.param(name, marks=pytest.mark.slow) for name in ("area", "separation"))],
+    "quantity", ["friction", *(pytest.param(name, marks=pytest.mark.slow) for name in ("area", "separation"))]
 )
 
 

@@ -140,8 +140,7 @@ EXTREMES = {f"{kind}, {name}": (KINDS[kind], *PRECISIONS[name]) for kind in KIND
 
 
 @pytest.mark.parametrize(
-    "case",
-    slow_if(lambda name: not name.endswith("double") and not name.startswith("table"), EXTREMES),
+    "case", slow_if(lambda name: not name.endswith("double") and not name.startswith("table"), EXTREMES)
 )
 def test_finite_and_of_its_dtype_at_all_extremes(case):
     """5832 corners, jitted, where a temperature outside its law saturates: values and both derivatives."""
@@ -249,10 +248,7 @@ def test_shear_alone_makes_a_temperature_meaningful():
             lambda: sheared_with(0.1),
             "ContactShear.shift = 0.1: must be WLF, Arrhenius, TabulatedShift or None",
         ),
-        (
-            lambda: replace(SCENES["case-I"], shear=0.1),
-            "Scene.shear = 0.1: must be ContactShear or None",
-        ),
+        (lambda: replace(SCENES["case-I"], shear=0.1), "Scene.shear = 0.1: must be ContactShear or None"),
         (
             lambda: parts(SCENES["case-I"], 0.1, 3e5, quantities=("shear",)),
             "quantities has 'shear': must be one of area, friction, separation, viscoelastic_friction, "

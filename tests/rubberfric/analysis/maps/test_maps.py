@@ -15,16 +15,7 @@ import problems
 import pytest
 from support.counting.compilations import compilations
 from support.folders import ROOT
-from support.scenes.maps import (
-    BLOCK,
-    POINTS,
-    PRESSURE,
-    QUICK,
-    ROAD,
-    SCENE,
-    TEMPERATURE,
-    VELOCITY,
-)
+from support.scenes.maps import BLOCK, POINTS, PRESSURE, QUICK, ROAD, SCENE, TEMPERATURE, VELOCITY
 
 import rubberfric as rf
 from rubberfric.analysis import batches, maps

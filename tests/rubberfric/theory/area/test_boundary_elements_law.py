@@ -138,10 +138,7 @@ def test_profile():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "body",
-    [
-        rf.Body(rf.Rigid(), rf.Anisotropic(ROAD, 1.5, 0.5)),
-        pytest.param(rf.Body(rf.Rigid(), ROAD), id="slab"),
-    ],
+    [rf.Body(rf.Rigid(), rf.Anisotropic(ROAD, 1.5, 0.5)), pytest.param(rf.Body(rf.Rigid(), ROAD), id="slab")],
 )
 def test_scenes_made_within_a_trace(body):
     """Checks of the known numbers of grooves or a slab do not meet tracers.
@@ -210,10 +207,7 @@ LAYERED = rf.Body(RUBBER, layer=rf.Coating(1e-3, rf.Elastic(1e9, 0.3)))
     ("call", "message"),
     [
         (lambda: _scene().replace("lower.spectrum", ROAD), "one rough surface, got two"),
-        (
-            lambda: _scene().replace(lower=LAYERED),
-            r"half-spaces, or Slab and Rigid, but lower\.layer is a",
-        ),
+        (lambda: _scene().replace(lower=LAYERED), r"half-spaces, or Slab and Rigid, but lower\.layer is a"),
         (
             lambda: _scene().replace(
                 lower=rf.Body(RUBBER, layer=rf.Slab(1e-3)), upper=rf.Body(rf.Elastic(1e9, 0.3), ROAD)
