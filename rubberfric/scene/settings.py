@@ -15,7 +15,7 @@ solid,
 1 within :math:`\ln(q/q_0) \sim e^{-2\Lambda}`. The third property is the finest detail of the moduli over the
 frequency. Materials and spectra give these properties by their public methods, so the rule holds for a user's
 own ones. `tests/benchmarks/test_settings_table.py` prints the errors over L and Lambda.
-`tests/rubberfric/scene/test_settings.py` tests random scenes of all kinds.
+`tests/rubberfric/scene/test_settings_of_random_scenes.py` tests random scenes of all kinds.
 """
 
 import dataclasses

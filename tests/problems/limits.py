@@ -310,6 +310,8 @@ LIMITS = {
         lambda scene: scene.replace({"correlation.coherence": 0.0}),
         other=without("correlation"),
         has=("correlation",),
+        rtol=1e-13,
+        ordinary=("correlation",),
     ),
     "a patch": Limit(lambda scene: scene.replace(patch=rf.Patch(0.1, 0.2, 5e7)), lacks=("correlation",)),
     "heat far away": Limit(

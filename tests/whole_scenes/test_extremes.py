@@ -23,15 +23,7 @@ from support.cases.extreme_errors import (
     value_floor,
 )
 from support.cases.extremes import CASES, changed
-from support.cases.stored import (
-    QUANTITIES,
-    h_rms,
-    paths,
-    reverse,
-    slow_if,
-    three,
-    value,
-)
+from support.cases.stored import QUANTITIES, h_rms, paths, reverse, slow_if, three, value
 
 import rubberfric as rf
 

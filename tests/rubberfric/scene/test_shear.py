@@ -46,9 +46,6 @@ def sheared_with(shift):
     return replace(SCENES["case-I"], shear=replace(SHEAR, shift=shift))
 
 
-# --- The formula
-
-
 def exact_log_factor(shift, T):
     """ln a_T of a WLF or Arrhenius shift in the working precision of mpmath."""
     if isinstance(shift, rf.WLF):
@@ -143,8 +140,7 @@ EXTREMES = {f"{kind}, {name}": (KINDS[kind], *PRECISIONS[name]) for kind in KIND
 
 
 @pytest.mark.parametrize(
-    "case",
-    slow_if(lambda name: not name.endswith("double") and not name.startswith("table"), EXTREMES),
+    "case", slow_if(lambda name: not name.endswith("double") and not name.startswith("table"), EXTREMES)
 )
 def test_finite_and_of_its_dtype_at_all_extremes(case):
     """5832 corners, jitted, where a temperature outside its law saturates: values and both derivatives."""
@@ -178,9 +174,6 @@ def test_finite_and_of_its_dtype_at_all_extremes(case):
             for name, slope in zip(paths(slopes), jax.tree.leaves(slopes), strict=True):
                 assert slope.dtype == dtype, name
                 assert np.isfinite(slope).all(), name
-
-
-# --- In a scene
 
 
 @pytest.mark.parametrize("s", slow_if(SLOW.__contains__, SCENES))
@@ -223,9 +216,6 @@ def test_share_from_outside_the_table_is_that_of_the_viscoelastic_friction():
     )
 
 
-# --- Temperatures
-
-
 @pytest.mark.slow
 def test_shear_alone_makes_a_temperature_meaningful():
     s = SCENES["case-I"]
@@ -258,10 +248,7 @@ def test_shear_alone_makes_a_temperature_meaningful():
             lambda: sheared_with(0.1),
             "ContactShear.shift = 0.1: must be WLF, Arrhenius, TabulatedShift or None",
         ),
-        (
-            lambda: replace(SCENES["case-I"], shear=0.1),
-            "Scene.shear = 0.1: must be ContactShear or None",
-        ),
+        (lambda: replace(SCENES["case-I"], shear=0.1), "Scene.shear = 0.1: must be ContactShear or None"),
         (
             lambda: parts(SCENES["case-I"], 0.1, 3e5, quantities=("shear",)),
             "quantities has 'shear': must be one of area, friction, separation, viscoelastic_friction, "
