@@ -63,7 +63,7 @@ class FitInProgress:
     ) -> None:
         self.problem, self.data, self.tell = problem, data, tell
         self.solver, self.limits = solver, (max_steps, callback)
-        self.scales = [None if one.error is not None else ASSUMED for one in data]
+        self.scales = [None if dataset.error is not None else ASSUMED for dataset in data]
         self.error_scale, self.assumed = 1.0, self.scales.count(None) < len(data)
 
     def search(self, x: Array) -> list[Runs]:
@@ -260,28 +260,28 @@ def distinct_minima(problem: Problem, runs: Sequence[Runs]) -> tuple[Minimum, ..
 def why_not_finite(problem: Problem, data: Sequence[Measured]) -> str:
     """Return the error message for a cost that is not finite at the start."""
     model, errors = model_rows(problem, problem.start), np.asarray(problem.targets.error)
-    for one, where in zip(data, problem.order, strict=True):
+    for dataset, where in zip(data, problem.order, strict=True):
         bad = np.flatnonzero(~np.isfinite(model[where]))
         if bad.size == 0:
             continue
         advice = "check the start values of the free parameters"
-        if one.logarithmic:
+        if dataset.logarithmic:
             advice += (
                 ", and give absolute errors (sigma) where the model may be 0 or less, as at velocities <= 0"
             )
         return (
-            f"data {one.label!r}: the model is not finite at the start at {bad.size} of {where.size} values,"
-            f" first at {one.place(bad[0])}: {advice}"
+            f"data {dataset.label!r}: the model is not finite at the start at {bad.size} of {where.size}"
+            f" values, first at {dataset.place(bad[0])}: {advice}"
         )
     with np.errstate(over="ignore", invalid="ignore"):
         overflows = ~np.isfinite(residual_rows(problem, problem.start) ** 2)
-    for one, where in zip(data, problem.order, strict=True):
+    for dataset, where in zip(data, problem.order, strict=True):
         bad = np.flatnonzero(overflows[where])
         if bad.size:
-            error, place = errors[where][bad[0]], one.place(bad[0])
+            error, place = errors[where][bad[0]], dataset.place(bad[0])
             return (
-                f"data {one.label!r}: the error {error:.3g} at {place} is so small that the cost overflows:"
-                " check the errors of the data and their unit"
+                f"data {dataset.label!r}: the error {error:.3g} at {place} is so small that the cost"
+                " overflows: check the errors of the data and their unit"
             )
     if overflows[model.size :].any():
         return (

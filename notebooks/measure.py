@@ -47,8 +47,8 @@ MEASUREMENTS = {
     "ensembles": benchmark("ensemble_benchmarks"),
     "twin": pytest("fitting/whole_fits/test_fit_twin.py"),
     "error_over_time": "python notebooks/error_over_time.py",
-    "stability": f"TABLE=notebooks/stability.md {benchmark('stability_table')}",
-    "operations": f"TABLE=notebooks/operations.md {benchmark('operations')}",
+    "stability": "python notebooks/stability.py",
+    "operations": "python notebooks/operations.py",
     "growth": benchmark("growth_benchmarks"),  # runs notebooks/growth.py
     "settings": benchmark("settings_table"),
     "law": f"TABLE=notebooks/law_table.md {pytest(LAW, 'slow')}",

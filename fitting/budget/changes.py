@@ -66,10 +66,10 @@ class Change(NamedTuple):
 def changes(problem: Problem, sizes: Sizes, prior: Mapping[str, Prior]) -> Iterator[Change]:
     """Yield the changes of all inputs of a fit with a size > 0."""
     yield from _of_conditions(problem, sizes)
-    stated = {path: one for path, one in prior.items() if _states_error(problem, path, one)}
+    stated = {path: density for path, density in prior.items() if _states_error(problem, path, density)}
     fixed = _Fixed(problem)
-    for path, one in stated.items():
-        yield from fixed.stated(path, one)
+    for path, density in stated.items():
+        yield from fixed.stated(path, density)
     yield from fixed.moduli(sizes.moduli)
     if any(block.quantity in CONTACT_QUANTITIES for block in problem.structure.blocks):
         yield from fixed.roughness(sizes.roughness)
@@ -132,9 +132,9 @@ class _Fixed:
             where = () if element is None else (element,)
             # A path with "*" has the same number in all scenes.
             same = [leaf] if not path.startswith("*") else self._alike(leaf)
-            yield self._changed(path, f"{path} + {sigma[k]:g}", {one: (where, sigma[k]) for one in same})
-            for one in same:
-                self.open[one][where] = False
+            yield self._changed(path, f"{path} + {sigma[k]:g}", {i: (where, sigma[k]) for i in same})
+            for i in same:
+                self.open[i][where] = False
 
     def moduli(self, size):
         """Yield a change of all moduli of each body by one factor."""

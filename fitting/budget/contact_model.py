@@ -186,8 +186,8 @@ def covariance_of_law(
     `rubberfric.analysis.theory_error`, as a standard deviation, or 0.1 without a range. The error changes
     within a decade of the velocity, as in `fitting.Discrepancy`. The result is None without friction data.
     """
-    friction = [one for one in data if isinstance(one, FrictionData)]
-    if not friction or not all(np.all(one.velocity) for one in friction):
+    friction = [dataset for dataset in data if isinstance(dataset, FrictionData)]
+    if not friction or not all(np.all(dataset.velocity) for dataset in friction):
         return None
     amplitude = max(map(_amplitude, scenes))
     asked = Discrepancy(amplitude, np.log(10))

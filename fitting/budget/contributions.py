@@ -78,13 +78,14 @@ class SolvedFit(NamedTuple):
 
 
 def contributions(
-    fit: SolvedFit, sizes: Sizes, given: Sequence[str] = (), only: Sequence[str] = ()
+    fit: SolvedFit, sizes: Sizes, stated_sources: Sequence[str] = (), only: Sequence[str] = ()
 ) -> tuple[list[Contribution], list[str]]:
     """Return the contributions of all sources except noise, and notes on missing ones.
 
     Parameters
     ----------
-    sizes : sizes of the changes; `given` names the fields that are not defaults
+    sizes : sizes of the changes
+    stated_sources : fields of `sizes` that are not defaults
     only : "contact model" or "stated" if only these sources are needed
     """
     step = _Step(fit)
@@ -104,7 +105,7 @@ def contributions(
         shifts = np.array([shift for _, shift in members])
         single = len(members) == 1
         shift = shifts[0] if single else np.sqrt(np.sum(shifts**2, 0))
-        stated = source in given or source not in (*Sizes._fields, NUMERICAL)
+        stated = source in stated_sources or source not in (*Sizes._fields, NUMERICAL)
         rows.append(Contribution(source, "; ".join(t for t, _ in members), shift, single, stated))
     return rows, notes
 
@@ -200,21 +201,21 @@ def largest_error(
     Only the difference between theory and law and stated errors count. Sizes by default are not known to
     occur.
     """
-    known = [one for one in rows if one.stated or (one.source == CONTACT and one.signed)]
-    shares = np.array([np.nan_to_num(np.abs(one.shift) / stderr) for one in known])
+    known = [row for row in rows if row.stated or (row.source == CONTACT and row.signed)]
+    shares = np.array([np.nan_to_num(np.abs(row.shift) / stderr) for row in known])
     times = float(np.max(shares, initial=0.0))
     if not times > MENTIONED:
         return ""
     which, i = divmod(int(np.argmax(shares)), len(names))
-    one = known[which]
-    by = _relative(one.shift[i], values[i])
-    if not one.signed and values[i]:
-        by = f"+-{100 * abs(one.shift[i] / values[i]):.2g} %"
+    largest = known[which]
+    by = _relative(largest.shift[i], values[i])
+    if not largest.signed and values[i]:
+        by = f"+-{100 * abs(largest.shift[i] / values[i]):.2g} %"
     count = f"{times:.0f}" if times >= 10 else f"{times:.2g}"
     count += f" standard error{'s' * (count != '1')}"
-    if one.source != CONTACT:
-        return f"an error of {one.source} ({one.text}) moves {names[i]} by {by} ({count})"
-    advice = [] if one.without else ['fit with contact_model="boundary_elements"']
+    if largest.source != CONTACT:
+        return f"an error of {largest.source} ({largest.text}) moves {names[i]} by {by} ({count})"
+    advice = [] if largest.without else ['fit with contact_model="boundary_elements"']
     friction = [d for d in data if isinstance(d, FrictionData)]
     if friction and is_linear and not has_discrepancy and all(d.error is not None for d in friction):
         advice.append("add fitting.Discrepancy()")

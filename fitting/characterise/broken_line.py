@@ -88,7 +88,7 @@ def broken_line(
     order = np.argsort(t, kind="stable")
     t, y, weight = t[order], y[order], weight[order]
     best = min(
-        (_line(t, y, weight, slopes, kink) for kink in np.clip(t, low, high)), key=lambda one: one.cost
+        (_line(t, y, weight, slopes, kink) for kink in np.clip(t, low, high)), key=lambda line: line.cost
     )
     for k in range(1, t.size - 1):
         level = np.average(y[:k], weights=weight[:k])
@@ -101,7 +101,7 @@ def broken_line(
         if t[k - 1] <= kink <= t[k] and low <= kink <= high:
             fall = level - slope * (x - kink)
             cost = np.sum(weight[:k] * (y[:k] - level) ** 2) + np.sum(w * (z - fall) ** 2)
-            best = min(best, Line(float(cost), float(level), slope, float(kink)), key=lambda one: one.cost)
+            best = min(best, Line(float(cost), float(level), slope, float(kink)), key=lambda line: line.cost)
     return best
 
 

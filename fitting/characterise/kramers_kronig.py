@@ -127,7 +127,7 @@ class KramersKronig:
         pull = np.where(self.counted, np.abs(self.contradiction) / self.stderr, 0.0)
         places = []
         for i in np.argsort(-pull):
-            apart = all(abs(np.log10(self.omega[i] / one[0])) > 0.9 for one in places)
+            apart = all(abs(np.log10(self.omega[i] / omega)) > 0.9 for omega, *_ in places)
             if pull[i] > 3.0 and apart and len(places) < _WORST:
                 places.append((float(self.omega[i]), float(self.contradiction[i]), float(self.stderr[i])))
         return tuple(places)
@@ -278,7 +278,7 @@ def kramers_kronig(
         raise ValueError(f"data {data.label!r}: {n} frequencies: must have at least {_FEWEST}")
     count = min(max(round(per_decade * np.ptp(t)), 1) + 1, n // 2)
     nodes = np.linspace(t.min(), t.max(), count)
-    hats = np.stack([np.interp(t, nodes, one) for one in np.eye(count)], axis=1)
+    hats = np.stack([np.interp(t, nodes, unit) for unit in np.eye(count)], axis=1)
     error, known = _relative(data)
     for _ in range(1 if known else _ROUNDS):
         model, contradiction, covariance, used = _spectrum_and_contradiction(data, hats, error)

@@ -21,6 +21,7 @@ from fitting.parameters.constraints import is_number
 from fitting.parameters.priors import Prior
 from fitting.uncertainty.posterior import joint_prior
 from rubberfric.base import shown
+from rubberfric.materials import log_factors
 from rubberfric.plot import style
 
 # Temperature of a room [K], near which the sweep of the default reference lies.
@@ -113,8 +114,8 @@ class MasterCurve:
     @property
     def law(self) -> ShiftLaw | None:
         """The better of `wlf` and `arrhenius` by Akaike's criterion; None if no law fits."""
-        laws = [one for one in (self.wlf, self.arrhenius) if one is not None]
-        return min(laws, key=lambda one: one.aic) if laws else None
+        laws = [law for law in (self.wlf, self.arrhenius) if law is not None]
+        return min(laws, key=lambda law: law.aic) if laws else None
 
     @functools.cached_property
     def fall(self) -> Fall | None:
@@ -152,7 +153,7 @@ class MasterCurve:
         """Return a law, or None, whose shift includes the law for b_T."""
         if law is None or not self.vertical:
             return law
-        vertical = self._vertical(np.asarray(law.shift.log_factor(self.T), float))
+        vertical = self._vertical(log_factors(law.shift, self.T))
         return law._replace(shift=law.shift.replace(vertical=vertical))
 
     def _vertical(self, log_aT):
@@ -227,23 +228,23 @@ class MasterCurve:
                 f"temperature = {temperature:g} K: must be {self.T[0]:.6g} ... {self.T[-1]:.6g} K, the range"
                 " of the sweeps"
             )
-        one, n = self.shifts, self.T.size
+        shifts, n = self.shifts, self.T.size
         between = np.array([np.interp(temperature, self.T, e) for e in np.eye(n)])
         log_a = PchipInterpolator(self.T, self.log_aT)(temperature)
-        log_b = np.interp(temperature, self.T, self.log_bT + one.hidden)
+        log_b = np.interp(temperature, self.T, self.log_bT + shifts.hidden)
         t = np.log(omega) + log_a
-        inside = np.clip(t, one.knots[3], one.knots[-4] - 1e-9)
-        B = BSpline.design_matrix(inside, one.knots, 3).toarray()
-        y = one.splines @ B.T
-        slope = np.array([BSpline(one.knots, c, 3).derivative()(inside) for c in one.splines])
+        inside = np.clip(t, shifts.knots[3], shifts.knots[-4] - 1e-9)
+        B = BSpline.design_matrix(inside, shifts.knots, 3).toarray()
+        y = shifts.splines @ B.T
+        slope = np.array([BSpline(shifts.knots, c, 3).derivative()(inside) for c in shifts.splines])
         # Temperature errors of the sweep itself and of its neighbours.
         thermal = self.temperature_error * PchipInterpolator(self.T, self.log_aT).derivative()(temperature)
-        variance = np.array(one.offset)[:, None] ** 2 + np.array(one.scatter)[:, None] ** 2
+        variance = np.array(shifts.offset)[:, None] ** 2 + np.array(shifts.scatter)[:, None] ** 2
         variance = variance + 1.5 * (slope * thermal) ** 2
-        variance += one.phase**2 * np.exp(2 * (y[1] - y[0]) * np.array([[1], [-1]]))
+        variance += shifts.phase**2 * np.exp(2 * (y[1] - y[0]) * np.array([[1], [-1]]))
         for k in (0, 1):
             X = np.concatenate([B, slope[k][:, None] * between], axis=1)
-            variance[k] += np.einsum("ij,ij->i", X @ one.covariances[k], X)
+            variance[k] += np.einsum("ij,ij->i", X @ shifts.covariances[k], X)
         return y + log_b, np.sqrt(variance)
 
     def __repr__(self) -> str:
@@ -345,25 +346,23 @@ def fit_master_curve(
     _check(reference, vertical, same, temperature_error)
     measured: Any = over_frequency(isotherms, float(same))
     sweeps = sweeps_of(measured, float(same))
-    T = np.array([one.T for one in sweeps])
+    T = np.array([sweep.T for sweep in sweeps])
     nearest = int(np.argmin(np.abs(T - (_ROOM if reference is None else reference))))
     if reference is not None and abs(T[nearest] - reference) > same:
         raise ValueError(
             f"reference = {reference:g} K: must be the temperature of a sweep:"
-            f" {', '.join(f'{one:.6g}' for one in T)} K"
+            f" {', '.join(f'{kelvin:.6g}' for kelvin in T)} K"
         )
     shifts = shifts_of(sweeps, nearest, vertical, float(temperature_error))
     moving = np.delete(np.arange(T.size), nearest)
     known = (T[moving], shifts.log_a[moving], shifts.covariance[np.ix_(moving, moving)], float(T[nearest]))
-    which = np.repeat(np.arange(T.size), [one.t.size for one in sweeps])
-    y = np.concatenate([one.y for one in sweeps], axis=1) - shifts.log_b[which]
+    which = np.repeat(np.arange(T.size), [sweep.t.size for sweep in sweeps])
+    y = np.concatenate([sweep.y for sweep in sweeps], axis=1) - shifts.log_b[which]
     order = np.argsort(shifts.t, kind="stable")
     order = order[np.all(np.isfinite(y), axis=0)[order]]
     residuals = y - shifts.smooth
-    # Exclude the vertical shift that `data` show, and bad points.
-    rest = np.where(shifts.bad, np.nan, residuals - shifts.hidden[which])
-    count = [np.maximum(np.isfinite(rest[:, which == i]).sum(axis=1), 1) for i in range(T.size)]
-    omega = np.exp(np.concatenate([one.t for one in sweeps]))
+    offsets, offset_errors = shifts.offsets(residuals, which)
+    omega = np.exp(np.concatenate([sweep.t for sweep in sweeps]))
     curve = MasterCurve(
         data=superposed(measured, sweeps, shifts.t, y, order),
         T=T,
@@ -373,9 +372,8 @@ def fit_master_curve(
         arrhenius=arrhenius_through(*known),
         of_sweep=which[order],
         residuals=residuals[:, order],
-        offsets=np.stack([np.nanmean(rest[:, which == i], axis=1) for i in range(T.size)], axis=1),
-        offset_errors=np.array(shifts.scatter)[:, None]
-        * np.sqrt(shifts.correlated[:, None] / np.transpose(count)),
+        offsets=offsets,
+        offset_errors=offset_errors,
         bad_points=tuple(
             (("E'", "E''")[k], float(T[which[i]]), float(omega[i]))
             for k, i in zip(*np.nonzero(shifts.bad), strict=True)

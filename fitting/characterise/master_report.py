@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 
 from fitting.characterise.sweep_shifts import ENTROPIC
 from rubberfric.base import Labelled, LabelledArrays, shown
+from rubberfric.materials import log_factors
 
 # Largest error of temperatures that is considered as the reason of a misfit [K].
 _WARMEST = 5.0
@@ -81,7 +82,7 @@ def report_of(curve: Any, command: bool) -> str:
 def _temperatures(curve):
     """Return a line with the error of the temperatures that would explain the misfit of the better law."""
     law, others = curve.law, np.arange(curve.T.size) != curve.reference
-    rest = (curve.log_aT - np.asarray(law.shift.log_factor(curve.T), float))[others]
+    rest = (curve.log_aT - log_factors(law.shift, curve.T))[others]
     contrast = np.eye(curve.T.size) - np.eye(curve.T.size)[curve.reference]
     thermal = ((contrast * np.gradient(curve.log_aT, curve.T) ** 2) @ contrast.T)[np.ix_(others, others)]
     known = curve.covariance[np.ix_(others, others)] - curve.temperature_error**2 * thermal
@@ -143,11 +144,11 @@ def _misfits(curve, command):
 
 def largest_fall(curve: Any) -> Fall | None:
     """Return the most significant `Fall` of E' of a `MasterCurve`, or None if no fall is significant."""
-    one = curve.shifts
-    t = np.linspace(one.knots[3], one.knots[-4] - 1e-9, _POINTS)
-    t = t[(t >= one.t.min()) & (t <= one.t.max())]
-    B = BSpline.design_matrix(t, one.knots, 3).toarray()
-    y, V = B @ one.splines[0], B @ one.covariances[0][: B.shape[1], : B.shape[1]] @ B.T
+    shifts = curve.shifts
+    t = np.linspace(shifts.knots[3], shifts.knots[-4] - 1e-9, _POINTS)
+    t = t[(t >= shifts.t.min()) & (t <= shifts.t.max())]
+    B = BSpline.design_matrix(t, shifts.knots, 3).toarray()
+    y, V = B @ shifts.splines[0], B @ shifts.covariances[0][: B.shape[1], : B.shape[1]] @ B.T
     change = y - y[:, None]  # from the row's frequency to the column's
     error = np.sqrt(np.maximum(np.diag(V) + np.diag(V)[:, None] - 2 * V, 0.0))
     falls = (change < -_SMALLEST_FALL) & (error > 0)
@@ -173,7 +174,7 @@ def _rising(curve):
 
 def _advised(curve):
     """Return the vertical shift that the data show and the curve lacks: "entropic", "free", or None."""
-    seen, entropic = curve.shifts.hidden, np.asarray(ENTROPIC.log_factor(curve.T, curve.T_ref), float)
+    seen, entropic = curve.shifts.hidden, log_factors(ENTROPIC, curve.T, curve.T_ref)
     if curve.vertical == "entropic":
         # The entropic b_T changes by 10 % in 30 K, more than errors of the moduli.
         return "free" if np.linalg.norm(seen) > np.linalg.norm(entropic) else None

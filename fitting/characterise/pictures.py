@@ -6,6 +6,7 @@ import numpy as np
 
 import rubberfric as rf
 from fitting.characterise.prony_series import reduced
+from rubberfric.materials import log_factors
 from rubberfric.plot import style
 
 _NAMES = "storage $E'$", "loss $E''$"
@@ -23,7 +24,9 @@ def plot_master_curve(curve: Any, ax: style.Panels | None, series: Any = None) -
     upper, lower = ax = style.several_axes(ax, ("moduli", "shifts"), (7.4, 7.0))
     data, T = curve.data, curve.T
     celsius = np.asarray(rf.units.to_celsius(T))
-    named = [f"{style.signed(round(one, 1) + 0)} °C" for one in celsius]  # + 0: no minus before a zero
+    named = [
+        f"{style.signed(round(degrees, 1) + 0)} °C" for degrees in celsius
+    ]  # + 0: no minus before a zero
     for i, tone in enumerate(style.colours(T.size)):
         here = curve.of_sweep == i
         marker = style.MARKERS[i % len(style.MARKERS)]
@@ -36,7 +39,7 @@ def plot_master_curve(curve: Any, ax: style.Panels | None, series: Any = None) -
     for name, law, dashes in (("WLF", curve.wlf, "-"), ("Arrhenius", curve.arrhenius, "--")):
         if law is None:
             continue
-        values = np.asarray(law.shift.log_factor(line)) / np.log(10)
+        values = log_factors(law.shift, line) / np.log(10)
         lower.plot(rf.units.to_celsius(line), values, dashes, color="0.3", linewidth=1.2, label=name)
     if series is not None:
         omega = np.geomspace(data.omega.min(), data.omega.max(), _POINTS)

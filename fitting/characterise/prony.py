@@ -23,8 +23,8 @@ from fitting.characterise.prony_series import (
     Response,
     SeriesProblem,
     check_gaps,
+    checked_times,
     fixed_modulus,
-    given,
     grid,
     reduced,
 )
@@ -111,28 +111,25 @@ def fit_prony(
     array([10000000.])
     """
     rf.Prony(1.0, [1.0], [1.0], poisson, shift)  # checks poisson and shift
-    if smooth != "auto" if isinstance(smooth, str) else smooth is not None and not _strength(smooth):
-        raise ValueError(f"smooth = {shown(smooth)}: must be None, a number > 0, or 'auto'")
+    _check_smooth(smooth)
     weight = _weights(weights, data)
     reference = reduced(data, shift)
-    omega, is_creep = frequencies(reference), isinstance(reference, CreepData)
+    omega = frequencies(reference)
+    is_creep = isinstance(reference, CreepData)
     if per_decade is None:
         per_decade = _PER_DECADE if isinstance(data, ModulusData) else _PER_DECADE_OF_TRANSIENTS
-    times = grid(omega, per_decade) if tau is None else given(data, tau, omega)
+    times = grid(omega, per_decade) if tau is None else checked_times(data, tau, omega)
     fixed = fixed_modulus(E_inf)
-    flow = flow_time(reference) if isinstance(reference, CreepData) else np.nan
     if is_creep:
         _check_creep(E_inf, fixed, smooth)
-        tau = np.append(times, [*([] if fixed is None else [flow]), np.inf])
+        tau = np.append(times, [*([] if fixed is None else [flow_time(reference)]), np.inf])
         fixed = None
     else:
         tau = np.append(times, np.inf) if fixed is None else times
     series = _series(reference, tau, fixed, weight)
     E = _start(data, reference, series, smooth)
-    while is_creep and not E[-1] > 0 and np.isfinite(series.tau).sum() > 1:
-        # The shortest retardation hardly differs from D_0 at the measured times.
-        series = series.only(series.tau > series.tau.min())
-        E = series.bounded()
+    if is_creep:
+        series, E = _with_instantaneous(series, E)
     kept = E > 0
     if not (kept & np.isfinite(series.tau)).any():
         raise ValueError(f"data {data.label!r}: the fit has no relaxing term; {_needed(data)}")
@@ -143,7 +140,9 @@ def fit_prony(
     compliance = None
     if is_creep:
         try:
-            material, used, solution, compliance = converted(used, solution, flow, poisson, shift)
+            material, used, solution, compliance = converted(
+                used, solution, flow_time(reference), poisson, shift
+            )
         except ValueError as error:
             raise ValueError(f"data {data.label!r}: {error}") from None
     else:
@@ -182,9 +181,9 @@ def over_frequency(data: Response | Sequence[Response], same: float) -> Response
     same : largest difference between neighbouring temperatures within a measurement [K]
     """
     sets: list[Any] = list(data) if isinstance(data, list | tuple) else [data]
-    if not any(isinstance(one, TRANSIENTS) for one in sets):
+    if not any(isinstance(dataset, TRANSIENTS) for dataset in sets):
         return data
-    return [sweep for one in sets for sweep in _sweeps_of(one, same)]
+    return [sweep for dataset in sets for sweep in _sweeps_of(dataset, same)]
 
 
 def _sweeps_of(data, same):
@@ -204,6 +203,12 @@ def _sweeps_of(data, same):
     return sweeps
 
 
+def _check_smooth(smooth):
+    is_sigma = is_number(smooth) and smooth > 0
+    if not (smooth == "auto" if isinstance(smooth, str) else smooth is None or is_sigma):
+        raise ValueError(f"smooth = {shown(smooth)}: must be None, a number > 0, or 'auto'")
+
+
 def _check_creep(E_inf, fixed, smooth):
     """Raise ValueError for options that a creep compliance does not have."""
     if fixed not in (None, 0.0):
@@ -216,10 +221,6 @@ def _needed(data):
     if isinstance(data, ModulusData):
         return "E'' must be > 0"
     return "D(t) must rise" if isinstance(data, CreepData) else "E(t) must fall"
-
-
-def _strength(smooth):
-    return is_number(smooth) and smooth > 0
 
 
 def _weights(weights, data):
@@ -272,6 +273,17 @@ def _start(data, reference, series, smooth):
         return guess(reference, series.tau)
     check_gaps(data, frequencies(reference))
     return series.bounded()
+
+
+def _with_instantaneous(series, D):
+    """Return a compliance and its terms without the shortest retardation times that make D_0 vanish.
+
+    A retardation much shorter than the measured times hardly differs from D_0.
+    """
+    while not D[-1] > 0 and np.isfinite(series.tau).sum() > 1:
+        series = series.only(series.tau > series.tau.min())
+        D = series.bounded()
+    return series, D
 
 
 def _peaks(data, omega, tau):

@@ -214,8 +214,8 @@ class PronyFit(WithUncertainty):
         terms, E = np.append(np.asarray(material.tau), np.inf), np.append(material.E, material.E_inf)
         name = self.data.conditions[0]
         ones = {own: np.ones(x.size) for own in self.data.values}
-        given: dict[str, Any] = {name: x, **ones}
-        at = type(self.data)(**given, check_units=False)
+        arrays: dict[str, Any] = {name: x, **ones}
+        at = type(self.data)(**arrays, check_units=False)
         return (matrix(at, terms) @ E).reshape(-1, x.size)
 
     def moduli(self, omega: ArrayLike | None = None) -> ModulusData:

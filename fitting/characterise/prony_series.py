@@ -20,7 +20,7 @@ from fitting.parameters.variables import Group, Variables, element_names
 from fitting.solvers.problem import ASSUMED
 from fitting.uncertainty.covariance import Uncertainty, from_jacobian
 from rubberfric.base import POSITIVE, ArrayLike, as_leaf, check_values, shown
-from rubberfric.materials import Shift
+from rubberfric.materials import Shift, log_factors
 
 # Kinds of data that a Prony series describes.
 Response = ModulusData | RelaxationData | CreepData
@@ -70,7 +70,7 @@ def reduced(data: _Response, shift: Shift | None) -> _Response:
     # A solid with a modulus of 1 Pa at the reference temperature has the modulus b_T.
     solid = rf.Prony(1.0, [1.0], [1.0], shift=shift)
     vertical = np.broadcast_to(np.asarray(rf.complex_modulus(solid, 0.0, T).real, float), T.shape)
-    faster = np.exp(np.asarray(shift.log_factor(T), float))
+    faster = np.exp(log_factors(shift, T))
     names = [name for name in (*data.values, *data.sigmas) if getattr(data, name) is not None]
     inverse = isinstance(data, CreepData)
     moved = {n: getattr(data, n) * vertical if inverse else getattr(data, n) / vertical for n in names}
@@ -93,7 +93,7 @@ def grid(omega: np.ndarray, per_decade: float) -> np.ndarray:
     return np.geomspace(1 / omega.max(), 1 / omega.min(), int(np.ceil(per_decade * decades - 1e-6)) + 1)
 
 
-def given(data: Response, tau: ArrayLike, omega: np.ndarray) -> np.ndarray:
+def checked_times(data: Response, tau: ArrayLike, omega: np.ndarray) -> np.ndarray:
     """Return the relaxation times `tau` as an array [s]. Raise ValueError if one is invalid.
 
     Relaxation times must be > 0, all different, and within two decades of the range of 1/omega.
@@ -191,7 +191,7 @@ def nonnegative_logarithmic(
         # The first step, from x = 0, is a full step; later steps are shortened as needed.
         parts = 0.5 ** np.arange(20 if np.isfinite(lowest) else 1)
         tried = [x + part * (solution - x) for part in parts]
-        costs = [cost(one) for one in tried]
+        costs = [cost(trial) for trial in tried]
         best = int(np.argmin(costs))
         gained = lowest - costs[best]
         if not gained > 0:

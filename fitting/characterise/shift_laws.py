@@ -8,6 +8,7 @@ from scipy.optimize import least_squares
 
 import rubberfric as rf
 from fitting.parameters.correlated import whitener
+from rubberfric.materials import log_factors
 
 _CHANCE = 1e-3  # probability of a misfit as large, below which a law does not hold
 _FAR = 1e5  # C2 [K] beyond which WLF is a straight line over any temperatures
@@ -89,7 +90,7 @@ def wlf_through(T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref:
         )
         for p in starts
     ]
-    best = min(fits, key=lambda one: one.cost)
+    best = min(fits, key=lambda fit: fit.cost)
     if not best.x[0] > 1e-5:
         return None
     J = slopes(best.x)
@@ -107,7 +108,7 @@ def arrhenius_through(
     T, log_a and the covariance exclude the reference temperature. Return None if the fitted energy is <= 0.
     """
     whiten = whitener(covariance)
-    of_one_eV = np.asarray(rf.Arrhenius(1.0, T_ref).log_factor(T), float)
+    of_one_eV = log_factors(rf.Arrhenius(1.0, T_ref), T)
     column, aim = whiten @ of_one_eV, whiten @ log_a
     size = column @ column
     energy = float(column @ aim / size)

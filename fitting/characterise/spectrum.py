@@ -202,14 +202,10 @@ def fit_spectrum(
     >>> round(float(spectrum.hurst), 2), round(1e6 * float(spectrum.h_rms))  # the height in µm
     (0.87, 156)
     """
-    if isinstance(data, rf.TabulatedSpectrum):
-        own = [None if end is None else float(end) for end in (data.q0, data.q1)]
-        q0, q1 = (end if given is None else given for given, end in zip((q0, q1), own, strict=True))
+    q0, q1 = (end if cutoff is None else cutoff for cutoff, end in zip((q0, q1), _ends(data), strict=True))
     rms_height = data.rms_height if isinstance(data, MeasuredSpectrum) else None
     of_profiles = isinstance(data, MeasuredSpectrum) and data.dimensions == 1
     if isinstance(data, MeasuredSpectrum | ArealSpectrum):
-        own = resolved_ends(data)
-        q0, q1 = (end if given is None else given for given, end in zip((q0, q1), own, strict=True))
         data = spectrum_data(data)
     data = _data(data, relative, body)
     body = data.body or "lower"
@@ -231,10 +227,7 @@ def fit_spectrum(
     spectrum = rf.SelfAffine.from_C0(q0, *_ordered(line, q0, q1, H), np.exp(line.level))
     free, held = _free(body, H, fixed_H is None, fixed_qr is None and not no_kink)
     remarks += held
-    # A scene needs a deformable solid; its modulus is not used.
-    own, other = rf.Body(rf.Rigid(), spectrum), rf.Body(rf.Elastic(1e6, 0.5))
-    scene = rf.Scene(own, other) if body == "lower" else rf.Scene(other, own)
-    result = fit(scene, data, free)
+    result = fit(_scene(spectrum, body), data, free)
     spectrum = getattr(result.scene, body).spectrum
     why = result.withheld.get(f"{body}.spectrum.qr", "")
     if why.startswith("at its"):  # with absolute errors the minimum may differ from the logarithmic start
@@ -247,6 +240,19 @@ def fit_spectrum(
     if rms_height is None and q0 == data.q.min() and q1 == data.q.max():
         rms_height = _height_of_points(data)
     return SpectrumFit(spectrum, residuals, tuple(remarks), result, rms_height)
+
+
+def _ends(data):
+    """Return the cut-offs (q0, q1) that a table or heights state, or (None, None)."""
+    if isinstance(data, rf.TabulatedSpectrum):
+        return tuple(None if end is None else float(end) for end in (data.q0, data.q1))
+    return resolved_ends(data) if isinstance(data, MeasuredSpectrum | ArealSpectrum) else (None, None)
+
+
+def _scene(spectrum, body):
+    """Return a scene of a rigid body with the spectrum and a smooth body, whose modulus is not used."""
+    rough, smooth = rf.Body(rf.Rigid(), spectrum), rf.Body(rf.Elastic(1e6, 0.5))
+    return rf.Scene(rough, smooth) if body == "lower" else rf.Scene(smooth, rough)
 
 
 def _free(body, H, fits_hurst, fits_rolloff):

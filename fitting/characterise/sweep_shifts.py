@@ -24,6 +24,7 @@ from scipy.interpolate import BSpline
 
 from fitting.characterise.sweeps import Sweep, first_shifts
 from rubberfric import Entropic
+from rubberfric.materials import log_factors
 
 # Phase error [rad] and offsets of ln E' and ln E'' that the initial guesses assume.
 _GUESSES = (0.003, (0.02, 0.02)), (0.03, (0.002, 0.02))
@@ -43,7 +44,9 @@ ENTROPIC = Entropic(6e-4)  # vertical shift "entropic", with the thermal expansi
 _POWER_OF_ONE = 0.25
 # Standard deviation of m in the unknown factor (T/T_ref)^m of the entropic b_T.
 _POWER_OF_ENTROPIC = 0.3
-_GAIN = 8.0  # of -2 ln(likelihood), beyond which data need the latter; chance gives as much in 0.5 %
+# Decrease of -2 ln(likelihood) above which data need a factor near the entropic b_T. Chance gives as much in
+# 0.5 % of cases.
+_GAIN = 8.0
 _FREE = 0.3  # standard deviation of free ln b_T
 
 
@@ -75,6 +78,18 @@ class Shifts(NamedTuple):
         inside = np.clip(t, self.knots[3], self.knots[-4] - 1e-9)
         return np.array([BSpline(self.knots, c, 3)(inside) for c in self.splines])
 
+    def offsets(self, residuals: np.ndarray, of_sweep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the means of residuals, shape (2, points), over each sweep, and their standard errors.
+
+        Bad points are left out, and so is `hidden`, the vertical shift that the curve allows for. `of_sweep`
+        is the index of the sweep of each point. The results have the shape (2, sweeps).
+        """
+        rest = np.where(self.bad, np.nan, residuals - self.hidden[of_sweep])
+        sweeps = [rest[:, of_sweep == i] for i in range(self.log_a.size)]
+        count = np.transpose([np.maximum(np.isfinite(own).sum(axis=1), 1) for own in sweeps])
+        errors = np.array(self.scatter)[:, None] * np.sqrt(self.correlated[:, None] / count)
+        return np.stack([np.nanmean(own, axis=1) for own in sweeps], axis=1), errors
+
 
 @dataclasses.dataclass
 class _Superposition:
@@ -88,20 +103,20 @@ class _Superposition:
     phase: float  # initial guess of the phase error [rad]
 
     def __post_init__(self):
-        each, n = self.sweeps, len(self.sweeps)
-        self.T = np.array([one.T for one in each])
-        self.which = np.repeat(np.arange(n), [one.t.size for one in each])
-        self.measured = np.concatenate([one.t for one in each])
-        self.drift = np.concatenate([one.at for one in each]) - self.T[self.which]
-        y = np.concatenate([one.y for one in each], axis=1)
+        sweeps, n = self.sweeps, len(self.sweeps)
+        self.T = np.array([sweep.T for sweep in sweeps])
+        self.which = np.repeat(np.arange(n), [sweep.t.size for sweep in sweeps])
+        self.measured = np.concatenate([sweep.t for sweep in sweeps])
+        self.drift = np.concatenate([sweep.at for sweep in sweeps]) - self.T[self.which]
+        y = np.concatenate([sweep.y for sweep in sweeps], axis=1)
         self.ok = np.isfinite(y)
         self.y = np.where(self.ok, y, 0.0)
         tan = np.clip(np.where(self.ok.all(axis=0), np.exp(self.y[1] - self.y[0]), 0.1), 1e-3, 1e3)
         self.by_phase = np.array([tan**2, tan**-2])
         self.each = sparse.csr_array(np.eye(n)[self.which])
         self.moving = np.delete(np.arange(n), self.reference)
-        given = [one.error for one in each if one.error is not None]
-        self.given = np.concatenate(given, axis=1) if given else None
+        errors = [sweep.error for sweep in sweeps if sweep.error is not None]
+        self.errors = np.concatenate(errors, axis=1) if errors else None
         self.sigma2, self.phase2 = np.array([0.01, 0.02]) ** 2, self.phase**2
         self.tau2, self.penalty, self.inflation = np.full(2, _OFFSET**2), np.full(2, 30.0), np.ones(2)
         self.weight = self.ok.astype(float)
@@ -112,7 +127,7 @@ class _Superposition:
 
     def variance(self):
         """Return the variance of every ln E' and ln E'', shape (2, points)."""
-        return self.sigma2[:, None] + self.phase2 * self.by_phase if self.given is None else self.given**2
+        return self.sigma2[:, None] + self.phase2 * self.by_phase if self.errors is None else self.errors**2
 
     def curve(self, x):
         """Solve for the splines, offsets and coefficients of ln b_T at fixed shifts x = ln a_T."""
@@ -129,10 +144,10 @@ class _Superposition:
         prior[:, range(b, q), range(b, q)] = 1 / self.tau2[:, None]
         prior[:, range(q, q + v), range(q, q + v)] = 0.5 * self.wide**-2  # half of the common prior
         w = self.weight / self.variance() / self.inflation[:, None]
-        H = np.array([_normal(X, one) for one in w]) + prior
+        H = np.array([_normal(X, weights) for weights in w]) + prior
         c = solve_blocks(H, (X.T @ (w * self.y).T).T, q)
         r = self.y - (X @ c.T).T
-        slope = np.array([BSpline(self.knots, one[:b], 3).derivative()(inside) for one in c])
+        slope = np.array([BSpline(self.knots, spline, 3).derivative()(inside) for spline in c[:, :b]])
         bends = self.bends @ x
         objective = float(np.sum(w * r**2) + np.einsum("ki,kij,kj", c, prior, c) + bends @ bends)
         return _Curve(objective, H, c, r, slope, w, X, D, t)
@@ -141,17 +156,19 @@ class _Superposition:
         """Return the covariance of all unknowns, the Gauss-Newton step of the shifts, and the Jacobian.
 
         The covariance, shape (2, m, m), is of the coefficients of ln E' or ln E'', followed by the shifts.
-        The Jacobian contains the derivatives of the model with respect to the shifts. `found` is the `_Curve`
+        The Jacobian contains the derivatives of the model with respect to the shifts. `curve` is the `_Curve`
         at the present shifts.
         """
         J = [self.each[:, self.moving].multiply(slope[:, None]) for slope in curve.slope]
         size, bends = curve.c.shape[1], self.bends[:, self.moving]
-        H = np.array([_normal(sparse.hstack([curve.X, one]), w) for one, w in zip(J, curve.w, strict=True)])
+        H = np.array(
+            [_normal(sparse.hstack([curve.X, columns]), w) for columns, w in zip(J, curve.w, strict=True)]
+        )
         H[:, :size, :size] = curve.H
         # Half of the prior, for each modulus; the last term keeps shifts within 100 e-folds.
         H[:, size:, size:] += 0.5 * (bends.T @ bends + 1e-4 * np.eye(self.moving.size))
         C = invert_blocks(H, size - self.vertical.shape[1])
-        right = sum(one.T @ r for one, r in zip(J, curve.w * curve.r, strict=True))
+        right = sum(columns.T @ r for columns, r in zip(J, curve.w * curve.r, strict=True))
         right -= bends.T @ (self.bends @ self.x)
         return C, C[0, size:, size:] @ right, J
 
@@ -162,7 +179,9 @@ class _Superposition:
         inf.
         """
         gradient = np.gradient(self.x, self.T)
-        self.measured = np.concatenate([one.t for one in self.sweeps]) + (self.drift * gradient[self.which])
+        self.measured = np.concatenate([sweep.t for sweep in self.sweeps]) + (
+            self.drift * gradient[self.which]
+        )
         t, h = self.measured + self.x[self.which], np.log(10) / _KNOTS
         self.knots = h * np.arange(np.floor(t.min() / h) - 8, np.ceil(t.max() / h) + 9)
         curve = self.curve(self.x)
@@ -183,8 +202,7 @@ class _Superposition:
         """Update variances, penalties and weights of outliers, and return a measure of their change.
 
         The measure is a fiftieth of the largest |ln(new / old)| of all variances and penalties. The tolerance
-        of
-        `run`, 0.2 % for shifts, thus corresponds to 10 % for variances.
+        of `run`, 0.2 % for shifts, thus corresponds to 10 % for variances.
         """
         old = np.concatenate([self.sigma2, self.tau2, self.penalty])
         variance, phase, leverage = self.variance(), np.zeros(2), _leverage(curve, C, J)
@@ -200,7 +218,7 @@ class _Superposition:
             used = self.T.size - np.trace(inner[b : b + u.size, b : b + u.size]) / self.tau2[k]
             self.tau2[k] = (u @ u + _BELIEF * _OFFSET**2) / (max(used, 0.0) + _BELIEF)
             z = np.where(self.ok[k], np.abs(curve.r[k]) / np.sqrt(variance[k]), 0.0)
-            if self.given is None:
+            if self.errors is None:
                 self.inflation[k] = np.sqrt(self.inflation[k] * self.correlated(z * np.sign(curve.r[k])))
             self.weight[k] = self.ok[k] * np.minimum(1.0, (_OUTLIER / np.maximum(z, 1e-9)) ** 2)
         self.phase2 = np.clip(self.phase2 * phase[0] / phase[1], _PHASE[0] ** 2, _PHASE[1] ** 2)
@@ -266,9 +284,10 @@ def _normal(X, w):
 
 def _leverage(curve, C, J):
     """Return d (fitted value) / d (measured value) of every point, shape (2, points)."""
-    X = [sparse.hstack([curve.X, one]) for one in J]
+    X = [sparse.hstack([curve.X, columns]) for columns in J]
     return (
-        np.array([one.multiply(one @ inner).sum(axis=1) for one, inner in zip(X, C, strict=True)]) * curve.w
+        np.array([design.multiply(design @ inner).sum(axis=1) for design, inner in zip(X, C, strict=True)])
+        * curve.w
     )
 
 
@@ -298,14 +317,14 @@ def shifts_of(
         With False, ln a_T allows for about the entropic b_T if the moduli then fit much better.
     temperature_error : standard deviation of the temperature of a sweep [K]
     """
-    T, n = np.array([one.T for one in sweeps]), len(sweeps)
+    T, n = np.array([sweep.T for sweep in sweeps]), len(sweeps)
     power = ((T - T[reference]) / T[reference])[:, None]
-    entropic = np.asarray(ENTROPIC.log_factor(T, T[reference]), float)
+    entropic = log_factors(ENTROPIC, T, T[reference])
     none = np.zeros(n)
     free = np.delete(np.eye(n), reference, axis=1)
 
     def best(known, columns, wide):
-        moved = [one._replace(y=one.y - b) for one, b in zip(sweeps, known, strict=True)]
+        moved = [sweep._replace(y=sweep.y - b) for sweep, b in zip(sweeps, known, strict=True)]
         tried = [
             _Superposition(moved, reference, first_shifts(moved, *guess), columns, wide, guess[0]).run(
                 _SCREEN
@@ -348,24 +367,24 @@ def _result(fit, log_b, temperature_error, *, free=False, unseen=None):
     covariance[np.ix_(targets, targets)] = C[0][np.ix_(places, places)]
     both = np.zeros((2, b + n, b + n))
     inner, known = np.concatenate([np.arange(b), b + moving]), np.r_[:b, size : C.shape[1]]
-    for one, inverse in zip(both, C, strict=True):
-        one[np.ix_(inner, inner)] = inverse[np.ix_(known, known)]
+    for block, inverse in zip(both, C, strict=True):
+        block[np.ix_(inner, inner)] = inverse[np.ix_(known, known)]
     slope = np.gradient(fit.x, fit.T) * temperature_error
     contrast = np.eye(n) - np.eye(n)[fit.reference]
     covariance[:n, :n] += (contrast * slope**2) @ contrast.T
     splines = linear.c[:, :b]
     freedom = fit.ok.sum() - _leverage(linear, C, J).sum()
-    variance = fit.sigma2 if fit.given is None else np.median(fit.given, axis=1) ** 2
+    variance = fit.sigma2 if fit.errors is None else np.median(fit.errors, axis=1) ** 2
     return Shifts(
         log_a=fit.x,
         log_b=log_b,
         covariance=covariance,
         scatter=(float(np.sqrt(variance[0])), float(np.sqrt(variance[1]))),
-        phase=float(np.sqrt(fit.phase2)) if fit.given is None else 0.0,
+        phase=float(np.sqrt(fit.phase2)) if fit.errors is None else 0.0,
         offset=(float(np.sqrt(fit.tau2[0])), float(np.sqrt(fit.tau2[1]))),
         hidden=hidden,
         scaled=unseen is not None,
-        redchi=1.0 if fit.given is None else float(np.sum(linear.w * linear.r**2)) / max(freedom, 1),
+        redchi=1.0 if fit.errors is None else float(np.sum(linear.w * linear.r**2)) / max(freedom, 1),
         t=linear.t,
         smooth=(linear.X[:, :b] @ splines.T).T,
         bad=fit.weight < 1,

@@ -39,15 +39,14 @@ def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sw
     sets = [data] if isinstance(data, ModulusData) else data
     if not isinstance(sets, list | tuple) or not sets:
         raise ValueError(f"isotherms is a {type(data).__name__}: must be ModulusData, or a list of them")
-    rows = [_rows(i, one) for i, one in enumerate(sets)]
-    errors = [one[3] for one in rows if one[3] is not None]
-    known = [one[3] is not None for one in rows]
+    rows = [_rows(i, dataset) for i, dataset in enumerate(sets)]
+    errors = [error for *_, error in rows if error is not None]
+    known = [error is not None for *_, error in rows]
     if any(known) and not all(known):
         raise ValueError(
             f"isotherms[{known.index(False)}] has no errors, but other data sets do; give all errors or none"
         )
-    T, t = np.concatenate([one[0] for one in rows]), np.concatenate([one[1] for one in rows])
-    y = np.concatenate([one[2] for one in rows], axis=1)
+    T, t, y = (np.concatenate(columns, axis=-1) for columns in list(zip(*rows, strict=True))[:3])
     error = np.concatenate(errors, axis=1) if errors else None
     order = np.lexsort((t, T))
     groups = np.split(order, np.flatnonzero(np.diff(T[order]) > same) + 1)
@@ -81,10 +80,10 @@ def superposed(
     sets = [isotherms] if isinstance(isotherms, ModulusData) else isotherms
     errors = {}
     if sweeps[0].error is not None:
-        relative = np.concatenate([one.error for one in sweeps if one.error is not None], axis=1)
+        relative = np.concatenate([sweep.error for sweep in sweeps if sweep.error is not None], axis=1)
         sigma = np.exp(y) * relative
         errors = {"sigma_storage": sigma[0, order], "sigma_loss": sigma[1, order]}
-    bodies = {one.body for one in sets}
+    bodies = {dataset.body for dataset in sets}
     return ModulusData(
         np.exp(t[order]),
         *np.exp(y[:, order]),
@@ -103,7 +102,9 @@ def _check_falling(sweeps):
     """
     worst = (np.log(_RISE), None, None, 1.0)
     for cold, warm in itertools.combinations(sweeps, 2):
-        (t, y), (s, z) = ((one.t[ok], one.y[0, ok]) for one in (cold, warm) for ok in [np.isfinite(one.y[0])])
+        (t, y), (s, z) = (
+            (sweep.t[ok], sweep.y[0, ok]) for sweep in (cold, warm) for ok in [np.isfinite(sweep.y[0])]
+        )
         shared = (t >= s[0]) & (t <= s[-1])
         if not shared.any():
             continue
@@ -120,24 +121,24 @@ def _check_falling(sweeps):
         )
 
 
-def _rows(i, one):
+def _rows(i, dataset):
     """Return T [K], ln omega, ln E and the error of ln E for the data set with the index i.
 
     ln E and its error have shape (2, points), for E' and E''. ln E is NaN where E <= 0. The error is None if
     the data have no errors.
     """
-    if not isinstance(one, ModulusData):
-        raise ValueError(f"isotherms[{i}] is a {type(one).__name__}: must be ModulusData")
-    if one.temperature is None:
+    if not isinstance(dataset, ModulusData):
+        raise ValueError(f"isotherms[{i}] is a {type(dataset).__name__}: must be ModulusData")
+    if dataset.temperature is None:
         raise ValueError(
-            f"isotherms[{i}], {one.label!r}, has no temperature: must have one for every row; give"
+            f"isotherms[{i}], {dataset.label!r}, has no temperature: must have one for every row; give"
             " temperature=... when reading it if only the name of the file states it"
         )
-    positive = np.where(one.measured > 0, one.measured, np.nan)
-    error = one.error
+    positive = np.where(dataset.measured > 0, dataset.measured, np.nan)
+    error = dataset.error
     if error is not None:
-        error = (error if one.logarithmic else error / np.abs(one.measured)).reshape(2, -1)
-    return one.temperature, np.log(one.omega), np.log(positive).reshape(2, -1), error
+        error = (error if dataset.logarithmic else error / np.abs(dataset.measured)).reshape(2, -1)
+    return dataset.temperature, np.log(dataset.omega), np.log(positive).reshape(2, -1), error
 
 
 def first_shifts(sweeps: Sequence[Sweep], phase: float, offsets: tuple[float, float]) -> np.ndarray:
@@ -152,7 +153,7 @@ def first_shifts(sweeps: Sequence[Sweep], phase: float, offsets: tuple[float, fl
     phase : phase error [rad]
     offsets : standard deviation of the offsets of ln E' and of ln E'' between sweeps
     """
-    T = np.array([one.T for one in sweeps])
+    T = np.array([sweep.T for sweep in sweeps])
     pairs = [_pair(cold, warm, phase, offsets) for cold, warm in itertools.pairwise(sweeps)]
     middle, best = np.median(T), (-np.inf, np.zeros(T.size - 1))
     for C2 in np.geomspace(3, 3000, 40) + max(0.0, middle - T[0]):
@@ -178,11 +179,13 @@ def _pair(cold, warm, phase, offsets):
     likelihood = np.zeros(_TRIED)
     first = np.arange(cold.t.size + warm.t.size) < cold.t.size
     with np.errstate(invalid="ignore"):
-        tan = np.nan_to_num(np.exp(np.concatenate([one.y[1] - one.y[0] for one in (cold, warm)])), nan=0.1)
+        tan = np.nan_to_num(
+            np.exp(np.concatenate([sweep.y[1] - sweep.y[0] for sweep in (cold, warm)])), nan=0.1
+        )
     for k, offset in enumerate(offsets):
         y = np.concatenate([cold.y[k], warm.y[k]])
         scatter = np.hypot(
-            np.where(first, *(max(_roughness(one, k), 0.01) for one in (cold, warm))),
+            np.where(first, *(max(_roughness(sweep, k), 0.01) for sweep in (cold, warm))),
             phase * tan ** (1 - 2 * k),
         )
         if cold.error is not None:

@@ -79,7 +79,7 @@ def _material(arguments, show, texts):
     if not isinstance(scene, rf.Scene):
         raise ValueError(f"{path}: has several scenes: must have one; save the scene to write")
     bodies = {side: getattr(scene, side).material for side in ("lower", "upper")}
-    able = [side for side, one in bodies.items() if isinstance(one, rf.Prony | rf.PronyShear)]
+    able = [side for side, material in bodies.items() if isinstance(material, rf.Prony | rf.PronyShear)]
     if arguments.body is None and len(able) != 1:
         which = f"body must be given, {listed(able)}" if able else "must have a material prony or prony_shear"
         raise ValueError(f"{path}: {which}")

@@ -126,9 +126,9 @@ def read_job(path: StrPath) -> Job:
     fits = prior.pop("fit", [])
     _check_paths(path, "prior", prior, PRIOR_KEYS)
     free = {key: _rule(path, f"free.{key!r}", value) for key, value in free.items()}
-    prior: dict[str, Prior] = {key: _prior(path, f"prior.{key!r}", one) for key, one in prior.items()}
-    for one in fits if isinstance(fits, list) else [fits]:
-        prior |= _known(path, one)
+    prior: dict[str, Prior] = {key: _prior(path, f"prior.{key!r}", value) for key, value in prior.items()}
+    for table in fits if isinstance(fits, list) else [fits]:
+        prior |= _known(path, table)
     options, budget = _options(path, content.get("fit", {})), _budget(path, content.get("budget", {}))
     if "discrepancy" in content:
         options["discrepancy"] = _discrepancy(path, content["discrepancy"])
@@ -152,7 +152,7 @@ def _scene(path, key, file, of_data, data):
     if not isinstance(data, list) or not data:
         raise ValueError(f"{path}: {of_data} = {shown(data)}: must be tables with the header [[{of_data}]]")
     scene = _read(path, key, file, rf.load_scene)
-    return scene, [_data(path, f"{of_data}[{i}]", one) for i, one in enumerate(data)]
+    return scene, [_data(path, f"{of_data}[{i}]", table) for i, table in enumerate(data)]
 
 
 def _text(path, key, value):
@@ -176,25 +176,25 @@ def _read(path, key, name, reader):
 
 def _data(path, key, content):
     toml.check_keys(path, key, content, ("file", *CONDITIONS, *TEXTS, *EXTRA), ("file",))
-    given = {name: _one(path, f"{key}.{name}", content[name]) for name in CONDITIONS if name in content}
-    given |= {name: _text(path, f"{key}.{name}", content[name]) for name in TEXTS if name in content}
-    given |= {name: content[name] for name in AS_THEY_ARE if name in content}
+    options = {name: _one(path, f"{key}.{name}", content[name]) for name in CONDITIONS if name in content}
+    options |= {name: _text(path, f"{key}.{name}", content[name]) for name in TEXTS if name in content}
+    options |= {name: content[name] for name in AS_THEY_ARE if name in content}
     files = content["file"]
     if isinstance(files, list):
-        data = _mean_of_files(path, key, files, given)
+        data = _mean_of_files(path, key, files, options)
     else:
-        data = _read(path, f"{key}.file", files, lambda file: read(file, **given))
+        data = _read(path, f"{key}.file", files, lambda file: read(file, **options))
     if "name" in content:
         name = _text(path, f"{key}.name", content["name"])
         data = dataclasses.replace(data, name=name, check_units=False)
     return data
 
 
-def _mean_of_files(path, key, files, given) -> Measured:
-    """Return the mean of the runs in several files, which are read with the options `given`."""
-    if given.get("average") is not True:
+def _mean_of_files(path, key, files, options) -> Measured:
+    """Return the mean of the runs in several files, which are read with `options` of `fitting.read`."""
+    if options.get("average") is not True:
         raise ValueError(f"{path}: {key}.file = {shown(files)}: must be one file, or average = true")
-    runs: Any = [_read(path, f"{key}.file", file, lambda file: read(file, **given)) for file in files]
+    runs: Any = [_read(path, f"{key}.file", file, lambda file: read(file, **options)) for file in files]
     with about(f"{path}: {key}.file"):
         return average(runs)
 
@@ -237,12 +237,12 @@ def _rule(path, key, value):
 def _known(path, value):
     """Return the priors that follow from a file with the result of another fit."""
     toml.check_keys(path, "prior.fit", value, FIT_KEYS, ("file",))
-    given: dict[str, Any] = {}
+    options: dict[str, Any] = {}
     if "body" in value:
-        given["body"] = _text(path, "prior.fit.body", value["body"])
+        options["body"] = _text(path, "prior.fit.body", value["body"])
     if "widen" in value:
-        given["widen"] = _one(path, "prior.fit.widen", value["widen"])
-    return _read(path, "prior.fit", value["file"], lambda file: FitResult.load(file).as_prior(**given))
+        options["widen"] = _one(path, "prior.fit.widen", value["widen"])
+    return _read(path, "prior.fit", value["file"], lambda file: FitResult.load(file).as_prior(**options))
 
 
 def _prior(path, key, value):
@@ -260,9 +260,9 @@ def _prior(path, key, value):
 def _discrepancy(path, content):
     toml.check_keys(path, "discrepancy", content, ("amplitude", "width", "shared"))
     # There is no None in TOML.
-    given = {n: v for n, v in content.items() if v != "estimated" or n == "shared"}
-    values = {n: _one(path, f"discrepancy.{n}", v) for n, v in given.items()}
-    values |= {n: None for n in content if n not in given}
+    numbers = {n: v for n, v in content.items() if v != "estimated" or n == "shared"}
+    values = {n: _one(path, f"discrepancy.{n}", v) for n, v in numbers.items()}
+    values |= {n: None for n in content if n not in numbers}
     return _made(path, "discrepancy", Discrepancy, values)
 
 

@@ -61,15 +61,18 @@ def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show:
     from fitting.characterise.softening import softening_from_sweep
 
     del interrupts
-    given = arguments.temperature or [None] * len(arguments.data)
-    if len(given) != len(arguments.data):
+    file_temperatures = arguments.temperature or [None] * len(arguments.data)
+    if len(file_temperatures) != len(arguments.data):
         raise ValueError(
-            f"--temperature has {len(given)} values for {len(arguments.data)} files; give one for each file"
+            f"--temperature has {len(file_temperatures)} values for {len(arguments.data)} files;"
+            " give one for each file"
         )
     data: list[Any] = [
-        read_response(arguments, path, T) for path, T in zip(arguments.data, given, strict=True)
+        read_response(arguments, path, T) for path, T in zip(arguments.data, file_temperatures, strict=True)
     ]
-    temperatures = [T for one in data if one.temperature is not None for T in np.ravel(one.temperature)]
+    temperatures = [
+        T for dataset in data if dataset.temperature is not None for T in np.ravel(dataset.temperature)
+    ]
     options: dict[str, Any] = {"poisson": arguments.poisson or 0.5}
     texts, curve, moduli = [], None, data[0]
     if temperatures and np.ptp(temperatures) > 1.0:
@@ -200,9 +203,9 @@ def measured_spectrum(
     arguments: argparse.Namespace,
 ) -> tuple[SpectrumData | rf.roughness.MeasuredSpectrum, str]:
     """Return SpectrumData of a spectrum or the MeasuredSpectrum of heights, and a text about it."""
-    given = {name: getattr(arguments, name) for name in HEIGHTS if getattr(arguments, name) is not None}
+    stated = {name: getattr(arguments, name) for name in HEIGHTS if getattr(arguments, name) is not None}
     if not arguments.map and (arguments.normalisation is not None or _is_spectrum(arguments)):
-        for name, value in given.items():
+        for name, value in stated.items():
             raise ValueError(f"{name} = {value}: must not be given; {arguments.data} holds a spectrum")
         data = read(
             arguments.data,
@@ -212,7 +215,7 @@ def measured_spectrum(
             **reading_options(arguments, "columns", "check_units", "bad_rows"),
         )
         return data, f"{data.q.size} wavevectors"
-    outliers, options = given.pop("outliers", None), {"per_decade": _BINS, **given}
+    outliers, options = stated.pop("outliers", None), {"per_decade": _BINS, **stated}
     if arguments.map:
         spacing = _one_or_two(arguments.spacing)
         surface = rf.io.read_heights(arguments.data, spacing, arguments.unit, outliers=outliers)
@@ -253,17 +256,17 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
     relative = reading.pop("relative", None) if len(kinds) > 1 else None
     sets = [([path], reading | kind) for path in arguments.data for kind in kinds]
     data: Any = []
-    for (path,), given in sets:
-        dataset: Any = read(path, **given)
+    for (path,), options in sets:
+        dataset: Any = read(path, **options)
         if relative is not None and dataset.error is None:
-            given["relative"] = relative
+            options["relative"] = relative
             dataset = dataclasses.replace(dataset, relative=relative, check_units=False)
         data.append(dataset)
     if arguments.average and len(arguments.data) > 1:
         data, sets = [average(data)], [(arguments.data, reading | kinds[0])]
     data = as_data_sets(data)
     rough = [side for side in ("lower", "upper") if getattr(scene, side).spectrum is not None]
-    if not rough and any(one.quantity in CURVE_QUANTITIES for one in data):
+    if not rough and any(d.quantity in CURVE_QUANTITIES for d in data):
         raise ValueError(
             f"{arguments.scene}: has no roughness, so that the contact is complete: add a spectrum, for"
             " example with `rubberfric-fit spectrum`"
@@ -276,10 +279,10 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
     # Errors in the job show before anything is written.
     make_problem(scene, data, dict.fromkeys(free, Positive()))
     lines = [f"scene = {toml.string(_from(out, place))}"]
-    for paths, given in sets:
+    for paths, options in sets:
         files = ", ".join(toml.string(_from(out, path)) for path in paths)
         lines += ["", "[[data]]", f"file = [{files}]" if len(paths) > 1 else f"file = {files}"]
-        lines += [f"{name} = {toml.literal(value)}" for name, value in given.items()]
+        lines += [f"{name} = {toml.literal(value)}" for name, value in options.items()]
     lines += ["", "[free]", *(f'{toml.string(path)} = "positive"' for path in free)]
     text = "\n".join(lines) + "\n"
     if added:

@@ -34,19 +34,25 @@ def main(argv: Sequence[str] | None = None) -> int:
     from fitting.commands.arguments import COMMANDS, PROGRAM
     from rubberfric.commands import ended
 
-    given = sys.argv[1:] if argv is None else list(argv)
-    program = f"{PROGRAM} {given[0]}" if given and given[0] in COMMANDS else PROGRAM
-    return ended(program, lambda interrupts: _run(given, interrupts, argv is None), process=argv is None)
+    command_line = sys.argv[1:] if argv is None else list(argv)
+    program = f"{PROGRAM} {command_line[0]}" if command_line and command_line[0] in COMMANDS else PROGRAM
+    return ended(
+        program, lambda interrupts: _run(command_line, interrupts, argv is None), process=argv is None
+    )
 
 
-def _run(given: Sequence[str], interrupts: Interrupts, process: bool) -> int:
+def _run(command_line: Sequence[str], interrupts: Interrupts, process: bool) -> int:
     with interrupts.loading():
         from importlib import import_module
 
         from fitting.commands.arguments import COMMANDS
         from rubberfric.commands import begin_jax, command_progress, use_words_of
 
-    kind, rest = (given[0], given[1:]) if given and given[0] in COMMANDS else ("fit", given)
+    kind, rest = (
+        (command_line[0], command_line[1:])
+        if command_line and command_line[0] in COMMANDS
+        else ("fit", command_line)
+    )
     command = COMMANDS[kind]
     arguments = command.parser().parse_args(rest)
     use_words_of(arguments.words)

@@ -29,6 +29,7 @@ import jax
 import numpy as np
 
 import rubberfric as rf
+from fitting.commands.arguments import PROGRAM
 from fitting.commands.job import Job, about, read_job
 from fitting.ensemble.calibration import calibration
 from fitting.ensemble.members import EnsembleResult, bootstrap_members
@@ -45,7 +46,6 @@ from rubberfric.commands import Interrupts, complain, reworded, write_outputs
 from rubberfric.io import read_conditions, toml
 from rubberfric.plot import save_figure
 
-_PROGRAM = "rubberfric-fit"
 _POINTS = ("velocity", "pressure", "temperature")
 KEYS = (*_POINTS, "n", "criterion", "relative", "draws", "seed")
 # Options in the table [fit] of a job that a calibration uses. The others concern the search.
@@ -100,11 +100,11 @@ def run_fit(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
     if failure is not None:
         raise failure
     if interrupts.asked:
-        return complain(_PROGRAM, f"interrupted: {_left(result, spread, interrupts)}", interrupts.status)
+        return complain(PROGRAM, f"interrupted: {_left(result, spread, interrupts)}", interrupts.status)
     if not result.success:
-        return complain(_PROGRAM, result.message, 1)
+        return complain(PROGRAM, result.message, 1)
     if result.verdict.explains is False:
-        return complain(_PROGRAM, "the scene does not explain the data: see the verdict above", 3)
+        return complain(PROGRAM, "the scene does not explain the data: see the verdict above", 3)
     return 0
 
 
@@ -182,7 +182,7 @@ def _bootstrap(
 
 def run_design(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
     """Fit a job, choose measurements, write files, print the report, and return the exit status."""
-    job, program = _job(arguments, show), f"{_PROGRAM} design"
+    job, program = _job(arguments, show), f"{PROGRAM} design"
     if job.design is None:
         raise ValueError(f"{arguments.job}: design: is missing; add a table [design] with the candidates")
     if not isinstance(job.scene, rf.Scene):
@@ -232,8 +232,8 @@ def read_design(path: StrPath, content: Any, scene: rf.Scene) -> dict[str, Any]:
 
 def _grid(path, table, content, scene):
     """Return flat arrays (velocity, pressure), and temperature if given, of all combinations."""
-    given = {name: content[name] for name in _POINTS if name in content}
-    conditions = read_conditions(path, table, given, scene)
+    points = {name: content[name] for name in _POINTS if name in content}
+    conditions = read_conditions(path, table, points, scene)
     size = math.prod(values.size for values in conditions if values is not None)
     if size > _MOST["candidates"]:
         raise ValueError(f"{path}: {table}: has {size} candidates: must have at most {_MOST['candidates']}")
@@ -258,5 +258,5 @@ def run_calibration(arguments: argparse.Namespace, interrupts: Interrupts, show:
     finish(show, _titled(job, result.report()), drawing)
     if not result.inside()[result.identified].all():
         text = "error bars do not have their stated coverage: see NOT CALIBRATED above"
-        return complain(f"{_PROGRAM} calibration", text, 3)
+        return complain(f"{PROGRAM} calibration", text, 3)
     return 0

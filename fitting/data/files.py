@@ -210,14 +210,14 @@ def read(
     path = as_path(source) if is_file else source
     steps = Steps(zero, discard, fold, average, stroke)
     steps.check(str(path))
-    given = _present(pressure=pressure, temperature=temperature, body=body, relative=relative)
+    arguments = _present(pressure=pressure, temperature=temperature, body=body, relative=relative)
     scaling = _present(normalisation=normalisation, hurst=hurst)
     layout = _present(columns=columns, poisson=poisson, area=area, block=block)
     if is_file and path.suffix.lower() == ".h5":
-        _refuse(path, steps.given(), "it is for tables")
+        _refuse(path, steps.chosen(), "it is for tables")
         _refuse(path, layout | _present(frequency=frequency), "it is for tables")
         _refuse(path, scaling, "it is for CSV spectra")
-        return _read_hdf5(path, given, kind)
+        return _read_hdf5(path, arguments, kind)
     if is_file:
         _check_suffix(path)
     if pressure is not None:
@@ -231,7 +231,7 @@ def read(
     history: list[str] = []
     if any(steps):
         if cls is not FrictionData:
-            _refuse(path, steps.given(), f"{cls.quantity} data have none")
+            _refuse(path, steps.chosen(), f"{cls.quantity} data have none")
         path = read_record(path, steps, frequency, layout, history)
         layout, frequency = _present(area=area, bad_rows=bad_rows), None
     elif cls is FrictionData:
@@ -243,10 +243,10 @@ def read(
         table = read_table(path, needed, optional, increasing=False, history=history, **layout)
     values = {name: table[column] for name, column in names.items() if column in table}
     values = with_sign_of_slip(cls, values, history) if cls in (SlipData, MomentData) else values
-    given |= _omega_of_all(path, cls, values, frequency)
-    _check_conditions(path, cls, {*values, *given}, layout)
+    arguments |= _omega_of_all(path, cls, values, frequency)
+    _check_conditions(path, cls, {*values, *arguments}, layout)
     try:
-        data = _made(cls, values, given | {"history": tuple(history)}, check_units)
+        data = _made(cls, values, arguments | {"history": tuple(history)}, check_units)
         return mean_of_runs(data) if isinstance(data, FrictionData) and average else data
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
@@ -270,14 +270,14 @@ def _check_suffix(path):
         raise ValueError(f"{path}: suffix {path.suffix!r}: must be {', '.join(TABLE_SUFFIXES)} or .h5{sheet}")
 
 
-def _read_hdf5(path, given, kind):
+def _read_hdf5(path, arguments, kind):
     """Return the data of an HDF5 file, which must be of the class that `kind` names unless it is None."""
     wanted = None if kind is None else named_kind(path, kind)
     with hdf5.reading(path, DATA_FORMAT) as file:
         hdf5.check_names(file, ("data",), ("format", "format_version", "rubberfric_version"))
         if "data" not in file:
             raise ValueError("/data: is missing; must be a group")
-        data = read_group(file["data"], **given)
+        data = read_group(file["data"], **arguments)
     if wanted is not None and type(data) is not wanted:
         raise ValueError(f"{path}: kind = {kind!r}: the file contains {data.quantity} data; leave kind out")
     return data
@@ -318,10 +318,10 @@ def write(path: StrPath, data: Measured) -> None:
     data.write(path)
 
 
-def read_group(group: h5py.Group | h5py.Dataset | h5py.Datatype, **given: Any) -> Measured:
+def read_group(group: h5py.Group | h5py.Dataset | h5py.Datatype, **arguments: Any) -> Measured:
     """Return the measured data that `Measured.write_group` stored in an HDF5 group.
 
-    `given` contains values that the group lacks, as in `read`. Raise ValueError, with a message of one line,
+    `arguments` are values that the group lacks, as in `read`. Raise ValueError, with a message of one line,
     if the group does not contain measured data.
     """
     if not isinstance(group, h5py.Group):
@@ -339,7 +339,7 @@ def read_group(group: h5py.Group | h5py.Dataset | h5py.Datatype, **given: Any) -
         if name in group or name in cls.needed():
             values[name] = hdf5.read_values(group, name, about.unit)
     try:
-        return _made(cls, values, given, check_units=False)
+        return _made(cls, values, arguments, check_units=False)
     except ValueError as error:
         raise ValueError(f"{group.name}: {error}") from None
 
@@ -390,10 +390,10 @@ def _arguments(cls):
     return {field.name for field in dataclasses.fields(cls)}
 
 
-def _made(cls, values, given, check_units):
-    for name, value in given.items():
+def _made(cls, values, arguments, check_units):
+    for name, value in arguments.items():
         if name not in _arguments(cls):
             raise ValueError(f"{name} = {shown(value)}: must not be given; {cls.quantity} data have none")
         if name in values:
             raise ValueError(f"{name} = {shown(value)}: must not be given; the file has it")
-    return cls(**values, **given, check_units=check_units)
+    return cls(**values, **arguments, check_units=check_units)

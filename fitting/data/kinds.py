@@ -218,12 +218,13 @@ def as_data_sets(data: Measured | Sequence[Measured]) -> list[Measured]:
         raise ValueError(f"data is a {type(data).__name__}: must be {kinds}, or a list of them")
     if not data:
         raise ValueError("data is empty: must hold at least one data set")
-    for i, one in enumerate(data):
-        if not isinstance(one, Measured):
-            raise ValueError(f"data[{i}] is a {type(one).__name__}: must be {kinds}")
-        if isinstance(one, TRANSIENTS):
+    for i, dataset in enumerate(data):
+        if not isinstance(dataset, Measured):
+            raise ValueError(f"data[{i}] is a {type(dataset).__name__}: must be {kinds}")
+        if isinstance(dataset, TRANSIENTS):
             raise ValueError(
-                f"data[{i}] is a {type(one).__name__}: must be {kinds}; fit_prony(data).moduli() converts it"
+                f"data[{i}] is a {type(dataset).__name__}: must be {kinds};"
+                " fit_prony(data).moduli() converts it"
             )
     return list(data)
 
@@ -269,22 +270,22 @@ def data_by_scene(
             own = as_data_sets(data[name])
         except ValueError as error:
             raise ValueError(f"scene {name!r}: {error}") from None
-        sets += [_named(one, name) for one in own]
+        sets += [_named(dataset, name) for dataset in own]
         of += [name] * len(own)
     return sets, of
 
 
-def equal_data(one: Measured, other: Measured) -> bool:
+def equal_data(data: Measured, other: Measured) -> bool:
     """Return True if two data sets have the same kind, body and numbers. Their names may differ."""
-    if type(one) is not type(other) or getattr(one, "body", None) != getattr(other, "body", None):
+    if type(data) is not type(other) or getattr(data, "body", None) != getattr(other, "body", None):
         return False
-    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in one.fields())
+    return all(np.array_equal(getattr(data, name), getattr(other, name)) for name in data.fields())
 
 
 def warn_of_repeated(data: Sequence[Measured], of: Sequence[str]) -> None:
     """Warn if two data sets of a scene are equal, because repeated data shrink error bars."""
-    for (i, one), (j, other) in itertools.combinations(enumerate(data), 2):
-        if of[i] == of[j] and equal_data(one, other):
+    for (i, dataset), (j, other) in itertools.combinations(enumerate(data), 2):
+        if of[i] == of[j] and equal_data(dataset, other):
             warn_caller(
                 f"data sets {i + 1} and {j + 1} are equal, so the data count twice and error bars shrink by "
                 "sqrt(2). Leave one out.",

@@ -117,8 +117,8 @@ class Measured:
         try:
             shape = np.broadcast_shapes(*(values.shape for values in arrays.values()))
         except ValueError:
-            given = ", ".join(f"{name} has {values.shape}" for name, values in arrays.items())
-            raise ValueError(f"{kind}: shapes differ ({given}); they must broadcast") from None
+            shapes = ", ".join(f"{name} has {values.shape}" for name, values in arrays.items())
+            raise ValueError(f"{kind}: shapes differ ({shapes}); they must broadcast") from None
         for name, values in arrays.items():
             measured = name in self.values
             if values.shape == shape or not (measured or values.shape == (1,)) or math.prod(shape) == 1:
@@ -134,12 +134,12 @@ class Measured:
     def _check_errors(self, arrays: dict[str, np.ndarray]) -> None:
         """Raise ValueError if relative and absolute errors are given, or only some absolute errors."""
         kind = type(self).__name__
-        given = [name for name in self.sigmas if name in arrays]
-        if given and "relative" in arrays:
-            raise ValueError(f"{kind}: {' and '.join(given)} and relative are given: must be one of them")
+        present = [name for name in self.sigmas if name in arrays]
+        if present and "relative" in arrays:
+            raise ValueError(f"{kind}: {' and '.join(present)} and relative are given: must be one of them")
         for name in self.sigmas:
-            if given and name not in given:
-                raise ValueError(f"{kind}.{name} is missing: must be given together with {given[0]}")
+            if present and name not in present:
+                raise ValueError(f"{kind}.{name} is missing: must be given together with {present[0]}")
 
     def __len__(self) -> int:
         return sum(getattr(self, name).size for name in self.values)
@@ -216,10 +216,12 @@ class Measured:
 
         An example is "velocity = 0.1 m/s, pressure = 1e+05 Pa".
         """
-        given = {name: getattr(self, name) for name in self.conditions if getattr(self, name) is not None}
+        conditions = {
+            name: getattr(self, name) for name in self.conditions if getattr(self, name) is not None
+        }
         fields = self.fields()
         return ", ".join(
-            f"{name} = {values[k % values.size]:g} {fields[name].unit}" for name, values in given.items()
+            f"{name} = {values[k % values.size]:g} {fields[name].unit}" for name, values in conditions.items()
         )
 
     def replaced(self, measured: ArrayLike) -> Self:
@@ -283,14 +285,14 @@ class Measured:
         return dataclasses.replace(self, **own, history=history, check_units=False)
 
     @classmethod
-    def from_frame(cls, frame: Any, units: Mapping[str, str] | None = None, **given: Any) -> Self:
+    def from_frame(cls, frame: Any, units: Mapping[str, str] | None = None, **arguments: Any) -> Self:
         """Create data from the columns of a data frame, or of a mapping of titles to numbers.
 
         Parameters
         ----------
         frame, units : as in `rubberfric.io.as_frame`
             Columns with other titles are ignored.
-        given : arguments of the constructor that the frame lacks, or that replace columns of the frame
+        arguments : arguments of the constructor that the frame lacks, or that replace columns of the frame
             An example is pressure=3e5.
 
         Raises
@@ -299,12 +301,12 @@ class Measured:
             A column is missing, occurs twice, or does not hold numbers. A unit is unknown. The constructor
             raises ValueError. The message is one line.
         """
-        columns = {name: about.column for name, about in cls.fields().items() if name not in given}
+        columns = {name: about.column for name, about in cls.fields().items() if name not in arguments}
         needed = tuple(columns[name] for name in cls.needed() if name in columns)
         optional = tuple(column for column in columns.values() if column not in needed)
         table = read_table(as_frame(frame, units), needed, optional, increasing=False, bad_rows=None)
         columns_there: dict[str, Any] = {name: table[c] for name, c in columns.items() if c in table}
-        return cls(**columns_there | given)
+        return cls(**columns_there | arguments)
 
     def to_dataframe(self) -> Any:
         """Return the data as a pandas.DataFrame with titles "name [unit]", for `fitting.read`.

@@ -30,12 +30,12 @@ def kind_of_table(
         if cls is not SlipData
         for column in (cls.fields()[cls.values[0]].column, *cls.others)
     }
-    given = {COLUMNS[name].name for name in names if name in COLUMNS}
-    slips, speeds = given & {"slip_angle", "slip_ratio"}, given & {"v", "v_travel"}
-    if slips and speeds and {"F_n", "F_t"} <= given and not (presses or given & {"mu", "p", "A"}):
+    quantities = {COLUMNS[name].name for name in names if name in COLUMNS}
+    slips, speeds = quantities & {"slip_angle", "slip_ratio"}, quantities & {"v", "v_travel"}
+    if slips and speeds and {"F_n", "F_t"} <= quantities and not (presses or quantities & {"mu", "p", "A"}):
         return SlipData
-    classes = {cls for column, cls in telling.items() if column in given}
-    if "F_t" in given:  # the force comes before the moment, which `kind` chooses
+    classes = {cls for column, cls in telling.items() if column in quantities}
+    if "F_t" in quantities:  # the force comes before the moment, which `kind` chooses
         classes -= {MomentData}
     # Programs write master curves over time beside those over frequency.
     classes = classes.difference(TRANSIENTS) or classes

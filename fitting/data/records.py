@@ -37,7 +37,7 @@ from fitting.data.strokes import (
     PER_DECADE,
     SAME_SPEED,
     SLOWEST,
-    Given,
+    Sinusoid,
     middle_of,
     motion,
     slowing_hysteresis,
@@ -58,7 +58,7 @@ _LOADED = 0.9
 
 
 class Steps(NamedTuple):
-    """Options of `fitting.read` for records. `stroke` and `frequency` [m, Hz] state a sinusoidal motion."""
+    """Options of `fitting.read` for records. `stroke` is the length of sinusoidal strokes [m]."""
 
     zero: bool = False
     discard: str | None = None
@@ -66,7 +66,7 @@ class Steps(NamedTuple):
     average: bool = False
     stroke: float | None = None
 
-    def given(self) -> dict[str, Any]:
+    def chosen(self) -> dict[str, Any]:
         """Return the options that differ from their defaults."""
         return {name: value for name, value in self._asdict().items() if value}
 
@@ -109,8 +109,8 @@ def read_record(
     ValueError : as for `rubberfric.io.read_table`, a step needs a column that is missing, or no row is left
     """
     where, sinusoidal = str(path), steps.fold in FOLDS
-    given = Given(frequency, steps.stroke)
-    given.check(where)
+    sinusoid = Sinusoid(frequency, steps.stroke)
+    sinusoid.check(where)
     own = {name: layout[name] for name in ("columns", "block", "bad_rows") if name in layout}
     known = _quantities(path, layout)
     forces = {"F_t", "F_n"} <= known
@@ -128,7 +128,7 @@ def read_record(
     if steps.zero:
         table = without_zero(where, table, history)
     if sinusoidal:
-        table = motion(where, table, given, None if isinstance(path, Frame) else path, history)
+        table = motion(where, table, sinusoid, None if isinstance(path, Frame) else path, history)
         table = _folded_strokes(where, table, steps, history)
     else:
         if from_position:

@@ -79,8 +79,8 @@ class SlipData(Measured):
 
     def _arrays(self) -> dict[str, np.ndarray]:
         if (self.angle is None) == (self.ratio is None):
-            given = "both are given" if self.angle is not None else "none is given"
-            raise ValueError(f"SlipData: {given}; must be one of angle [rad] and ratio [-]")
+            stated = "both are given" if self.angle is not None else "none is given"
+            raise ValueError(f"SlipData: {stated}; must be one of angle [rad] and ratio [-]")
         return super()._arrays()
 
 

@@ -24,6 +24,7 @@ from fitting.data.sections import Table, direction_of, friction_of, turns_of
 from rubberfric.base import POSITIVE, as_leaf, check_values
 from rubberfric.io import stated_frequency, stated_stroke
 
+# Phase of a full period [rad].
 _TURN = 2 * np.pi
 # Values of `fold` for strokes whose velocity varies.
 FOLDS = ("middle", "speeds")
@@ -47,7 +48,7 @@ _COMPLETE = 0.9
 _FREQUENCY = 0.05
 
 
-class Given(NamedTuple):
+class Sinusoid(NamedTuple):
     """Motion that the caller states, or the lines above the table: frequency [Hz] and stroke [m], or None."""
 
     frequency: float | None = None
@@ -68,7 +69,7 @@ class Stroke(NamedTuple):
     direction: float
 
 
-def motion(where: str, table: Table, given: Given, path: object, history: list[str]) -> Table:
+def motion(where: str, table: Table, sinusoid: Sinusoid, path: object, history: list[str]) -> Table:
     """Return the table of a record with the velocity v [m/s], from its columns or the given motion.
 
     Parameters
@@ -81,8 +82,8 @@ def motion(where: str, table: Table, given: Given, path: object, history: list[s
     ValueError : the columns and the given motion do not determine v, or state it twice
     """
     known = "v" if "v" in table else "t and x" if {"t", "x"} <= table.keys() else None
-    unused = {"stroke": given.stroke} if known or "x" in table else {}
-    unused |= {"frequency": given.frequency} if known else {}
+    unused = {"stroke": sinusoid.stroke} if known or "x" in table else {}
+    unused |= {"frequency": sinusoid.frequency} if known else {}
     for name, value in unused.items():
         if value is not None:
             raise ValueError(f"{where}: {name} = {value:g}: must not be given; the table has {known or 'x'}")
@@ -90,8 +91,8 @@ def motion(where: str, table: Table, given: Given, path: object, history: list[s
         return table
     if known:
         return table | {"v": _derivative(where, table["t"], table["x"], history)}
-    frequency = given.frequency or _stated(stated_frequency, path, _TURN)
-    stroke = given.stroke or _stated(stated_stroke, path)
+    frequency = sinusoid.frequency or _stated(stated_frequency, path, _TURN)
+    stroke = sinusoid.stroke or _stated(stated_stroke, path)
     if "x" in table and frequency is not None:
         return table | {"v": _harmonic(where, table["x"], frequency, history)}
     if "t" in table and frequency is not None and stroke is not None:

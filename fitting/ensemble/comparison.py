@@ -261,11 +261,11 @@ def _check_same(name: str, fit: FitRecord, other_name: str, other: FitRecord) ->
             f"{where} are fits of {len(other.data)} and {len(fit.data)} data sets; both must be of the same"
             " data"
         )
-    for i, (one, another) in enumerate(zip(fit.data, other.data, strict=True)):
-        if not equal_data(one, another):
+    for i, (dataset, another) in enumerate(zip(fit.data, other.data, strict=True)):
+        if not equal_data(dataset, another):
             raise ValueError(f"{where}: data[{i}], {another.label!r}, differs: must be the same data")
     problems = fit.problem, other.problem
-    losses = [(one.structure.loss, float(one.numbers.width)) for one in problems]
+    losses = [(problem.structure.loss, float(problem.numbers.width)) for problem in problems]
     if losses[0] != losses[1]:
         raise ValueError(f"{where}: losses are {losses[1]} and {losses[0]}; they must be the same")
     if (fit.error_scale != 1) != (other.error_scale != 1):

@@ -283,13 +283,13 @@ def cutoff_path(scene: Scenes, path: str | None) -> str:
     """Return `path`, which must be the q1 of a spectrum, or the path of the only q1 if `path` is None."""
     known = [
         f"{name}.{side}.spectrum.q1".lstrip(".")
-        for name, one in by_name(scene).items()
+        for name, own_scene in by_name(scene).items()
         for side in ("lower", "upper")
-        if hasattr(getattr(one, side).spectrum, "q1")
+        if hasattr(getattr(own_scene, side).spectrum, "q1")
     ]
     if path is None and len(known) == 1:
         return known[0]
-    if path is None or any(one not in known for one in paths_of(scene, path)):
+    if path is None or any(scene_path not in known for scene_path in paths_of(scene, path)):
         raise ValueError(f"path = {path!r}: must be the q1 of a spectrum: {', '.join(known) or 'none'}")
     return path
 

@@ -110,13 +110,13 @@ def free_parameters(scene: Scenes, free: Mapping[str, Constraint]) -> tuple[Vari
                 f"free[{path!r}] = {rule!r}: must be Positive, Bounded, Free, Tied or RmsSlope{made}"
             )
         paths = paths_of(scene, path)
-        places = [find(scene, one) for one in paths]
+        places = [find(scene, scene_path) for scene_path in paths]
         _take(path, places, taken)
         if isinstance(rule, Tied | RmsSlope):
             rules |= dict.fromkeys(paths, rule)
             groups += [
-                Group(one, type(rule).__name__, *place, (0, 0))
-                for one, place in zip(paths, places, strict=True)
+                Group(scene_path, type(rule).__name__, *place, (0, 0))
+                for scene_path, place in zip(paths, places, strict=True)
             ]
             continue
         values = start_values(path, rule, common_values(path, rule, paths, places, leaves))
@@ -127,7 +127,7 @@ def free_parameters(scene: Scenes, free: Mapping[str, Constraint]) -> tuple[Vari
         slot = size, size + values.size
         groups.append(Group(path, type(rule).__name__, *places[0], slot))
         others = zip(paths[1:], places[1:], strict=True)
-        groups += [Group(one, "Shared", *place, slot) for one, place in others]
+        groups += [Group(scene_path, "Shared", *place, slot) for scene_path, place in others]
         size += values.size
         for leaf, elements in places:
             leaves[leaf][list(elements) if elements else ()] = values if elements else values[0]
@@ -135,7 +135,7 @@ def free_parameters(scene: Scenes, free: Mapping[str, Constraint]) -> tuple[Vari
         raise ValueError("free: all parameters are Tied or RmsSlope; at least one must be free itself")
     groups, ratios = _follow(rules, groups, leaves, tree)
     constants = Constants(tuple(leaves), np.concatenate(low), np.concatenate(width), tuple(ratios))
-    changing = {(group.leaf, one) for group in groups for one in group.elements or (None,)}
+    changing = {(group.leaf, element) for group in groups for element in group.elements or (None,)}
     order = tuple(pair for pair in ordered_pairs(scene) if not changing.isdisjoint(pair))
     variables, x = Variables(tree, tuple(groups), size, order), np.concatenate(x)
     check_start(scene, order, jax.tree.leaves(to_scene(variables, constants, x)))

@@ -99,11 +99,11 @@ class Budget:
 
     def _rows(self, shares):
         scale = self.noise if shares else np.ones_like(self.noise)
-        columns = [self.noise, *(one.shift for one in self.contributions), self.total]
-        marks = [False, *(one.signed for one in self.contributions), False]
+        columns = [self.noise, *(part.shift for part in self.contributions), self.total]
+        marks = [False, *(part.signed for part in self.contributions), False]
         for i, name in enumerate(self.names):
             pairs = zip(columns, marks, strict=True)
-            cells = [_cell(one[i] / scale[i], sign, shares) for one, sign in pairs]
+            cells = [_cell(values[i] / scale[i], sign, shares) for values, sign in pairs]
             yield (self._title(i, name, shares), *cells)
 
     def _title(self, i, name, shares):

@@ -164,12 +164,12 @@ def _verdict(result):
             "  the error bars below are valid if the scene explains the data; error bars in brackets are"
             " scaled by the scatter (scale_errors)"
         )
-    once = result.further is None and sum(one.count for one in result.minima) == 1
+    once = result.further is None and sum(minimum.count for minimum in result.minima) == 1
     if verdict.explains is False and result.success and once:
         reasons.append("  reached from one start; starts=8 looks for a lower minimum")
     several = len(result.verdicts) > 1
-    scenes = [f"  {name}: {one.text}" for name, one in result.verdicts.items() if several]
-    bent = [f"  {one.text}" for one in result.valleys if not one.holds] if result.success else []
+    scenes = [f"  {name}: {own.text}" for name, own in result.verdicts.items() if several]
+    bent = [f"  {valley.text}" for valley in result.valleys if not valley.holds] if result.success else []
     return [rows[0], *further, rows[1], *reasons, *_implausible(result), *scenes, rows[2], *bent, *rows[3:]]
 
 

@@ -50,7 +50,7 @@ class Devices(NamedTuple):
     @property
     def several_processes(self) -> bool:
         """True if the devices belong to several processes."""
-        return self.mesh is not None and len({one.process_index for one in self.mesh.devices.flat}) > 1
+        return self.mesh is not None and len({device.process_index for device in self.mesh.devices.flat}) > 1
 
     def everywhere(self, tree: Any) -> Any:
         """Return a pytree of arrays with a copy on each device."""
@@ -97,8 +97,8 @@ class OverFits:
 
     def of_some(self, devices: Devices, static: Any, shared: Any, argument: np.ndarray) -> Any:
         """Return the results for at most `devices.places` fits of each device, as NumPy arrays."""
-        place, *given = self._dealt(devices, argument)
-        results = self._compiled(devices)(static, shared, *given)
+        place, *arguments = self._dealt(devices, argument)
+        results = self._compiled(devices)(static, shared, *arguments)
         return jax.tree.map(lambda a: np.asarray(a)[place], results)
 
     def memory(self, devices: Devices, static: Any, shared: Any, *arguments: Any) -> int:
@@ -128,17 +128,17 @@ class OverFits:
         traced = jax.jit(self.function, static_argnums=0)  # traced only once
 
         def of_a_device(static, shared, count, arguments):
-            one = functools.partial(traced, static, shared)
+            of_a_fit = functools.partial(traced, static, shared)
             if devices.vectorised:
-                return jax.vmap(one)(*arguments)
+                return jax.vmap(of_a_fit)(*arguments)
             first = jax.tree.map(lambda a: a[0], arguments)
             places = len(jax.tree.leaves(arguments)[0])
             blank = jax.tree.map(
-                lambda a: jnp.zeros((places, *a.shape), a.dtype), jax.eval_shape(one, *first)
+                lambda a: jnp.zeros((places, *a.shape), a.dtype), jax.eval_shape(of_a_fit, *first)
             )
 
             def put(i, results):
-                new = one(*jax.tree.map(lambda a: a[i], arguments))
+                new = of_a_fit(*jax.tree.map(lambda a: a[i], arguments))
                 return jax.tree.map(lambda all_of, new: all_of.at[i].set(new), results, new)
 
             return jax.lax.fori_loop(0, count[0], put, blank)

@@ -18,8 +18,8 @@ from fitting.solvers.devices import Devices, OverFits, default_device
 from fitting.solvers.problem import CONTACT_QUANTITIES, FitStructure, Numbers, Problem
 from fitting.solvers.residuals import (
     Padded,
+    cost_of,
     in_errors,
-    loss_of,
     padded,
     rows_and_slopes,
     rows_of,
@@ -103,6 +103,7 @@ def _along(structure, shared, x):
 # Not with NumPy: where the model is not finite, padded rows divide infinity by infinity.
 _rows_in_errors = quick_jit(static_argnums=(0,))(in_errors)
 _slopes_in_errors = quick_jit(static_argnums=(0,))(slopes_in_errors)
+_cost_of_rows = quick_jit(static_argnums=(0,))(cost_of)
 
 
 def errors_of_rows(of: Padded, rows: Array) -> np.ndarray:
@@ -123,9 +124,9 @@ def residual_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
 
 def costs_at(problem: Problem, x: np.ndarray) -> np.ndarray:
     """Return the cost at every row of x, or inf if the model is not finite there."""
-    of, loss = padded(problem), loss_of(problem.structure, problem.numbers)
+    of = padded(problem)
     rows, _ = evaluate_rows(of.structure, of.numbers, x.astype(problem.start.dtype))
-    costs = [float(loss.cost(jnp.asarray(errors_of_rows(of, one)))) for one in rows]
+    costs = [float(_cost_of_rows(of.structure, of.numbers, of.targets, row)) for row in rows]
     return np.where(np.isfinite(costs), costs, np.inf)
 
 
@@ -150,11 +151,11 @@ def at_conditions(
     take more than `CALLS` calls.
     """
     of = padded(problem)
-    given = [c is not None for c in conditions]
+    present = [c is not None for c in conditions]
     size = next(c.size for c in conditions if c is not None)
     for i, block in enumerate(of.structure.blocks):
         here = of.numbers.conditions[i]
-        if (block.quantity, block.body, block.scene) == key and [c is not None for c in here] == given:
+        if (block.quantity, block.body, block.scene) == key and [c is not None for c in here] == present:
             break
     else:
         return None

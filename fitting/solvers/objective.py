@@ -89,6 +89,7 @@ class Objective(NamedTuple):
     moving: Array  # shape (size,), 0 for fixed elements of x, else 1
 
 
+# Status of a fit.
 RUNNING, CONVERGED, PERFECT, STALLED, OUT_OF_STEPS, NOT_FINITE, INTERRUPTED, PRECISE, UNMOVED = range(9)
 
 # Negligible gain in cost, absolute for costs up to 1 and relative for larger ones. A parameter that is off by

@@ -83,11 +83,11 @@ def _steps(variables: Variables) -> tuple[_Step, ...]:
         return [*dict.fromkeys(k for j in free for k in chain(j)), i]
 
     for pair in variables.order:
-        one, other = (places.get(end, (None, None)) for end in pair)
+        lower, upper = (places.get(end, (None, None)) for end in pair)
         # A number that follows the rms slope has no bounds; `in_order` refuses values out of order.
-        if one is None or other is None or one[0] == other[0]:
+        if lower is None or upper is None or lower[0] == upper[0]:
             continue
-        (low, low_ratio), (high, high_ratio) = one, other
+        (low, low_ratio), (high, high_ratio) = lower, upper
         # Tied numbers that bound each other in a cycle have no bounds either.
         if high is not None and (low is None or high not in chain(low)):
             below.setdefault(high, []).append(_Bound(low, pair.low, (low_ratio, high_ratio)))

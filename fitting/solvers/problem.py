@@ -137,9 +137,9 @@ def make_problem(
     blocks, conditions, order = _blocks(by_name(scene), data, of or [""] * len(data))
     size = blocks[-1].rows[1]
     measured, error = np.empty(size), np.empty(size)
-    for one, rows in zip(data, order, strict=True):
-        measured[rows] = np.log(one.measured) if one.logarithmic else one.measured
-        error[rows] = ASSUMED if one.error is None else one.error
+    for dataset, rows in zip(data, order, strict=True):
+        measured[rows] = np.log(dataset.measured) if dataset.logarithmic else dataset.measured
+        error[rows] = ASSUMED if dataset.error is None else dataset.error
     known = prior_size(priors)
     if size + known < variables.size:
         raise ValueError(
@@ -154,7 +154,7 @@ def make_problem(
 
 def _blocks(scenes, data, of):
     """Return the blocks, the conditions of each block, and the rows of each data set."""
-    keys = [(_block_key(scenes[name], one), name) for one, name in zip(data, of, strict=True)]
+    keys = [(_block_key(scenes[name], dataset), name) for dataset, name in zip(data, of, strict=True)]
     blocks, conditions, order = [], [], {}
     first = 0
     for key in dict.fromkeys(keys):
@@ -177,17 +177,17 @@ def _blocks(scenes, data, of):
 def _block_key(scene, data):
     """Return the key of the block of a data set. Raise ValueError if the scene cannot predict the data."""
     temperature = getattr(data, "temperature", None)
-    given = tuple(getattr(data, name) is not None for name in data.conditions)
+    present = tuple(getattr(data, name) is not None for name in data.conditions)
     if data.quantity in CONTACT_QUANTITIES:
         _check_contact(scene, data)
-        return data.quantity, None, data.logarithmic, given
+        return data.quantity, None, data.logarithmic, present
     body = _body(scene, data)
     if temperature is not None:
         shift = getattr(scene, body).material.shift
         if shift is None:
             raise ValueError(f"data {data.label!r}: have a temperature, but {body}.material has no shift")
         _check_temperature(data, [shift])
-    return data.quantity, body, data.logarithmic, given
+    return data.quantity, body, data.logarithmic, present
 
 
 def _check_contact(scene, data):
@@ -225,9 +225,9 @@ def _body(scene, data):
     if data.body not in able:
         if not able:
             raise ValueError(f"data {data.label!r}: the scene has no {kind}; {data.quantity} data need one")
-        given = f"body = {data.body!r}" if data.body is not None else "no body is given"
+        stated = f"body = {data.body!r}" if data.body is not None else "no body is given"
         raise ValueError(
-            f"data {data.label!r}: {given}; body must be {' or '.join(map(repr, able))}, a {kind}"
+            f"data {data.label!r}: {stated}; body must be {' or '.join(map(repr, able))}, a {kind}"
         )
     return data.body
 
@@ -251,13 +251,15 @@ def finer(problem: Problem, x: Array, data: Sequence[Measured]) -> Problem | Non
 
 def _fitting(scene, data, margin=_MARGIN):
     """Return a quadrature for a scene, or all scenes of a dict, and ranges larger by `margin` e-folds."""
-    pressures = [np.min(one.pressure) for one in data if hasattr(one, "pressure")]
-    loads = [np.min(one.load) for one in data if hasattr(one, "load")]
-    areas = [float(one.patch.area) for one in by_name(scene).values() if one.patch is not None]
+    pressures = [np.min(d.pressure) for d in data if hasattr(d, "pressure")]
+    loads = [np.min(d.load) for d in data if hasattr(d, "load")]
+    areas = [
+        float(own_scene.patch.area) for own_scene in by_name(scene).values() if own_scene.patch is not None
+    ]
     lowest = min([*pressures, *(load / max(areas) for load in loads)], default=1.0)
     settings = [
-        rf.analysis.default_quadrature(one, lowest, margin=margin, separation=False)
-        for one in by_name(scene).values()
+        rf.analysis.default_quadrature(own_scene, lowest, margin=margin, separation=False)
+        for own_scene in by_name(scene).values()
     ]
     return max(settings, key=_work)
 

@@ -192,7 +192,7 @@ def rows_and_slopes(structure: FitStructure, numbers: Numbers, x: jax.Array) -> 
     for group in _slip_groups(structure, numbers):
         values, slopes = _slip_slopes(group, functools.partial(scene_of, name=group.scene), x, structure)
         slopes = group.split(slopes)
-        slip |= {i: (one, slopes[i]) for i, one in group.split(values).items()}
+        slip |= {i: (predicted, slopes[i]) for i, predicted in group.split(values).items()}
     parts = []
     for i, (block, conditions) in enumerate(zip(structure.blocks, numbers.conditions, strict=True)):
         own_scene = functools.partial(scene_of, name=block.scene)
@@ -228,6 +228,11 @@ def in_errors(structure: FitStructure, numbers: Numbers, targets: Targets, rows:
     count = data_rows(structure)
     of_data = (rows[:count] - targets.measured) / targets.error
     return jnp.concatenate([_whitened(numbers, of_data), rows[count:]])
+
+
+def cost_of(structure: FitStructure, numbers: Numbers, targets: Targets, rows: Array) -> jax.Array:
+    """Return the cost for the result of `rows_of`."""
+    return loss_of(structure, numbers).cost(in_errors(structure, numbers, targets, rows))
 
 
 def slopes_in_errors(structure: FitStructure, numbers: Numbers, targets: Targets, slopes: Array) -> jax.Array:
@@ -325,11 +330,16 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
         longer = np.eye(first, dtype=whitening.dtype)
         longer[np.ix_(rows, rows)] = whitening
         whitening = longer
-    prior = tuple(one.moved(moved) for one in problem.numbers.prior)
-    given = {"constants": constants, "conditions": tuple(conditions), "prior": prior, "whitening": whitening}
+    prior = tuple(density.moved(moved) for density in problem.numbers.prior)
+    numbers = {
+        "constants": constants,
+        "conditions": tuple(conditions),
+        "prior": prior,
+        "whitening": whitening,
+    }
     return Padded(
         problem.structure._replace(variables=variables, blocks=tuple(blocks)),
-        problem.numbers._replace(**given),
+        problem.numbers._replace(**numbers),
         targets._replace(measured=spread(targets.measured, 0.0), error=spread(targets.error, np.inf)),
         rows,
     )
@@ -345,7 +355,9 @@ def _with_longer_tables(
     scene = jax.tree.unflatten(variables.tree, constants.leaves)
     paths = scene_paths(scene)
     free = {paths[group.leaf].rpartition(".")[0] for group in variables.groups}
-    padded: Any = {name: _with_padded_tables(one, name, free) for name, one in by_name(scene).items()}
+    padded: Any = {
+        name: _with_padded_tables(own_scene, name, free) for name, own_scene in by_name(scene).items()
+    }
     padded = padded if isinstance(scene, dict) else padded[""]
     leaves, tree = jax.tree.flatten(padded)
     after = {path: i for i, path in enumerate(scene_paths(padded))}

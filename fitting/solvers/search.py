@@ -38,6 +38,7 @@ from fitting.solvers.ordered import each_fit, edges, x_of, z_of
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows, padded, smooth_slots
 from fitting.solvers.runs import FIT_BATCH, Callback, Runs, run_fits
+from rubberfric.base import quick_jit
 
 WIDE = 1e4  # factor of the width of a robust loss that gives least squares
 # Weights of the smoothing rows, in standard errors per factor e between neighbouring slopes.
@@ -55,7 +56,11 @@ def random_starts(
     """
     if count == 1:
         return x[None]
-    x, key = jnp.asarray(x), jax.random.key(0) if key is None else key
+    return _drawn_starts(variables, count, decades, jnp.asarray(x), jax.random.key(0) if key is None else key)
+
+
+@quick_jit(static_argnums=(0, 1, 2))
+def _drawn_starts(variables, count, decades, x, key):
     draws = jax.random.uniform(key, (count, variables.size), x.dtype, minval=-1.0, maxval=1.0)
     starts = []
     for group in variables.own:

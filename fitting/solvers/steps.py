@@ -23,7 +23,15 @@ from fitting.solvers.objective import CONVERGED, NEGLIGIBLE, NOT_FINITE, RUNNING
 from fitting.solvers.options import Solver
 from fitting.solvers.ordered import each_fit, put_on_bounds, slopes_of_x, x_of, z_of
 from fitting.solvers.problem import FitStructure, Numbers, Problem, Targets
-from fitting.solvers.residuals import in_errors, loss_of, padded, rounding, slopes_in_errors, solver_objective
+from fitting.solvers.residuals import (
+    cost_of,
+    in_errors,
+    loss_of,
+    padded,
+    rounding,
+    slopes_in_errors,
+    solver_objective,
+)
 from rubberfric.base import quick_jit
 
 
@@ -64,8 +72,8 @@ class Engine(NamedTuple):
         if isinstance(self.solver, LevenbergMarquardt):
             return memory_of_evaluation(self.structure, self.placed, starts, self.devices)
         iterate = self.blank(targets, starts)
-        static, given = (self.solver, self.structure), self._full((targets, iterate))
-        return _step_of_solver.memory(self.devices, static, self.placed, *given)
+        static, arguments = (self.solver, self.structure), self._full((targets, iterate))
+        return _step_of_solver.memory(self.devices, static, self.placed, *arguments)
 
     def _full(self, tree):
         """Repeat rows of the arrays of a pytree, so that their number is `count`."""
@@ -188,9 +196,7 @@ def _by_fit(function):
     return several
 
 
-@_by_fit
-def _costs(structure, numbers, targets, rows):
-    return loss_of(structure, numbers).cost(in_errors(structure, numbers, targets, rows))
+_costs = _by_fit(cost_of)
 
 
 @_by_fit

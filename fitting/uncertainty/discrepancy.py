@@ -35,6 +35,7 @@ from fitting.parameters.discrepancy import (
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows
 from fitting.uncertainty.covariance import OPEN, Linearised, weighted_rows
+from rubberfric.materials import log_factors
 from rubberfric.scene import shifts
 
 # Amplitudes of the grid. Above the last the theory is useless, below the first its error has no effect.
@@ -308,7 +309,7 @@ def _places(problem, scenes, data):
         x[rows] = np.log(np.abs(dataset.velocity))
         moved = shifts(scene)
         if dataset.temperature is not None and moved:
-            x[rows] += np.asarray(moved[0].log_factor(dataset.temperature))
+            x[rows] += log_factors(moved[0], dataset.temperature)
         warm = np.zeros_like(dataset.velocity) if dataset.temperature is None else dataset.temperature
         keys = [(number, p, T) for p, T in zip(dataset.pressure.tolist(), warm.tolist(), strict=True)]
         curve[rows] = [places.setdefault(key, len(places)) for key in keys]

@@ -243,7 +243,11 @@ def _some(targets, rows):
 def _densities(structure, numbers, targets, x):
     """Return the log density of each point with its targets; a processor takes one point after the other."""
 
-    def one(pair):
+    def log_density(pair):
         return density_at(structure, "x", numbers, *pair)
 
-    return jax.vmap(one)((targets, x)) if jax.default_backend() != "cpu" else jax.lax.map(one, (targets, x))
+    return (
+        jax.vmap(log_density)((targets, x))
+        if jax.default_backend() != "cpu"
+        else jax.lax.map(log_density, (targets, x))
+    )

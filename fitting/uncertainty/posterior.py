@@ -324,12 +324,12 @@ def _moved(paths, body):
     if not isinstance(body, str) or body.split(".")[-1] not in _BODIES:
         raise ValueError(f"body = {shown(body)}: must be 'lower', 'upper' or None")
     steps = [path.split(".") for path in paths]
-    at = [next((i for i, step in enumerate(one) if step in _BODIES), None) for one in steps]
-    named = {".".join(one[: i + 1]) for one, i in zip(steps, at, strict=True) if i is not None}
+    at = [next((i for i, step in enumerate(names) if step in _BODIES), None) for names in steps]
+    named = {".".join(names[: i + 1]) for names, i in zip(steps, at, strict=True) if i is not None}
     if len(named) != 1:
         what = " and ".join(sorted(named)) or "none"
         raise ValueError(
             f"body = {body!r}: the fit has parameters of {what}, but all must belong to one body"
         )
     pairs = zip(paths, steps, at, strict=True)
-    return [path if i is None else ".".join([body, *one[i + 1 :]]) for path, one, i in pairs]
+    return [path if i is None else ".".join([body, *names[i + 1 :]]) for path, names, i in pairs]

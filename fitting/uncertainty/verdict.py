@@ -76,20 +76,20 @@ def verdict(
     loss : name of the loss
     plausible : False if fitted values are implausible, so that a robust loss is not recommended
     """
-    count = sum(one.size for one in rows)
-    if not all(np.isfinite(one).all() for one in rows):
+    count = sum(residuals.size for residuals in rows)
+    if not all(np.isfinite(residuals).all() for residuals in rows):
         return Verdict(None, "cannot be judged: the fitted scene is not finite at all data", ())
     if count - parameters < 0.5:
         return Verdict(None, "cannot be judged: as many parameters as values, which any scene explains", ())
     share = 1 - parameters / count
     triples = zip(data, rows, estimated, strict=True)
-    sets = [_Set(one, r, r.size * share, scale is None) for one, r, scale in triples]
-    with_errors, robust = [one for one in sets if one.has_errors], loss != "linear"
-    orders = [order for one in sets for order in _order(one)]
+    sets = [_Set(own, r, r.size * share, scale is None) for own, r, scale in triples]
+    with_errors, robust = [entry for entry in sets if entry.has_errors], loss != "linear"
+    orders = [order for entry in sets for order in _order(entry)]
     reasons = _size(with_errors, robust) + [text for text, within in orders if not within]
     far = _far(sets)
     if not robust:
-        reasons += [_named(*one) for one in far[:_WORST]]
+        reasons += [_named(*outlier) for outlier in far[:_WORST]]
         reasons += [f"and {len(far) - _WORST} further outliers"] * (len(far) > _WORST)
         reasons += _advice(far, with_errors, rows) if plausible else []
     if reasons:
@@ -97,9 +97,12 @@ def verdict(
     if not with_errors:
         text = "nothing contradicts it; but the data have no errors: their scatter was used instead"
         return Verdict(None, text, ())
-    total, freedom = sum(np.sum(one.rows**2) for one in with_errors), sum(one.freedom for one in with_errors)
+    total, freedom = (
+        sum(np.sum(entry.rows**2) for entry in with_errors),
+        sum(entry.freedom for entry in with_errors),
+    )
     if robust:
-        squares = _squares_by_median(np.concatenate([one.rows for one in with_errors]))
+        squares = _squares_by_median(np.concatenate([entry.rows for entry in with_errors]))
         outliers = f" except {len(far)} outlier{'s' * (len(far) > 1)} of {count} values" if far else ""
         text = f"explains the data{outliers}: chi-square by the median {squares:.4g}"
     else:
@@ -116,8 +119,8 @@ def _advice(far, with_errors, rows):
     """Return a line that recommends a robust loss where a minority of outliers spoils the fit."""
     if not far:
         return []
-    few = len(far) <= _FEW * sum(one.size for one in rows)
-    share = far[0][0] ** 2 / sum(np.sum(one**2) for one in rows)
+    few = len(far) <= _FEW * sum(residuals.size for residuals in rows)
+    share = far[0][0] ** 2 / sum(np.sum(residuals**2) for residuals in rows)
     if with_errors and few and not _size(_without(with_errors, far), robust=False):
         return ['the other values agree with their errors: check the outliers, or use loss="huber"']
     if share > _DOMINANT:

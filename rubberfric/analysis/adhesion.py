@@ -300,11 +300,13 @@ def _work_of_separation(scene, velocity, pressure, temperature, *, quadrature):
     prepared = prepare(scene, ("area", "separation"), quadrature)
     work, reach = scene.adhesion.work, scene.adhesion.range
 
-    def one(velocity, _, temperature=None):
+    def work_at(velocity, _, temperature=None):
         under = functools.partial(_under, prepared, work, velocity, temperature)
         return _largest(under, jnp.log(work / reach) + _BEYOND)
 
-    return over_points(lambda points: jax.vmap(one)(*points), (velocity, pressure, temperature), _LONG_BLOCK)
+    return over_points(
+        lambda points: jax.vmap(work_at)(*points), (velocity, pressure, temperature), _LONG_BLOCK
+    )
 
 
 def _under(prepared: Any, work, velocity, temperature, log_load):

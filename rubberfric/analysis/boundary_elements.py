@@ -240,9 +240,9 @@ def _modes(n, length, bodies, velocity, temperature, shape):
     """
     unit, k = 2 * math.pi / length, n * np.fft.fftfreq(n)
     signs = [np.where(k == -n // 2, end, k) for end in (-n // 2, n // 2)]
-    rows, steps = [one[:, None] for one in signs], [np.zeros(1)]
+    rows, steps = [axis[:, None] for axis in signs], [np.zeros(1)]
     if len(shape) == 3:
-        steps = [one[:, None, None] for one in signs] if shape[0] > 1 else [np.zeros((1, 1, 1))]
+        steps = [axis[:, None, None] for axis in signs] if shape[0] > 1 else [np.zeros((1, 1, 1))]
     q = unit * np.hypot(k[:, None], np.arange(n // 2 + 1))
     moduli, speeds = [], []
     for body, passing in zip(bodies, (0, 1), strict=True):
@@ -267,7 +267,7 @@ def _modes(n, length, bodies, velocity, temperature, shape):
 def _result(lower, heights, length, modes, pressure, scale, tolerance, solution):
     """Convert the result of `solve_contact` to a `SlidingContact`.
 
-    `found` has pressures in units of `pressure`, and gaps in units of `pressure / scale`.
+    `solution` has pressures in units of `pressure`, and gaps in units of `pressure / scale`.
     """
     n = lower.shape[0]
     p, gap = pressure * np.asarray(solution.pressure), pressure / scale * np.asarray(solution.gap)

@@ -122,8 +122,8 @@ class Interpolant(NamedTuple):
         ends = np.searchsorted(panel[order], np.arange(self.edges.size))
         values = {name: series.at(log_pressure) for name, series in self.values.items()}
         coefficients = {
-            name: one[:, :-1].reshape(log_pressure.size, -1, _NODES) @ chebyshev_transform(_NODES).T
-            for name, one in values.items()
+            name: table[:, :-1].reshape(log_pressure.size, -1, _NODES) @ chebyshev_transform(_NODES).T
+            for name, table in values.items()
         }
         arrays = {name: np.empty((log_pressure.size, x.size)) for name in values}
         for k, (first, last) in enumerate(itertools.pairwise(ends)):
@@ -159,12 +159,12 @@ def collapse(
     moving = np.flatnonzero(conditions.velocity)
     if log_speed is None or not names or not moving.size or math.prod(result_shape(conditions)) < _LEAST:
         return None
-    one = None if conditions.temperature is None else conditions.temperature[:1]
+    first_temperature = None if conditions.temperature is None else conditions.temperature[:1]
     # Nodes are in v a_T; the model takes v at the first temperature.
     unshifted = abs(conditions.velocity[moving[0]]) / np.exp(log_speed[0, moving[0]])
 
     def evaluate(speed: np.ndarray, pressure: np.ndarray) -> Quantities:
-        collapsed = model(names, Conditions(speed * unshifted, pressure, one))
+        collapsed = model(names, Conditions(speed * unshifted, pressure, first_temperature))
         return {name: values[0] for name, values in collapsed.items()}
 
     series = interpolant(log_speed, np.log(conditions.pressure), evaluate)
@@ -255,8 +255,8 @@ def _on_curve(scene, quantities):
 @jax.jit
 def _shear(shear, velocity, temperature):
     """Return mu of the contact shear at A/A0 = 1 and 1 Pa, of shape (temperatures, velocities)."""
-    one = jnp.ones((), velocity.dtype)
-    friction = shear_friction(shear, one, velocity, one, temperature)
+    unity = jnp.ones((), velocity.dtype)
+    friction = shear_friction(shear, unity, velocity, unity, temperature)
     return jnp.broadcast_to(friction, (1 if temperature is None else temperature.size, velocity.size))
 
 

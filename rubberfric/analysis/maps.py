@@ -227,10 +227,10 @@ def _place(data: _Values, conditions: Conditions, batch: batches.MapBatch, value
 def _computed(tiling: batches.Tiling, task: batches.Task) -> Iterator[tuple[batches.MapBatch, Arrays]]:
     """Yield each batch and a dict of its values as NumPy arrays of shape (pressures, pairs)."""
     begun = ((batch, batches.launch(tiling, task, batch)) for batch in batches.batches(tiling))
-    one = next(begun, None)
-    while one is not None:
+    launched = next(begun, None)
+    while launched is not None:
         # Launch the next batch before reading this one, so that devices do not wait for the host.
-        (batch, values), one = one, next(begun, None)
+        (batch, values), launched = launched, next(begun, None)
         rows, pairs = slice(batch.high - batch.low), slice(batch.stop - batch.first)
         yield batch, {name: np.asarray(x)[rows, pairs] for name, x in values.items()}
 
@@ -249,10 +249,10 @@ def _check_finite(values: Arrays, conditions: Conditions, batch: batches.MapBatc
 
 
 def _conditions(scene, velocity, pressure, temperature):
-    given = {"velocity": velocity, "pressure": pressure}
+    arguments = {"velocity": velocity, "pressure": pressure}
     if temperature is not None:
-        given["temperature"] = temperature
-    leaves = {name: as_leaf(name, values, np.ndim(values)) for name, values in given.items()}
+        arguments["temperature"] = temperature
+    leaves = {name: as_leaf(name, values, np.ndim(values)) for name, values in arguments.items()}
     # From the arguments as given: a plain number takes the precision of the scene.
     dtype = np.dtype(result_dtype(scene, *leaves.values()))
     arrays = {name: np.atleast_1d(values).astype(dtype) for name, values in leaves.items()}

@@ -114,8 +114,8 @@ def case_of(
             'write jax.config.update("jax_enable_x64", True) first'
         )
     solve(scene, velocity, pressure, temperature, quantities=())  # only checks its arguments
-    given = [np.asarray(x, float) for x in (velocity, pressure, temperature) if x is not None]
-    conditions = tuple(jnp.asarray(x.ravel()) for x in np.broadcast_arrays(*given))
+    arrays = [np.asarray(x, float) for x in (velocity, pressure, temperature) if x is not None]
+    conditions = tuple(jnp.asarray(x.ravel()) for x in np.broadcast_arrays(*arrays))
     tabulated = uses_forward_mode(scene)
     count = min(conditions[0].size, _GRADIENT_POINTS_TABULATED if tabulated else _GRADIENT_POINTS)
     if conditions[0].size == 0:

@@ -162,7 +162,7 @@ class Accuracy(NamedTuple):
     def _varied(self) -> tuple[str, ...]:
         """Return the shown fields of `Quadrature`: all, or all but `heat` if no row varies it."""
         settings = [row.setting for row in self.rows if row.method == "panels"]
-        same = {knob for knob in ("heat",) if len({getattr(one, knob) for one in settings}) < 2}
+        same = {knob for knob in ("heat",) if len({getattr(setting, knob) for setting in settings}) < 2}
         return tuple(knob for knob in _KNOBS if knob not in same)
 
     def _cells(self, row: Row, knobs: tuple[str, ...]) -> tuple[str, ...]:
@@ -299,9 +299,9 @@ def accuracy(
     rows = len(settings) + len(sizes) + (0 if left_out else len(settings[::2]))
     measured: list[Timed] = []
 
-    def measure(what: str, function: Callable[..., Timed], *given: Any) -> None:
+    def measure(what: str, function: Callable[..., Timed], *arguments: Any) -> None:
         tell(f"row {len(measured) + 1} of {rows}: {what}")
-        measured.append(function(case, *given))
+        measured.append(function(case, *arguments))
         if report is not None:
             report(measured[-1][0], len(measured), rows)
 
@@ -373,7 +373,7 @@ def _panels(case: reference.Case, exact: reference.Outcome, setting: Quadrature,
 def _textbook(case: reference.Case, exact: reference.Outcome, size: tuple[int, int]) -> Timed:
     """Evaluate a size of the textbook method; return the `Row` without run time, and the function to time."""
     spectra = [body.spectrum for body in (case.scene.lower, case.scene.upper) if body.spectrum is not None]
-    pieces = sum(one.power_law().q.size for one in spectra) - 1
+    pieces = sum(spectrum.power_law().q.size for spectrum in spectra) - 1
     nodes = paper.trapezoid_nodes(max(2, round(size[0] / pieces)), size[1])
     at = case.scene, *case.conditions
     solve = jax.jit(lambda *at: paper.solve(*at, nodes=nodes)).lower(*at).compile()

@@ -75,8 +75,8 @@ def friction_table(
     True
     """
     check_values("error", as_leaf("error", error, 0), between(1e-5, 0.5))
-    given = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
-    ends = [_ends(name, x) for name, x in given.items() if x is not None]
+    ranges = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
+    ends = [_ends(name, x) for name, x in ranges.items() if x is not None]
     counts = [1 if low == high else _AT_FIRST for low, high in ends]
     if counts[0] > 1:
         decades = np.log10(ends[0][1] / ends[0][0])
@@ -106,11 +106,11 @@ def friction_table(
     return table._replace(error=float(np.max(np.abs(interpolated / mu - 1))) + sum(own))
 
 
-def _ends(name, given):
-    values = np.asarray(as_leaf(name, given, np.ndim(given)), float).ravel()
+def _ends(name, axis_range):
+    values = np.asarray(as_leaf(name, axis_range, np.ndim(axis_range)), float).ravel()
     check_values(name, values, POSITIVE)
     if values.size not in (1, 2) or values[0] > values[-1]:
-        raise ValueError(f"{name} = {shown(given)}: {name} must be (lowest, highest) or a number")
+        raise ValueError(f"{name} = {shown(axis_range)}: {name} must be (lowest, highest) or a number")
     return float(values[0]), float(values[-1])
 
 

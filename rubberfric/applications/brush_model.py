@@ -31,6 +31,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebpts1
 
 from rubberfric.base.checks import POSITIVE, ArrayLike, UnitWarning, as_array, check_kind, check_values, shown
+from rubberfric.base.compilation import quick_jit
 from rubberfric.base.quadrature import Quadrature, chebyshev_sum, chebyshev_transform, gauss, typed
 from rubberfric.base.roots import root
 from rubberfric.roughness.moments import safe_root
@@ -137,6 +138,7 @@ def grip(
     return grip_of_friction(patch, slip, load, mu, kind)
 
 
+@quick_jit(static_argnames="kind")
 def friction_points(
     patch: Patch,
     slip: jax.Array,
@@ -155,7 +157,7 @@ def friction_points(
     return sliding_speed[..., None], highest[..., None] * _pressures(patch, slip.dtype), at
 
 
-@functools.partial(jax.jit, static_argnames="kind")
+@quick_jit(static_argnames="kind")
 def grip_of_friction(
     patch: Patch, slip: jax.Array, load: jax.Array, mu: jax.Array, kind: SlipKind = "angle"
 ) -> Grip:
@@ -163,10 +165,12 @@ def grip_of_friction(
     sigma = jnp.tan(slip) if kind == "angle" else slip / (1 + slip)
     shape = jnp.broadcast_shapes(slip.shape, load.shape, mu.shape[:-1])
     sigma, load = jnp.broadcast_to(sigma, shape), jnp.broadcast_to(load, shape)
-    one = functools.partial(brush, patch)
+    mapped_brush = functools.partial(brush, patch)
     for _ in shape:
-        one = jax.vmap(one)
-    force, moment, sliding = one(sigma, load / patch.area, jnp.broadcast_to(mu, (*shape, mu.shape[-1])))
+        mapped_brush = jax.vmap(mapped_brush)
+    force, moment, sliding = mapped_brush(
+        sigma, load / patch.area, jnp.broadcast_to(mu, (*shape, mu.shape[-1]))
+    )
     return Grip(force, force / load, moment if kind == "angle" else None, sliding)
 
 

@@ -66,7 +66,9 @@ def contact_conductance(
     check_half_spaces(scene, "the conductance")
     if len(conductivity) != 2:
         raise ValueError(f"conductivity has {len(conductivity)} values: must be (lower, upper)")
-    first, second = (as_numbers(f"conductivity[{i}]", one, POSITIVE) for i, one in enumerate(conductivity))
+    first, second = (
+        as_numbers(f"conductivity[{i}]", value, POSITIVE) for i, value in enumerate(conductivity)
+    )
     # First, because it checks pressure and temperature.
     stiffness = contact_stiffness(scene, 0.0, pressure, temperature, quadrature=quadrature)
     compliance = relaxed_compliance(scene, temperature)

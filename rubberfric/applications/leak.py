@@ -241,11 +241,11 @@ def _power_laws(scene):
 def _conductivity(laws, contact, stiffness, critical_area, *, order):
     moments = moments_of(laws)
 
-    def one(stiffness):
+    def conductivity_at(stiffness):
         gaps = gaps_at_rest(moments, contact, stiffness, order)
         return effective_conductivity(gaps, critical_area, _NODES * order)
 
-    return over_points(lambda points: jax.vmap(one)(*points), (stiffness,), _BLOCK)
+    return over_points(lambda points: jax.vmap(conductivity_at)(*points), (stiffness,), _BLOCK)
 
 
 def effective_conductivity(gaps: Gaps, critical_area: jax.Array, count: int) -> jax.Array:

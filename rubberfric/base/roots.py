@@ -45,7 +45,7 @@ class _Bracket(NamedTuple):
     f_other: jax.Array
     f_before: jax.Array
     root: jax.Array
-    found: jax.Array
+    has_zero: jax.Array
     ended: jax.Array
 
 
@@ -74,13 +74,13 @@ def root(
     low, high = jnp.broadcast_arrays(low, high)
 
     def solve(function, start):
-        found = _search(function, start, high)
+        bracket = _search(function, start, high)
         # `custom_root` has no tangents of booleans.
-        return found.root, found.found.astype(low.dtype)
+        return bracket.root, bracket.has_zero.astype(low.dtype)
 
-    x, found = jax.lax.custom_root(function, low, solve, _divided, has_aux=True)
-    found = found > 0
-    return jnp.where(found, x, jax.lax.stop_gradient(x)), found
+    x, as_number = jax.lax.custom_root(function, low, solve, _divided, has_aux=True)
+    is_zero = as_number > 0
+    return jnp.where(is_zero, x, jax.lax.stop_gradient(x)), is_zero
 
 
 def _divided(linear, right):
@@ -103,7 +103,7 @@ def _search(function, low, high):
         last, f_last = at.trial, f
         closest = jnp.where(jnp.abs(f_other) < jnp.abs(f_last), other, last)
         changes = (f_last <= 0) & (f_other >= 0) | (f_last >= 0) & (f_other <= 0)
-        found = at.found | ((f == 0) | second & changes)
+        has_zero = at.has_zero | ((f == 0) | second & changes)
         # An element keeps its result, which then does not depend on the others.
         root = jnp.where(at.ended, at.root, closest)
         tolerance = _WIDTH * float(precision.eps) * jnp.abs(closest) + float(precision.tiny)
@@ -117,7 +117,7 @@ def _search(function, low, high):
         trial = last + jnp.clip(share, least, 1 - least) * (other - last)
         trial = jnp.where(begins, high, trial)
         return _Bracket(
-            at.round + 1, trial, last, other, before, f_last, f_other, f_before, root, found, ended
+            at.round + 1, trial, last, other, before, f_last, f_other, f_before, root, has_zero, ended
         )
 
     def going(at):
@@ -223,12 +223,13 @@ def zero(
         # The error after a secant step is the product of the last two errors, times curvature / slope.
         there = moved & inside & (slope > _STEEP) & (jnp.abs((further - z) * (z - before)) <= 0.1 * tolerance)
         following = jnp.where(here | (short & (z >= top)), z, following)
-        found = here | there
-        return k + 1, following, low, high, below, above, z, value, slope, found, found | (short & (z >= top))
+        converged = here | there
+        ended = converged | (short & (z >= top))
+        return k + 1, following, low, high, below, above, z, value, slope, converged, ended
 
     def going(progress):
         return (progress[0] < _MOST_SECANTS) & ~progress[-1]
 
     begin = 0, start, low, high, no, no, start, jnp.zeros_like(start), slope, no, no
-    _, z, *_, slope, found, _ = jax.lax.while_loop(going, step, begin)
-    return z, found, Near(z, near.low, near.high, slope)
+    _, z, *_, slope, converged, _ = jax.lax.while_loop(going, step, begin)
+    return z, converged, Near(z, near.low, near.high, slope)

@@ -71,10 +71,10 @@ def read_traces(path: StrPath, outliers: float | None = None) -> tuple[np.ndarra
     ((6, 2048), 20.47)
     """
     text = read_export(path)
-    found = above_numbers(text)
-    if found is None:
+    titles_and_numbers = above_numbers(text)
+    if titles_and_numbers is None:
         raise ValueError(f"{path}: must have rows with a position and at least one height")
-    if not (titles := found[0]):
+    if not (titles := titles_and_numbers[0]):
         raise ValueError(f"{path}: begins with numbers: must have titles with length units, such as x [mm]")
     if all(map(_LENGTH_IN_BRACKETS.fullmatch, titles[-1][1:])):
         titles = titles[-1:]  # the line above belongs to a preamble

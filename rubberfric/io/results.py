@@ -223,7 +223,7 @@ def curves_of(
 
     Parameters
     ----------
-    found : Result, Curves, Solution, or the array of one quantity
+    result : Result, Curves, Solution, or the array of one quantity
     velocity, pressure, temperature : arguments of `solve` or `friction` [m/s], [Pa], [K]
         They must be given for a Solution or an array, and omitted for a Result or Curves.
     quantity : name of the quantity in an array

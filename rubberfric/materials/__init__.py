@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rubberfric.materials.shifts import TabulatedShift as TabulatedShift
     from rubberfric.materials.shifts import TabulatedVertical as TabulatedVertical
     from rubberfric.materials.shifts import VerticalShift as VerticalShift
+    from rubberfric.materials.shifts import log_factors as log_factors
     from rubberfric.materials.slab import Layer as Layer
     from rubberfric.materials.slab import Slab as Slab
     from rubberfric.materials.tabulated_modulus import TabulatedModulus as TabulatedModulus

@@ -87,11 +87,11 @@ class Coating(Layer):
         pairs = _pairs(q * self.thickness, 2 * (1 - 2 * poisson), 2 * (1 - 2 * nu_0))
         base = times(pairs.of_base * ((1 - nu_0) / (1 - poisson)), base)
         free = times(pairs.free, layer)
-        one, two = (
+        first, second = (
             times(size, in_series(times(of_layer, layer), base))
             for size, of_layer in zip(pairs.size, pairs.of_layer, strict=True)
         )
-        return free + (one + two)
+        return free + (first + second)
 
 
 def _check_solid(name, material):

@@ -100,8 +100,8 @@ def prony_from_compliance(
     >>> round(float(rubber.E_inf)), round(float(rubber.E[0])), round(float(rubber.tau[0]), 9)
     (5000000, 5000000, 0.5)
     """
-    given = {"D_0": (D_0, 0), "D": (D, 1), "tau": (tau, 1), "fluidity": (fluidity, 0)}
-    leaves = {name: as_leaf(name, value, ndim) for name, (value, ndim) in given.items()}
+    arguments = {"D_0": (D_0, 0), "D": (D, 1), "tau": (tau, 1), "fluidity": (fluidity, 0)}
+    leaves = {name: as_leaf(name, value, ndim) for name, (value, ndim) in arguments.items()}
     check_lengths("prony_from_compliance", D=leaves["D"], tau=leaves["tau"])
     values = {name: np.asarray(leaf, float) for name, leaf in leaves.items()}
     for name, rule in (("D_0", POSITIVE), ("D", NONNEGATIVE), ("tau", POSITIVE), ("fluidity", NONNEGATIVE)):

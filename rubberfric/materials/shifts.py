@@ -19,11 +19,13 @@ from rubberfric.base.checks import (
     NONNEGATIVE,
     PLAUSIBLE_TEMPERATURE,
     POSITIVE,
+    ArrayLike,
     NumberLike,
     check_table,
     check_values,
     is_concrete,
 )
+from rubberfric.base.compilation import quick_jit
 from rubberfric.base.objects.fields import Number, Vector, child, leaf
 from rubberfric.base.objects.physical import Kind, physical
 
@@ -195,6 +197,16 @@ class Entropic(VerticalShift):
         return saturated(jnp.log(temperature / T_ref) - self.expansion * (temperature - T_ref))
 
 
+def log_factors(law: Shift | VerticalShift, *temperatures: ArrayLike) -> np.ndarray:
+    """Return `law.log_factor(*temperatures)`, compiled as a whole, as a NumPy array of double precision."""
+    return np.asarray(_log_factor(law, *(jnp.asarray(T, float) for T in temperatures)), float)
+
+
+@quick_jit()
+def _log_factor(law, *temperatures):
+    return law.log_factor(*temperatures)
+
+
 def largest_log_factor(dtype: DTypeLike) -> float:
     """Return the bound of |ln a_T|, 177 in float64 and 22 in float32, which keeps products of a_T finite."""
     return 0.25 * float(np.log(float(jnp.finfo(dtype).max)))
@@ -344,9 +356,9 @@ def _pieces(nodes, values):
     before, after = line[:-1], line[1:]
     monotone = before * after > 0
     # A slope of the other sign is replaced by 1 to avoid division by 0.
-    one, two = jnp.where(monotone, before, 1.0), jnp.where(monotone, after, 1.0)
+    first, second = jnp.where(monotone, before, 1.0), jnp.where(monotone, after, 1.0)
     share = (width[:-1] + 2 * width[1:]) / (3 * (width[:-1] + width[1:]))
-    inner = jnp.where(monotone, one * two / (share * two + (1 - share) * one), 0.0)
+    inner = jnp.where(monotone, first * second / (share * second + (1 - share) * first), 0.0)
     slope = jnp.concatenate([line[:1], inner, line[-1:]])
     left, right = (slope[:-1] - line) / width, (slope[1:] - line) / width
     return jnp.stack(

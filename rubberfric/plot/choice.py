@@ -39,7 +39,7 @@ def auto(
 
     Parameters
     ----------
-    found : object to draw
+    drawn : object to draw
         A Result, a Solution or an array of friction coefficients is drawn as curves over the velocity, or as
         a map instead of more than ten curves. The friction of a FrictionTable is drawn in the same way. A
         Scene is drawn as curves at `pressure`, by default over 1e-6 ... 10 m/s. A Material is drawn as its
@@ -96,7 +96,7 @@ def _drawing(drawn):
     if isinstance(drawn, Mapping) or hasattr(drawn, "power_law") or hasattr(drawn, "C"):
         return functools.partial(plot_spectrum, drawn)
     raise ValueError(
-        "found must be a scene, a result of solve, friction_map or a fit, a FrictionTable, a material, a"
+        "drawn must be a scene, a result of solve, friction_map or a fit, a FrictionTable, a material, a"
         f" spectrum, a Profile or an Accuracy, got {type(drawn).__name__}"
     )
 

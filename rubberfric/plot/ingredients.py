@@ -11,7 +11,7 @@ from rubberfric.base.checks import ArrayLike
 from rubberfric.base.compilation import quick_jit
 from rubberfric.base.units import to_celsius
 from rubberfric.materials.material import Material, complex_modulus
-from rubberfric.materials.shifts import log_vertical
+from rubberfric.materials.shifts import log_factors, log_vertical
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.plot.style import Axes, Line2D, colours, legend, one_axes, signed, vector
 from rubberfric.roughness.moments import rms_slope
@@ -79,7 +79,9 @@ def plot_modulus(
     points = None if data is None else _shifted(material, temperature, data)
     table = _table(material, temperature)
     if omega is None:
-        omega = _range(material, temperature, [one[0] for one in (points, table) if one is not None])
+        omega = _range(
+            material, temperature, [columns[0] for columns in (points, table) if columns is not None]
+        )
     else:
         omega = np.sort(vector("omega", omega, positive=True))
     modulus = np.asarray(_modulus(material, omega, temperature))
@@ -118,7 +120,7 @@ def _log_shift(material: Material, temperature: ArrayLike | None) -> np.ndarray 
     """Return ln a_T, which is 0 if `temperature` is None or the material has no shift."""
     if temperature is None or material.shift is None:
         return 0.0
-    return np.asarray(material.shift.log_factor(jnp.asarray(temperature, float)), float)
+    return log_factors(material.shift, temperature)
 
 
 def _vertical(material: Material, temperature: ArrayLike | None) -> np.ndarray | float:
@@ -308,12 +310,12 @@ def _curve(label: str, spectrum: Any, q: np.ndarray | None) -> _Curve:
     # The spectrum C_1D / (pi q) of a surface has the same mean square slope, 2 pi int q^3 C dq.
     surface = C / (np.pi * q) if profile else C
     table = TabulatedSpectrum(q, surface) if q.size > 1 and (np.diff(q) > 0).all() else None
-    slope = None if table is None else _values(table, q)[1]
+    slope = None if table is None else np.asarray(rms_slope(table, q), float)
     return _Curve(q, C, True, None if errors is None else errors[:, order], slope, {}, None, profile)
 
 
 def _line(label: str, spectrum: Spectrum, q: np.ndarray | None) -> _Curve:
-    if not spectrum.height_scale() > 0:
+    if not float(spectrum.height_scale()) > 0:
         raise ValueError(f"{label} is smooth; log C needs roughness")
     kinks = np.unique(np.asarray(power_law_of(spectrum).q, float))  # kinks cut off coincide
     formula = spectrum.entries() is None

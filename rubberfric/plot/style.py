@@ -52,8 +52,9 @@ _NEAR_FRAME = 0.43
 _TINY = 0.12
 # Smallest distance between contour labels, as a share of an axis. Labels do not cover each other.
 _APART = 0.09
-# Largest distance from the middle, and smallest distance between labels, for levels without any other label.
+# Largest distance from the middle for levels without any other label.
 _AT_FRAME = 0.44
+# Smallest distance between labels for levels without any other label.
 _CLOSE = 0.055
 # Last place in viridis. Colours beyond are too light for lines on white.
 _LIGHTEST = 0.85

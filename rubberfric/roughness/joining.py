@@ -52,11 +52,11 @@ class JoinedSpectra(NamedTuple):
     def report(self) -> str:
         """Return a text with a line for each joint."""
         return "\n".join(
-            f"{'overlap' if one.overlap else 'gap'} {one.low:.4g} ... {one.high:.4g} 1/m:"
-            f" the upper spectrum is {np.exp(one.jump):.3g} times the lower"
-            + f", scatter {one.scatter:.2g} of ln C"
-            * one.overlap
-            for one in self.joints
+            f"{'overlap' if joint.overlap else 'gap'} {joint.low:.4g} ... {joint.high:.4g} 1/m:"
+            f" the upper spectrum is {np.exp(joint.jump):.3g} times the lower"
+            + f", scatter {joint.scatter:.2g} of ln C"
+            * joint.overlap
+            for joint in self.joints
         )
 
 
@@ -126,7 +126,7 @@ def _join(lower, upper, share, number):
     `share` is the weight of `upper` in the overlap, or None for the method "crossover". `number` is the index
     of `lower` in messages.
     """
-    laws = [_without_empty(power_law_of(one)) for one in (lower, upper)]
+    laws = [_without_empty(power_law_of(spectrum)) for spectrum in (lower, upper)]
     (a, b), (qa, qb) = laws, (np.asarray(law.q, float) for law in laws)
     for i, (law, q) in enumerate(zip(laws, (qa, qb), strict=True)):
         if is_concrete(law.height2) and not law.height2 > 0:

@@ -170,7 +170,7 @@ def areal_spectrum(
         relative = positive_array("relative", relative)
     if q1 is not None:
         q1 = positive_array("q1", q1)
-        if is_concrete(q) and is_concrete(q1) and not q1 > np.asarray(q)[-1]:
+        if is_concrete(q) and is_concrete(q1) and not np.asarray(q1) > np.asarray(q)[-1]:
             raise ValueError(f"q1 = {float(q1):.4g}: must be > q[-1] = {float(np.asarray(q)[-1]):.4g} 1/m")
     return ArealSpectrum(*_areal(q, C_1D, relative, q if at is None else positive_array("at", at), q1))
 

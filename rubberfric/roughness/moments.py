@@ -6,7 +6,6 @@ r"""Moments of a roughness spectrum up to a wavevector: heights, slopes, and the
 A spectrum is a broken power law, so a moment and its inverse have closed forms on every piece.
 """
 
-import functools
 import math
 from typing import Literal
 
@@ -15,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.checks import POSITIVE, ArrayLike, NumberLike, as_leaf, as_numbers, is_concrete, shown
-from rubberfric.base.compilation import exact_products
+from rubberfric.base.compilation import exact_products, quick_jit
 from rubberfric.base.objects.physical import check_kind
 from rubberfric.base.roots import root
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, log_ratio, mean_growth
@@ -83,7 +82,7 @@ def moment(spectrum: Spectrum, order: float) -> jax.Array:
     return _moment(spectrum, order)
 
 
-@functools.partial(jax.jit, static_argnames="order")
+@quick_jit(static_argnames="order")
 def _moment(spectrum, order):
     return cumulative_moment(spectrum.power_law(), order, jnp.inf)
 
@@ -136,7 +135,7 @@ def _root_moment(spectrum, order, q):
     return _root(spectrum, order, None if q is None else as_numbers("q", q, POSITIVE))
 
 
-@functools.partial(jax.jit, static_argnames="order")
+@quick_jit(static_argnames="order")
 @exact_products
 def _root(spectrum, order, q):
     law, distance = spectrum.power_law(), jnp.inf
@@ -218,7 +217,7 @@ def cutoff(
     return wavevector
 
 
-@jax.jit
+@quick_jit()
 @exact_products
 def _cutoff_below(spectrum, slope):
     """Return the cutoff q1 for an rms slope, and a mask that is True if q1 exists.
@@ -230,7 +229,7 @@ def _cutoff_below(spectrum, slope):
     return jnp.where(reachable, law.q[piece] * jnp.exp(beyond), jnp.inf), reachable
 
 
-@jax.jit
+@quick_jit()
 @exact_products
 def _cutoff_at_height(spectrum, slope):
     """Return the q1 for which m_2 / m_0 = slope^2 / height^2, and a mask that is True if q1 exists.

@@ -28,7 +28,7 @@ from rubberfric.base.checks import (
     either,
     is_concrete,
 )
-from rubberfric.base.compilation import exact_products
+from rubberfric.base.compilation import exact_products, quick_jit
 from rubberfric.base.objects.fields import Number, leaf
 from rubberfric.base.objects.physical import Kind, check_kind, kinds, physical
 
@@ -150,8 +150,7 @@ class SelfAffine(Spectrum):
         unit = cls(q0, qr, q1, hurst, 1.0)
         if is_concrete(C0) and not np.asarray(C0) >= 0:
             raise ValueError(f"SelfAffine.C0 = {C0!r}: must be >= 0")
-        scale = qr * jnp.exp(-0.5 * log_plateau(unit))
-        return cls(q0, qr, q1, hurst, scale * jnp.sqrt(C0))
+        return cls(q0, qr, q1, hurst, _height_of_plateau(unit, C0))
 
     def power_law(self) -> BrokenPowerLaw:
         """Return a broken power law of two pieces, the plateau and the self-affine range."""
@@ -175,7 +174,14 @@ class SelfAffine(Spectrum):
         return SelfAffine(self.q0, qr, q1, self.hurst, h_rms)
 
 
-@jax.jit
+@quick_jit()
+@exact_products
+def _height_of_plateau(unit, C0):
+    """Return h_rms of a self-affine spectrum with the plateau C0; `unit` has h_rms = 1 m."""
+    return unit.qr * jnp.exp(-0.5 * log_plateau(unit)) * jnp.sqrt(C0)
+
+
+@quick_jit()
 @exact_products
 def _when_cut(spectrum, q1):
     """Return qr and h_rms of a self-affine spectrum with another q1 and an unchanged plateau C0."""
@@ -192,8 +198,8 @@ def power_law_of(spectrum: Spectrum) -> BrokenPowerLaw:
     return _power_law(spectrum)
 
 
-# Jitted, so that a call compiles once instead of once per operation.
-@jax.jit
+# Compiled as a whole, so that a call compiles once instead of once per operation.
+@quick_jit()
 def _power_law(spectrum):
     return spectrum.power_law()
 
@@ -218,7 +224,7 @@ def power_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
     return _power_spectrum(spectrum, as_numbers("q", q))
 
 
-@jax.jit
+@quick_jit()
 @exact_products
 def _power_spectrum(spectrum, q):
     law = spectrum.power_law()
@@ -226,7 +232,7 @@ def _power_spectrum(spectrum, q):
     return jnp.where(inside, law.height2 * jnp.exp(log_shape(law, q)), 0.0)
 
 
-@jax.jit
+@quick_jit()
 def log_power_spectrum(law: BrokenPowerLaw, q: jax.Array | np.ndarray) -> jax.Array:
     """Return ln C at wavevectors q, where the first and last piece continue beyond the ends of the law.
 

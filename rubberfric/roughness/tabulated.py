@@ -124,8 +124,8 @@ def cut_law(law: BrokenPowerLaw, q0: NumberLike | None, q1: NumberLike | None) -
         return law
     law = jax.tree.map(jnp.asarray, law)  # NumPy arrays accept no traced index
     first, last = (
-        jnp.asarray(end) if given is None else jnp.asarray(given)
-        for given, end in ((q0, law.q[0]), (q1, law.q[-1]))
+        jnp.asarray(end) if cutoff is None else jnp.asarray(cutoff)
+        for cutoff, end in ((q0, law.q[0]), (q1, law.q[-1]))
     )
     inner, place = law.q[1:-1], np.arange(law.exponent.shape[0])
     from_piece, to_piece = jnp.sum(inner <= first), jnp.sum(inner < last)

@@ -228,7 +228,7 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
     def mean(values):
         return np.bincount(index, values[inside])[kept] / count
 
-    each = np.stack([mean(one) for one in mean_square]) / cell
+    each = np.stack([mean(sample) for sample in mean_square]) / cell
     C = each.mean(0)
     bins = np.full(q.shape, -1)
     bins[inside] = index
@@ -369,10 +369,10 @@ def spectrum_of_surface(topography: Any, *, unit: str | None = None, **options: 
     return spectrum_of_topography(scale * np.asarray(heights), *map(float, spacings), **options)
 
 
-def _scale(own, given):
-    if own is None and given is None:
+def _scale(own, unit):
+    if own is None and unit is None:
         names = ", ".join(LENGTH_UNITS)
         raise ValueError(f"unit is missing and the topography has none; pass one of {names}")
-    if own is not None and given is not None and own != given:
-        raise ValueError(f"unit = {shown(given)}: leave it out; the topography has {shown(own)}")
-    return LENGTH_UNITS[check_choice("unit", given if own is None else own, LENGTH_UNITS)]
+    if own is not None and unit is not None and own != unit:
+        raise ValueError(f"unit = {shown(unit)}: leave it out; the topography has {shown(own)}")
+    return LENGTH_UNITS[check_choice("unit", unit if own is None else own, LENGTH_UNITS)]

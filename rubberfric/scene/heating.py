@@ -137,11 +137,11 @@ def shear_shares(lower: Heating, upper: Heating, both_deform: bool) -> tuple[jax
         share = jnp.asarray(upper.shear_share)
         return (1 - share if both_deform else share), share
     # Logarithms, because products of the three overflow float32.
-    one, two = (
+    log_lower, log_upper = (
         0.5 * (jnp.log(x.conductivity) + jnp.log(x.density) + jnp.log(x.heat_capacity))
         for x in (lower, upper)
     )
-    return jax.nn.sigmoid(one - two), jax.nn.sigmoid(two - one)
+    return jax.nn.sigmoid(log_lower - log_upper), jax.nn.sigmoid(log_upper - log_lower)
 
 
 class Diffusion(NamedTuple):

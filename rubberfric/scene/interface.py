@@ -247,6 +247,6 @@ def difference(
     lower, upper : spectra divided by the squares of the scales, >= 0, with the shape of the result
     """
     # The heights are outside the roots, because the root of a squared height has no derivative at height 0.
-    one, other = (height * safe_root(shape) for height, shape in zip(heights, (lower, upper), strict=True))
+    a, b = (height * safe_root(shape) for height, shape in zip(heights, (lower, upper), strict=True))
     # A square plus a remainder >= 0, so that the result is never negative.
-    return (one - other) ** 2 + 2 * (1 - correlation.coherence) * (one * other)
+    return (a - b) ** 2 + 2 * (1 - correlation.coherence) * (a * b)

@@ -217,7 +217,7 @@ def _check_apart(part, others, parts):
             raise ValueError(f"Scene.{part}: not together with {name}; one of them must be left out")
 
 
-def same(one: Scene, other: Scene) -> bool:
+def same(scene: Scene, other: Scene) -> bool:
     """Return True if two scenes have the same parts, options and numbers.
 
     `quadrature` and the dtypes of equal numbers may differ. The operator == returns False for them. Raise
@@ -229,10 +229,11 @@ def same(one: Scene, other: Scene) -> bool:
     >>> rf.same(scene, scene.replace("gamma", 0.4))
     False
     """
-    check_kind("one", one, Scene)
+    check_kind("scene", scene, Scene)
     check_kind("other", other, Scene)
     (left, tree), (right, other_tree) = (
-        jax.tree.flatten([getattr(scene, name) for name in fields_of(Scene)]) for scene in (one, other)
+        jax.tree.flatten([getattr(compared, name) for name in fields_of(Scene)])
+        for compared in (scene, other)
     )
     return tree == other_tree and all(map(np.array_equal, left, right))
 

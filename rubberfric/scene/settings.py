@@ -15,7 +15,7 @@ solid,
 1 within :math:`\ln(q/q_0) \sim e^{-2\Lambda}`. The third property is the finest detail of the moduli over the
 frequency. Materials and spectra give these properties by their public methods, so the rule holds for a user's
 own ones. `tests/benchmarks/test_settings_table.py` prints the errors over L and Lambda.
-`tests/rubberfric/scene/test_settings.py` tests random scenes of all kinds.
+`tests/rubberfric/scene/test_settings_of_random_scenes.py` tests random scenes of all kinds.
 """
 
 import dataclasses
@@ -37,6 +37,7 @@ from rubberfric.base.checks import (
     check_values,
     is_concrete,
 )
+from rubberfric.base.compilation import quick_jit
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.body import differs_by_wavevector
 from rubberfric.scene.scene import Scene, iterates, rough_surfaces, temperature_by_scale
@@ -145,8 +146,10 @@ def _setting(scene, extent, separation):
     bodies = scene.lower, scene.upper
     pairs = [pair for pair in (bodies, bodies[::-1]) if pair[0].spectrum is not None]
     differs = any(differs_by_wavevector(*pair) for pair in pairs)
-    materials = [one for body in bodies for one in (body.material, body.below) if one is not None]
-    detailed = any(one.relaxes and one.detail is not None for one in materials)
+    materials = [
+        material for body in bodies for material in (body.material, body.below) if material is not None
+    ]
+    detailed = any(material.relaxes and material.detail is not None for material in materials)
     law = scene.contact_model != "paper"
     rate = _PER_FOLD_OF_EACH_Q if differs else _PER_FOLD
     if detailed:
@@ -238,11 +241,11 @@ def extent_of(scene: Scene, pressure: ArrayLike) -> Extent:
     return Extent(max(ends) - min(ends) + rises, *loads)
 
 
-# Jitted, so that a call compiles once instead of once per operation.
-@jax.jit
+# Compiled as a whole, so that a call compiles once instead of once per operation.
+@quick_jit()
 def _evaluated(spectra, bodies):
     """Return the power law of each spectrum, and the glassy modulus of the softer body at its beginning."""
-    laws, moduli = [one.power_law() for one in spectra], []
+    laws, moduli = [spectrum.power_law() for spectrum in spectra], []
     for law in laws:
         of_bodies = []
         for body in bodies:

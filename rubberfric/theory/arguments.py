@@ -167,10 +167,10 @@ def warn_of_last_iterates(
     if converged is None or not is_concrete(converged) or np.all(converged):
         return
     left = ~np.asarray(converged)
-    given = [(x, *unit) for x, unit in zip(conditions, _UNITS, strict=True) if x is not None]
+    conditions_with_units = [(x, *unit) for x, unit in zip(conditions, _UNITS, strict=True) if x is not None]
     columns = [
         [f"{symbol} = {x:g} {unit}" for x in np.broadcast_to(np.asarray(values), left.shape)[left][:3]]
-        for values, symbol, unit in given
+        for values, symbol, unit in conditions_with_units
     ]
     named = [", ".join(point) for point in zip(*columns, strict=True)]
     warn_caller(
@@ -189,7 +189,7 @@ def _check_temperature(scene, temperature):
 
 def check_single(scene: Scene, temperature: ArrayLike | None) -> None:
     """Raise ValueError naming a number of a float32 scene that requires float64."""
-    spectra = [one.spectrum for one in (scene.lower, scene.upper) if one.spectrum is not None]
+    spectra = [solid.spectrum for solid in (scene.lower, scene.upper) if solid.spectrum is not None]
     for name in ("lower", "upper"):
         body = getattr(scene, name)
         if body.spectrum is not None:

@@ -77,7 +77,7 @@ class Contact(NamedTuple):
         dict from the index of a contribution to an array of shape (panels, points, order). The sum over
         contributions, panels and order is mu [-].
         """
-        densities = {j: one.densities[kind] for j, one in enumerate(self.terms) if kind in one.densities}
+        densities = {j: term.densities[kind] for j, term in enumerate(self.terms) if kind in term.densities}
         if not densities:
             return {}
         modulus_over_load = self.modulus_over_pressure  # friction is divided by sigma_0
@@ -139,16 +139,17 @@ class Roughness(NamedTuple):
             (points,) or (angular panels, points, angular order).
         """
         terms = [
-            one.terms(self.mesh, velocity, T) for one, T in zip(self.contributions, temperatures, strict=True)
+            contribution.terms(self.mesh, velocity, T)
+            for contribution, T in zip(self.contributions, temperatures, strict=True)
         ]
         modulus = self.scale / pressure
         if self.correlation is not None:
             modulus = jnp.where(velocity == 0, modulus, jnp.nan)
-        within = [one.within for one in terms if one.within is not None]
-        panels = [one.panels for one in terms]
+        within = [term.within for term in terms if term.within is not None]
+        panels = [term.panels for term in terms]
         if not within:
             # If only the whole integral is needed, each contribution has its own panels.
-            panels = [jnp.sum(one, 0, keepdims=True) for one in panels]
+            panels = [jnp.sum(own, 0, keepdims=True) for own in panels]
         # At light loads the derivative by modulus**2 would underflow in single precision.
         G_panels, G = modulus * (modulus * (0.5 * total(panels))), None  # (A11)
         if within:

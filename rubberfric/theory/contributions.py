@@ -161,12 +161,12 @@ def contribution(
             for density in between
         )
     if interpolation is MeansInterpolation.LINEAR and within is not None:
-        mean_abs2 = tuple(jnp.einsum("kc,kci->ki", one, mesh.interpolate) for one in mean_abs2)
+        mean_abs2 = tuple(jnp.einsum("kc,kci->ki", density, mesh.interpolate) for density in mean_abs2)
         within = tuple(rule @ mesh.interpolate for rule in within)
     elif interpolation is MeansInterpolation.LINEAR:
         # Only the whole integral is needed, so the contact nodes are no longer used.
-        mean_abs2 = (jnp.einsum("kc,kci->ki", one, mesh.interpolate) for one in mean_abs2)
-        mean_abs2 = tuple(jnp.zeros_like(mesh.angular_q).at[mesh.panel].add(one) for one in mean_abs2)
+        mean_abs2 = (jnp.einsum("kc,kci->ki", density, mesh.interpolate) for density in mean_abs2)
+        mean_abs2 = tuple(jnp.zeros_like(mesh.angular_q).at[mesh.panel].add(density) for density in mean_abs2)
     return Contribution(means, interpolation, mean_abs2, within, others)
 
 

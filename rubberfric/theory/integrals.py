@@ -155,12 +155,12 @@ def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=N
     tables = (None,) * len(surfaces) if tables is None else tables[: len(surfaces)]
     if correction is None and scene.area_correction and needs.area:
         correction = correction_table(gamma)
-    given = zip(surfaces, tables, strict=True)
+    pairs = zip(surfaces, tables, strict=True)
     return Roughness(
         mesh,
         tuple(
             contribution(surface, mesh, j, scale, needs, table, span)
-            for j, (surface, table) in enumerate(given)
+            for j, (surface, table) in enumerate(pairs)
         ),
         tuple(surface.side for surface in surfaces),
         scale,
@@ -176,24 +176,24 @@ def _tables_of(roughness, needs):
 
     An entry is None if the contribution has no table with the needed means.
     """
-    stiffnesses = [one.stiffness for one in roughness.contributions]
+    stiffnesses = [contribution.stiffness for contribution in roughness.contributions]
     return tuple(
-        one.prepared
-        if one is not None
-        and isinstance(one.prepared, MeansTable)
-        and one.harmonics is None
-        and one.needs.kinds == needs.kinds
+        stiffness.prepared
+        if stiffness is not None
+        and isinstance(stiffness.prepared, MeansTable)
+        and stiffness.harmonics is None
+        and stiffness.needs.kinds == needs.kinds
         else None
-        for one in stiffnesses
+        for stiffness in stiffnesses
     )
 
 
-def _borders(scene, surfaces, asked):
+def _borders(scene, surfaces, requested):
     """Return wavevectors that must be borders of panels, or None.
 
-    The wavevector of the macroasperities comes first, and the requested borders `asked` come last.
+    The wavevector of the macroasperities comes first, and the `requested` borders come last.
     """
-    borders = [*borders_of_heat(scene), *kinks(surfaces), *([] if asked is None else [asked])]
+    borders = [*borders_of_heat(scene), *kinks(surfaces), *([] if requested is None else [requested])]
     return jnp.concatenate(borders) if borders else None
 
 

@@ -225,7 +225,7 @@ def solve(
     for name in quantities:
         if name not in Solution._fields:
             raise ValueError(f"quantities has {name!r}: must be one of {', '.join(Solution._fields)}")
-    given = scene
+    unvalidated = scene
     separated = "separation" in quantities
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature, separated)
     check_quantities(scene, quantities)
@@ -233,7 +233,7 @@ def solve(
     span = span_of_speeds(scene, velocity, temperature)
     compute = functools.partial(_compute, compiler_options, quadrature, span)
     if not iterates(scene) or "converged" in quantities:
-        tables = known_tables(given, quantities, conditions[0].dtype)
+        tables = known_tables(unvalidated, quantities, conditions[0].dtype)
         return compute(quantities, scene, *conditions, tables)
     solution = compute((*quantities, "converged"), scene, *conditions, None)
     warn_of_last_iterates(scene, solution.converged, conditions)

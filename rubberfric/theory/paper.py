@@ -115,11 +115,11 @@ def solve(
     if not covers(scene):
         raise ValueError("scene has a part that the paper's general case lacks: use rubberfric.solve")
     broadcast_shape(velocity=velocity, pressure=pressure, temperature=temperature)
-    given = [jnp.asarray(x, float) for x in (velocity, pressure, temperature) if x is not None]
-    given = jnp.broadcast_arrays(*given)
-    points = tuple(x.reshape(-1) for x in given)
+    conditions = [jnp.asarray(x, float) for x in (velocity, pressure, temperature) if x is not None]
+    conditions = jnp.broadcast_arrays(*conditions)
+    points = tuple(x.reshape(-1) for x in conditions)
     solutions = jax.lax.map(lambda point: _at_point(scene, nodes or gauss_nodes(), *point), points)
-    return jax.tree.map(lambda x: x.reshape(given[0].shape), solutions)
+    return jax.tree.map(lambda x: x.reshape(conditions[0].shape), solutions)
 
 
 def _at_point(scene, nodes, v, sigma_0, T=None):

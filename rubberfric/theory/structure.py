@@ -98,9 +98,9 @@ class Solution(NamedTuple):
         axes: tuple[str, ...] | None = None,
     ) -> LabelledArrays:
         """Return the quantities and the conditions with their units. `axes` are names of the axes."""
-        given = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
+        conditions = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
         return LabelledArrays(
-            {n: Labelled(x, CONDITION_UNITS[n]) for n, x in given.items() if x is not None},
+            {n: Labelled(x, CONDITION_UNITS[n]) for n, x in conditions.items() if x is not None},
             {n: Labelled(x, SOLUTION_UNITS[n]) for n, x in self._asdict().items() if x is not None},
             axes,
         )
@@ -159,7 +159,7 @@ class RequiredMeans:
 
     def __or__(self, other: "RequiredMeans") -> "RequiredMeans":
         both = zip(dataclasses.astuple(self), dataclasses.astuple(other), strict=True)
-        return RequiredMeans(*(one or two for one, two in both))
+        return RequiredMeans(*(own or others for own, others in both))
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -247,7 +247,7 @@ class RoughSurface(NamedTuple):
     @property
     def soft_solids(self) -> list[Softened]:
         """Return the softening of each solid that softens."""
-        return [one for one in (self.softened, self.softened_rough) if one is not None]
+        return [softening for softening in (self.softened, self.softened_rough) if softening is not None]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -298,7 +298,7 @@ def rough_surfaces_of(scene: Scene) -> tuple[RoughSurface, ...]:
         softening = softening_of(scene, body)
         return None if softening is None else Softened(softening, laws)
 
-    return tuple(_surface(*one, softened(one[1]), softened(one[0])) for one in sides)
+    return tuple(_surface(*parts, softened(parts[1]), softened(parts[0])) for parts in sides)
 
 
 def means_methods(scene: Scene) -> list[MeansMethod]:
@@ -338,7 +338,11 @@ def _surface(rough: Body, strained: Body, side, spectrum: Spectrum, law, softene
         steep = differs_by_wavevector(rough, strained)
         smooth = MeansInterpolation.LOGARITHMIC if steep else MeansInterpolation.LINEAR
         interpolation = MeansInterpolation.NONE if kinked else smooth
-    details = [one.detail for one in (strained.material, strained.below) if one is not None and one.relaxes]
+    details = [
+        material.detail
+        for material in (strained.material, strained.below)
+        if material is not None and material.relaxes
+    ]
     details = [detail for detail in details if detail is not None]
     return RoughSurface(
         rough,

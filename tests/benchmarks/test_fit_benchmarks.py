@@ -10,6 +10,8 @@ table of the near start into.
 """
 
 import os
+import subprocess
+import sys
 import time
 
 import jax
@@ -18,6 +20,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 from support.ensembles.twin import FREE, GUESS, TRUTH, twin
+from support.folders import PYTHONPATH
 from support.jacobians import residuals_and_jacobian
 from support.scenes.curves import numpy_friction
 
@@ -175,3 +178,20 @@ def test_numpy_model_is_the_same_model():
     ours = np.asarray(rf.friction(GUESS, data.velocity, data.pressure, data.temperature))
     print(f"\nNumPy 200 x 64 against rubberfric: at most {np.max(np.abs(mu / ours - 1)):.1e} off")
     assert np.max(np.abs(mu / ours - 1)) < 0.05
+
+
+def test_time_of_a_prony_fit_in_a_fresh_process():
+    code = """
+import time, numpy as np, fitting
+omega = np.geomspace(1e-4, 1e12, 100)
+data = fitting.ModulusData(omega, 1e6 * omega**0.2, 2e5 * omega**0.2)
+fit_prony = fitting.fit_prony  # imports SciPy
+began = time.perf_counter(), time.process_time()
+fit_prony(data)
+print(time.perf_counter() - began[0], time.process_time() - began[1])
+"""
+    environment = os.environ | {"PYTHONPATH": PYTHONPATH}
+    runs = [subprocess.check_output([sys.executable, "-c", code], env=environment) for _ in range(3)]
+    wall, own = np.min([np.array(run.split(), float) for run in runs], axis=0)
+    print(f"fit_prony in a fresh process: {wall:.3f} s, of the processor {own:.3f} s")
+    assert own < 0.3

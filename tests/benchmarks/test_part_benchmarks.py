@@ -78,10 +78,7 @@ STICKING = {
     "rubber, over velocity": (on(GROUND), np.logspace(-8, -4, 50), 1e4),
     "elastic solid, over pressure": (on(GROUND, rf.Elastic(1e7, 0.5)), 0.0, np.geomspace(1e4, 1e6, 50)),
 }
-ADHESION = {
-    "energy": rf.Adhesion(1e-3),
-    "long": rf.Adhesion(1e-2, limit="long", range=1e-7),
-}
+ADHESION = {"energy": rf.Adhesion(1e-3), "long": rf.Adhesion(1e-2, limit="long", range=1e-7)}
 
 
 @pytest.mark.parametrize("limit", ADHESION)

@@ -225,13 +225,14 @@ LIMITS = {
         has=("self-affine",),
         # E_h of a liquid depends on where the circle ends, and the circle has other nodes.
         lacks=("anisotropic", "softening", "correlation", "heating", "adhesion", "law of a liquid"),
+        rtol=1e-12,
         ordinary=("rubber",),
     ),
     "same in all directions": Limit(
         lambda scene: replaced(scene, rf.TabulatedSpectrum, in_all_directions),
         has=("tabulated spectrum",),
     ),
-    "half a turn": Limit(turned(np.pi), has=("grooves",)),
+    "half a turn": Limit(turned(np.pi), has=("grooves",), rtol=1e-12),
     "a quarter of a turn of the inverse": Limit(turned(np.pi / 2, lambda x: 1 / x), has=("grooves",)),
     "spectra exchanged at rest": Limit(
         with_spectra_exchanged, has=("both rough",), lacks=("heating", "correlation"), rest=True
@@ -309,6 +310,8 @@ LIMITS = {
         lambda scene: scene.replace({"correlation.coherence": 0.0}),
         other=without("correlation"),
         has=("correlation",),
+        rtol=1e-13,
+        ordinary=("correlation",),
     ),
     "a patch": Limit(lambda scene: scene.replace(patch=rf.Patch(0.1, 0.2, 5e7)), lacks=("correlation",)),
     "heat far away": Limit(

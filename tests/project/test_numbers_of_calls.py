@@ -181,8 +181,7 @@ QUICK_TO_TRACE = ("rubber", "shift and shear", "tables")
     ("name", "dtype"),
     [
         pytest.param(
-            *(name, dtype),
-            marks=[pytest.mark.slow] * (dtype is np.float64 or name not in QUICK_TO_TRACE),
+            *(name, dtype), marks=[pytest.mark.slow] * (dtype is np.float64 or name not in QUICK_TO_TRACE)
         )
         for name in STRICT
         for dtype in (None, np.float32, np.float64)

@@ -76,3 +76,33 @@ def test_a_phrase_is_found(phrase, tmp_path):
 def test_prose_is_plain():
     found = [line for path in FILES if path.suffix in (".py", ".md", ".ipynb") for line in faults(path)]
     assert not found, "\n".join(found)
+
+
+def wrong_parameters(text):
+    """Yield (line, name) of names in the section Parameters of docstrings that are not parameters."""
+    for node in ast.walk(ast.parse(text)):
+        docstring = ast.get_docstring(node) if isinstance(node, ast.FunctionDef) else None
+        _, section, entries = (docstring or "").partition("Parameters\n----------\n")
+        if not section:
+            continue
+        arguments = [part.arg for part in ast.walk(node.args) if isinstance(part, ast.arg)]
+        for names in re.findall(r"^([\w*, ]+) : ", re.split(r"\n\n(?=\w)", entries)[0], flags=re.M):
+            for name in names.replace("*", "").split(", "):
+                if name not in [*arguments, "other arguments"]:
+                    yield node.lineno, name
+
+
+def test_a_wrong_parameter_is_found():
+    section = "Parameters\n    ----------\n    a, d : numbers\n    *b, c : more numbers\n"
+    text = f'def f(a, *b, c=1):\n    """Return.\n\n    {section}    """'
+    assert list(wrong_parameters(text)) == [(1, "d")]
+
+
+def test_docstrings_name_the_parameters_of_their_functions():
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line}: {name}: is not a parameter"
+        for folder in ("rubberfric", "fitting")
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        for line, name in wrong_parameters(path.read_text(encoding="utf-8"))
+    ]
+    assert not wrong, "\n".join(wrong)

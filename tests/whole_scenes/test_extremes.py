@@ -22,18 +22,8 @@ from support.cases.extreme_errors import (
     value_errors,
     value_floor,
 )
-from support.cases.extremes import CASES, RIGID, changed
-from support.cases.stored import (
-    QUANTITIES,
-    as_arrays,
-    h_rms,
-    paths,
-    reverse,
-    scene,
-    slow_if,
-    three,
-    value,
-)
+from support.cases.extremes import CASES, changed
+from support.cases.stored import QUANTITIES, h_rms, paths, reverse, slow_if, three, value
 
 import rubberfric as rf
 
@@ -106,11 +96,6 @@ def test_below_the_pole_of_the_shift():
         assert np.isfinite(elements(slopes)).all()
 
 
-def test_rigid_on_rigid_is_refused():
-    with pytest.raises(ValueError, match="deform"):
-        scene(changed("one", {"solid1": RIGID}))
-
-
 # --- Single precision
 
 
@@ -145,13 +130,6 @@ def test_single_precision_derivatives(name):
     assert {slope.dtype for slope in jax.tree.leaves(slopes)} == {jnp.dtype(jnp.float32)}
     bad = [p for p, s in zip(paths(slopes), jax.tree.leaves(slopes), strict=True) if not np.isfinite(s).all()]
     assert not bad
-
-
-def test_single_precision_with_python_scalars():
-    """Python numbers do not promote a float32 scene."""
-    single = as_arrays(scene(changed("one", {})), jnp.float32)
-    for result in three(jax.eval_shape(rf.solve, single, 0.1, 3e5)):
-        assert result.dtype == jnp.float32
 
 
 def test_too_few_panels_give_nan_instead_of_a_wrong_friction():

@@ -1,17 +1,16 @@
-"""Heated scenes compared with brute force: values, derivatives, fits, and extremes.
+"""Heated scenes: references, extremes, energy, and values that did not converge.
 
 The kernel of the temperatures is in test_heating.py. Calls of one structure share a compiled function,
 at `POINTS` points.
 """
 
 import dataclasses
-import functools
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.cases.stored import as_arrays, paths, reference, scene
+from support.cases.stored import as_arrays, reference, scene
 from support.oracles import oracle_heating
 
 import fitting
@@ -21,7 +20,6 @@ from fitting.solvers.problem import make_problem
 from fitting.stages import why_not_finite
 from rubberfric.analysis import jacobian
 from rubberfric.analysis.jacobian import value_and_jacobian
-from rubberfric.base import fixed_points
 
 NAMES = ("area", "viscoelastic_friction", "shear_friction", "friction", "separation", "flash_temperature")
 POINTS = 8
@@ -116,63 +114,8 @@ def test_at_rest():
     assert (slow >= 0).all() and (slow < 1e-4).all()
 
 
-QUANTITIES = ("area", "friction", "separation", "flash_temperature")
-
-
-def smooth(case):
-    """Coinciding wavevectors are left out, because one-sided derivatives differ there."""
-    case = case | {"psd1": case["psd1"] | {"qr": 900.0}}
-    return case if case["psd2"] is None else case | {"psd2": case["psd2"] | {"q0": 350.0, "q1": 2.5e4}}
-
-
 def scalar_arguments(case):
     return as_arrays((scene(case), case["v"], case["pressure"], case["temperature"]))
-
-
-def quantities(at, **setting):
-    values = solved(*at, **setting)
-    return jnp.stack([values[name] for name in QUANTITIES])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["macro", "flash-shear", "two-rubbers", "sheared"])
-def test_derivatives_leaf_by_leaf(name, monkeypatch):
-    """Forward mode is reverse mode, and both are differences of the values.
-
-    They are iterated further than usual, because differences enlarge errors of the iteration.
-    """
-    case = smooth(CASES[name])
-    at = scalar_arguments(case)
-    jacobian = jax.jit(jax.jacrev(quantities))(at)
-    forward = jax.jit(lambda at, step: jax.jvp(quantities, (at,), (step,))[1])
-    monkeypatch.setattr(fixed_points, "_TOLERANCE", 1e-12)
-    # Another setting compiles again.
-    values = jax.jit(lambda at: quantities(at, quadrature=rf.Quadrature(heat=178)))
-    size, step = np.abs(values(at)), 1e-3
-    leaves, tree = jax.tree.flatten(at)
-    for i, path in enumerate(paths(at)):
-        steps = [x if j == i else jnp.zeros_like(x) for j, x in enumerate(leaves)]
-        reverse = np.tensordot(jax.tree.leaves(jacobian)[i], leaves[i], leaves[i].ndim)
-        scale = np.maximum(np.abs(reverse), 1e-3 * size)
-        assert np.isfinite(reverse).all(), path
-        assert (np.abs(forward(at, tree.unflatten(steps)) - reverse) <= 1e-9 * scale).all(), path
-        # One per cent of a temperature is a large change of a shift.
-        part = 0.1 if path.endswith("T_ref") or path == "[3]" else 1.0
-
-        def moved(k, steps=steps, part=part):
-            there = [x + k * step * part * d for x, d in zip(leaves, steps, strict=True)]
-            return np.asarray(values(tree.unflatten(there)))
-
-        slope = (8 * (moved(1) - moved(-1)) - moved(2) + moved(-2)) / (12 * step * part)
-        assert (np.abs(slope - reverse) <= 5e-7 * scale).all(), path
-
-
-@pytest.mark.slow
-def test_gradient_at_rest_is_finite():
-    for case in (BASE, SHEARED, CASES["flash-shear"]):
-        at = scalar_arguments(case | {"v": 0.0})
-        jacobian = jax.jit(jax.jacrev(quantities))(at)
-        assert all(np.isfinite(x).all() for x in jax.tree.leaves(jacobian))
 
 
 @pytest.mark.slow
@@ -236,47 +179,6 @@ def test_no_last_iterate_has_a_jacobian(monkeypatch):
         lambda x: value_and_jacobian(scene_of, x, points, "friction", rf.Quadrature(panels=2, graded=0))[0]
     )(jnp.ones(1))
     assert np.isnan(values).all()
-
-
-def test_what_follows_from_a_linear_fixed_point():
-    """Rows with an eigenvalue of -4, as of friction that rises with velocity, by a solution of the system."""
-    rng = np.random.default_rng(4)
-    f, b, c = 0.1 * rng.standard_normal((3, 6, 6)), rng.standard_normal((3, 6)), rng.standard_normal((3, 6))
-    f[:, 0, 0] = -4.0
-
-    def residual(y):
-        return jnp.einsum("pij,pj->pi", f, y) + b - y, jnp.sum(c * y, 1)
-
-    found = jax.jit(functools.partial(fixed_points.linear_fixed_point, residual))(
-        jnp.zeros((3, 6)), jnp.zeros(3)
-    )
-    wanted = [one @ np.linalg.solve(np.eye(6) - a, right) for a, right, one in zip(f, b, c, strict=True)]
-    np.testing.assert_allclose(found, wanted, rtol=1e-7)
-
-
-def test_a_row_alone_equals_itself_among_others():
-    """Rows of few and of many steps beside one that never ends, and their derivatives."""
-    factors = jnp.array([0.01, 0.5, 1.2, 1e3])[:, None]
-
-    def root(factor):
-        start = jnp.zeros((factor.shape[0], 12))
-        return fixed_points.fixed_point(lambda y: factor * jnp.cos(jnp.linspace(0.5, 1.5, 12) * y), start)[0]
-
-    def both(factor):
-        return jax.jvp(root, (factor,), (jnp.ones_like(factor),))
-
-    together = both(factors)
-    for i in range(3):
-        for alone, row in zip(both(factors[i : i + 1]), together, strict=True):
-            np.testing.assert_allclose(alone[0], row[i], rtol=1e-13)
-
-
-def test_what_did_not_converge_says_so(monkeypatch):
-    monkeypatch.setattr(fixed_points, "_MOST_STEPS", 3)
-    y, converged = fixed_points.fixed_point(
-        lambda y: jnp.array([[0.0], [1.0]]) * jnp.cos(y), jnp.zeros((2, 5))
-    )
-    assert converged.tolist() == [True, False] and np.isfinite(y).all()
 
 
 @pytest.mark.slow

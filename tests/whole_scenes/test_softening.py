@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from problems import ROAD
+from problems import GROOVES, ROAD, SOFTENING
 from support.cases.parts import CASES, expected, reverse, value
 from support.cases.stored import arguments, as_arrays
 from support.oracles import oracle
@@ -143,14 +143,6 @@ def solved(changes=(), **softening):
     return np.asarray(value(arguments(given | {"softening": PLAIN["softening"] | softening})))
 
 
-def unsoftened(given, scale=1.0):
-    material = given["solid1"] | {
-        "E_inf": given["solid1"]["E_inf"] * scale,
-        "E": [E * scale for E in given["solid1"]["E"]],
-    }
-    return np.asarray(value(arguments(given | {"softening": None, "solid1": material})))
-
-
 def unsoftened_of(given):
     return np.asarray(value(arguments(given | {"softening": None})))
 
@@ -161,22 +153,15 @@ def test_ends_of_the_table_and_units():
         # On another mesh; and at 1e6 the strain passes the table within 1e-12 of the first wavevector.
         np.testing.assert_allclose(solved(factor=factor), solved(**held), rtol=1e-11)
     # Lower moduli make more contact and less separation.
-    soft, stiff = solved(), unsoftened(PLAIN)
+    soft, stiff = solved(), unsoftened_of(PLAIN)
     assert soft[0] > stiff[0] and soft[2] < stiff[2]
-    # Moduli of 1e-30 and 1e30 Pa with pressures alike.
+    solid = PLAIN["solid1"]
     for unit in (1e-30, 1e30):
-        solid = PLAIN["solid1"]
-        solid = solid | {"E_inf": solid["E_inf"] * unit, "E": [E * unit for E in solid["E"]]}
-        found = solved({"solid1": solid, "pressure": PLAIN["pressure"] * unit})
+        scaled = solid | {"E_inf": solid["E_inf"] * unit, "E": [E * unit for E in solid["E"]]}
+        found = solved({"solid1": scaled, "pressure": PLAIN["pressure"] * unit})
         np.testing.assert_allclose(found, solved(), rtol=1e-12)
-    # Odd, linear where slow, of a glass where fast.
-    np.testing.assert_allclose(solved({"v": -0.1}), solved() * [1, -1, 1, 1], rtol=1e-15)
-    slow, slower = solved({"v": 1e-28}), solved({"v": 1e-30})
-    np.testing.assert_allclose(slow, slower * [1, 100, 1, 1], rtol=1e-12)
-    np.testing.assert_allclose(slower * [1, 0, 1, 1], solved({"v": 0.0}), rtol=1e-12)
     # Glass at all scales: no loss, and the storage of a spring of the sum.
     fast = solved({"v": 1e18})
-    solid = PLAIN["solid1"]
     stiff = solid | {"E_inf": solid["E_inf"] + sum(solid["E"]), "E": [0.0] * 4}
     np.testing.assert_allclose(fast[[0, 2]], solved({"solid1": stiff})[[0, 2]], rtol=1e-9)
     assert 0 < fast[1] < 1e-9
@@ -254,9 +239,7 @@ def test_tables_of_each_body_by_the_oracle(softens):
     np.testing.assert_allclose(found[:3], list(exact.values()), rtol=1e-9)
 
 
-SOFTENING = rf.Softening([0.01, 1.0], [1.0, 0.5], [1.0, 0.7])
 RUBBER = rf.Prony(1e6, [1e8], [1e-6])
-STRETCHED = rf.Anisotropic(ROAD, 2.0)
 DIRECTIONS = rf.TabulatedAnisotropic([1e2, 1e4], np.full((2, 5), 1e-12))
 
 
@@ -278,17 +261,9 @@ def test_a_table_of_one_body_counts_wherever_that_of_a_scene_does():
     ("make", "message"),
     [
         (lambda: rf.Softening([1.0, 0.5], [1, 1], [1, 1]), r"Softening\.strain\[1\] = 0\.5 after 1\.0"),
-        (lambda: rf.Softening([1.0, 1.0], [1, 1], [1, 1]), r"Softening\.strain\[1\].*increase strictly"),
-        (lambda: rf.Softening([0.0, 1.0], [1, 1], [1, 1]), r"Softening\.strain\[0\] = 0\.0: must be > 0"),
         (lambda: rf.Softening([0.1, 1.0], [1, -1], [1, 1]), r"Softening\.storage\[1\] = -1.*: must be > 0"),
-        (lambda: rf.Softening([0.1, 1.0], [1, 1], [0, 1]), r"Softening\.loss\[0\] = 0.*: must be > 0"),
         (lambda: rf.Softening([0.1, 1.0], [1, 1], [1]), r"lengths differ .*loss has 1"),
         (lambda: rf.Softening([0.1], [1], [1]), r"Softening\.strain has 1 entries: must have at least 2"),
-        (lambda: rf.Softening([0.1, 1.0], [1, 1], [1, 1], 0.0), r"Softening\.factor = 0\.0: must be > 0"),
-        (
-            lambda: rf.Scene(rf.Body(RUBBER), rf.Body(rf.Rigid(), STRETCHED), softening=SOFTENING),
-            r"Scene\.softening: not together with anisotropic roughness",
-        ),
         (
             lambda: rf.Scene(rf.Body(RUBBER, DIRECTIONS), rf.Body(rf.Rigid(), ROAD), softening=SOFTENING),
             r"Scene\.softening: not together with anisotropic roughness",
@@ -302,7 +277,7 @@ def test_a_table_of_one_body_counts_wherever_that_of_a_scene_does():
             r"Scene\.softening: not together with a Coating",
         ),
         (
-            lambda: rf.Scene(rf.Body(RUBBER, softening=SOFTENING), rf.Body(rf.Rigid(), STRETCHED)),
+            lambda: rf.Scene(rf.Body(RUBBER, softening=SOFTENING), rf.Body(rf.Rigid(), GROOVES)),
             r"Scene\.softening: not together with anisotropic roughness",
         ),
         (

@@ -79,8 +79,7 @@ def measured(compound, heated, softened):
 
 
 @pytest.mark.parametrize(
-    ("compound", "heated", "softened"),
-    list(itertools.product(("R20", "R40"), (False, True), (False, True))),
+    ("compound", "heated", "softened"), list(itertools.product(("R20", "R40"), (False, True), (False, True)))
 )
 @pytest.mark.slow
 def test_every_derivative_of_tables_is_that_of_the_values(compound, heated, softened):

@@ -16,10 +16,7 @@ from support.scenes.tyre import PRESSURE, read, road, rubber
 import fitting
 import rubberfric as rf
 
-pytestmark = [
-    pytest.mark.slow,
-    needs("tyre"),
-]
+pytestmark = [pytest.mark.slow, needs("tyre")]
 FREE = {
     "shear.tau_f0": fitting.Positive(),
     "shear.v0": fitting.Positive(),

@@ -228,7 +228,7 @@ def _over_wavevectors(prepared, densities, q, points):
     if not prepared.needs.mean_cos_loss:
         return results | dict.fromkeys(("friction_density", "friction"), jnp.zeros_like(G))
     terms = total(jnp.sum(values, -1) for values in contact.friction_terms().values())
-    density = sum(one(points[0], T) for one, T in zip(densities, inside, strict=True))
+    density = sum(density_at(points[0], T) for density_at, T in zip(densities, inside, strict=True))
     P = contact_fraction(x)
     SP = energy_factor(P, contact.gamma) * P
     return results | {
@@ -269,6 +269,6 @@ def density_of(
 
 
 def _without_roughness(q, shape):
-    one, none = jnp.ones((*shape, q.shape[0]), q.dtype), jnp.zeros_like(q)
-    nothing = jnp.zeros_like(one)
-    return Profile(q, q / q[0], one, nothing, one, nothing, nothing, none, none)
+    unity, zero_of_q = jnp.ones((*shape, q.shape[0]), q.dtype), jnp.zeros_like(q)
+    zero = jnp.zeros_like(unity)
+    return Profile(q, q / q[0], unity, zero, unity, zero, zero, zero_of_q, zero_of_q)

@@ -108,8 +108,8 @@ def _separation_profile(scene, velocity, pressure, temperature, q, *, quadrature
     surfaces = rough_surfaces_of(scene)
     if not surfaces:
         shape = (*jnp.broadcast_shapes(velocity.shape, pressure.shape), q.shape[0])
-        one = jnp.ones(shape, q.dtype)
-        return SeparationProfile(q, one, 0 * one, 0 * one)
+        unity = jnp.ones(shape, q.dtype)
+        return SeparationProfile(q, unity, 0 * unity, 0 * unity)
     q = default_wavevectors([surface.law for surface in surfaces], _SEPARATION_COUNT) if q is None else q
     prepared = prepare(scene, ("area",), quadrature, surfaces=surfaces, borders=q)
     densities = [density_of(surface, prepared.roughness.scale, "mean_abs2", q) for surface in surfaces]
@@ -125,7 +125,7 @@ def _separations(scene, prepared, surfaces, densities, q, quadrature, points):
     x = contact_argument(G)
     P = contact_fraction(x)
     both = SurfaceTemperatures(*temperature * 2)
-    density = sum(one(velocity, both) for one in densities)
+    density = sum(density_at(velocity, both) for density_at in densities)
     # dP / d ln q from the exact density of G. G may be 0; x^2 = 1 / (4 G) is clipped at 27^2.
     slope = -TWO_OVER_ROOT_PI * jnp.exp(-x * x) * 2 * x**3 * (0.5 * ratio**2 * density)
 
@@ -135,14 +135,14 @@ def _separations(scene, prepared, surfaces, densities, q, quadrature, points):
         at = (velocity, mean_pressure * jnp.exp(load_step), *temperature)
         return evaluate(ready, ("separation",), at)["separation"]
 
-    def one(q, mean_pressure):
+    def gap_and_slopes(q, mean_pressure):
         zero = jnp.zeros_like(q)
         steps = functools.partial(beyond, q=q, mean_pressure=mean_pressure)
         gap, by_log_q = jax.jvp(lambda step: steps(step, zero), (zero,), (zero + 1,))
         _, by_log_load = jax.jvp(lambda step: steps(zero, step), (zero,), (zero + 1,))
         return gap, by_log_q, by_log_load
 
-    gap, by_log_q, by_log_load = (y.T for y in jax.vmap(one)(q, (pressure[:, None] / P).T))
+    gap, by_log_q, by_log_load = (y.T for y in jax.vmap(gap_and_slopes)(q, (pressure[:, None] / P).T))
     leaving = slope < 0
     rate = P * by_log_q / jnp.where(leaving, slope, -1.0)
     u1 = jnp.where(leaving, gap - by_log_load + rate, jnp.where(gap > 0, jnp.inf, 0.0))

@@ -199,8 +199,8 @@ def fit_download(explorer: Explorer, values: CurveValues) -> Answer:
 
 def job_text(explorer: Explorer, values: CurveValues, measured: MeasuredPoints, table: str) -> str:
     """Return the text of the job file of `fit_download`, where `table` is the file of the measured points."""
-    away = [one for one in explorer.sliders if one.targets and values[one.name] != one.start]
-    rules = dict(pair for one in away for pair in _rules(one, values[one.name]))
+    away = [slider for slider in explorer.sliders if slider.targets and values[slider.name] != slider.start]
+    rules = dict(pair for slider in away for pair in _rules(slider, values[slider.name]))
     if not rules:
         raise ValueError("no number that a fit can vary was moved; move a slider of the scene")
     # A free array cannot have free elements as well.
@@ -220,7 +220,7 @@ def job_text(explorer: Explorer, values: CurveValues, measured: MeasuredPoints, 
     if measured.temperature is None and "temperature" in values:
         lines.append(f"temperature = {values['temperature']!r}  # K")
     lines += ["", "[free]", *(f'"{path}" = {rule}' for path, rule in rules.items())]
-    left = [one.name for one in away if not one.free]
+    left = [slider.name for slider in away if not slider.free]
     lines += [f"# {name}: was moved, but cannot be a free parameter of a fit" for name in left]
     return "\n".join(lines) + "\n"
 

@@ -93,7 +93,7 @@ def with_cutoffs(scene: Scene) -> Scene:
 
 
 def slider_values(sliders: Sequence[Slider], content: Any) -> dict[str, float]:
-    """Return the value of every slider: from the object `given` by slider name, or the start value.
+    """Return the value of every slider: from the object `content` by slider name, or the start value.
 
     A ValueError is raised for an unknown slider, and for a value that is not a number within its range.
     """

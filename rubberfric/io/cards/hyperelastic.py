@@ -74,7 +74,6 @@ def _chains(c):
     return c[0] * sum(a * c[1] ** (-2 * i) for i, a in enumerate(series))
 
 
-NEO_HOOKE = Energy(1, 1, lambda c: 2 * c[0])  # with C10, half the shear modulus
 SHEAR_AND_D = Energy(1, 1, lambda c: c[0])  # neo-Hookean with the shear modulus itself
 ARRUDA_BOYCE = Energy(2, 1, _chains)  # with mu and the limiting stretch
 VAN_DER_WAALS = Energy(4, 1, lambda c: c[0])  # with the shear modulus first

@@ -13,7 +13,7 @@ import numpy as np
 from rubberfric.base.checks import NumberLike, as_leaf, shown
 from rubberfric.io.cards.text import need
 from rubberfric.materials.prony import Prony, PronyShear
-from rubberfric.materials.shifts import TabulatedVertical, log_vertical
+from rubberfric.materials.shifts import TabulatedVertical, log_factors, log_vertical
 
 # Programs whose cards hold moduli at several temperatures.
 _ROWS = ("abaqus", "ansys")
@@ -26,12 +26,12 @@ _MOST_ROWS = 1000
 
 
 def at_temperature(material: object, temperature: NumberLike) -> object:
-    """Return the material at a temperature [K], without a shift. `_series` refuses other materials."""
+    """Return the material at a temperature [K], without its shift. Raise ValueError if it has none."""
     law = getattr(material, "shift", None)
     if not isinstance(material, Prony | PronyShear) or law is None:
         raise ValueError(f"temperature = {shown(temperature)}: must not be given; the material has no shift")
     law.check_temperature(temperature)
-    times = np.asarray(material.tau, float) * math.exp(float(law.log_factor(temperature)))
+    times = np.asarray(material.tau, float) * math.exp(float(log_factors(law, temperature)))
     log_b = log_vertical(law, temperature)
     scale = 1.0 if log_b is None else math.exp(float(log_b))
     if isinstance(material, PronyShear):
@@ -80,7 +80,7 @@ def rows_of(
 
     def factor(T):
         padded = np.pad(np.ravel(T), (0, -T.size % _BLOCK), "edge").reshape(-1, _BLOCK)
-        logs = [np.asarray(vertical.log_factor(block, T_ref), float) for block in padded]
+        logs = [log_factors(vertical, block, T_ref) for block in padded]
         return np.exp(np.concatenate(logs)[: T.size].reshape(T.shape))
 
     T = np.unique([*ends, T_ref, *nodes[(nodes > ends[0]) & (nodes < ends[1])]])

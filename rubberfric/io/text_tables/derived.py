@@ -137,7 +137,7 @@ def plan_for(wanted: Iterable[str], available: Collection[str], area: bool = Fal
     Parameters
     ----------
     wanted : quantities
-    given : quantities of the columns of a table
+    available : quantities of the columns of a table
     area : True if the contact area is known. Otherwise a load gives no pressure.
     """
     columns: dict[str, None] = {}

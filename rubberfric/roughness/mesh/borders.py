@@ -41,12 +41,12 @@ def place_borders(
     laws: Sequence[BrokenPowerLaw],
     quadrature: Quadrature,
     graded: bool,
-    asked: jax.Array | None,
+    borders: jax.Array | None,
     moving: bool,
 ) -> Borders:
     """Return the `Borders` of the panels.
 
-    `build_mesh` describes the arguments. There, `asked` has the name `borders`.
+    `build_mesh` describes the arguments.
     """
     begins = jnp.stack([law.q[0] for law in laws])
     leader = jnp.argmin(jax.lax.stop_gradient(begins))
@@ -75,9 +75,9 @@ def place_borders(
         if quadrature.graded and not moving:
             fixed = [_among_graded(border, kinks, grades) for border in fixed]
     groups = [fixed[0], *kinks, *fixed[1:], *graded_ones]
-    if asked is not None:
+    if borders is not None:
         # `where`, because a clip would halve the derivative of a border at an end.
-        distance = log_ratio(jnp.where(asked >= first, asked, first), first)
+        distance = log_ratio(jnp.where(borders >= first, borders, first), first)
         groups.append(jnp.where(distance <= end, distance, end))
     t = jnp.concatenate(groups)
     ranks = jnp.split(_ranks(jax.lax.stop_gradient(t)), np.cumsum([group.size for group in groups])[:-1])
@@ -93,7 +93,7 @@ def place_borders(
         edges=jnp.concatenate([begin[None], uniform, last[None]]),
         panel=_passed(ranks[0], t.size - 1),
         pieces=tuple(_passed(rank, t.size - 1) - 1 for rank in ranks[1 : 1 + len(kinks)]),
-        panels_below=None if asked is None else ranks[-1],
+        panels_below=None if borders is None else ranks[-1],
     )
 
 

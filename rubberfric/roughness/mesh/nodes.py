@@ -123,7 +123,7 @@ def build_mesh(
     nodes = left[:, None] + (right - left)[:, None] * relative
     measure = (right - left)[:, None] * stretch
     spectra = zip(laws, panels.kinks, panels.pieces, strict=True)
-    roughness = tuple(_roughness(*one, nodes, start) for one in spectra)
+    roughness = tuple(_roughness(*parts, nodes, start) for parts in spectra)
     if join is not None:
         # Before the weights: where kinks coincide, the weight of a panel of zero width is 0, and its
         # derivative must be multiplied by the joined spectrum.

@@ -128,7 +128,9 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     there = _beyond_q1(A, B, log_E_eff, moduli, law)
     factor = shape.height2 * shape.total * scale / (2 * pressure)
     mu_of_q, *across = (factor[:, None] * jnp.concatenate(both, -1) for both in zip(here, there, strict=True))
-    return State(A, jnp.sum(mu_of_q, -1), mu_of_q, [jnp.sum(one, -1) for one in across], share, converged)
+    return State(
+        A, jnp.sum(mu_of_q, -1), mu_of_q, [jnp.sum(density, -1) for density in across], share, converged
+    )
 
 
 def _scale(E):
@@ -228,7 +230,7 @@ def _below_q1(A, B, log_E_eff, moduli, law):
         return [[jnp.sum(weights * lost, -1) for weights in kind] for kind in kinds]
 
     lost = [_at(B, kind) for kind in jax.lax.map(ring, (moduli.loss, around, stiff))]
-    return 1 / (1 + odds), [_weight(shape) * jnp.exp(log_S_bar) * one for one in lost]
+    return 1 / (1 + odds), [_weight(shape) * jnp.exp(log_S_bar) * mean for mean in lost]
 
 
 def _beyond_q1(A, B, log_E_eff, moduli, law):

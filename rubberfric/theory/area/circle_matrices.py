@@ -76,8 +76,8 @@ def circle_matrices(
     if panels is None:  # nothing depends on the frequency
         even, odd = _directions(densities, jnp.zeros(1, log_q.dtype))
         shape = log_q.size, 1
-        one, none = (jnp.ones((len(x), *shape), log_q.dtype) for x in (even, odd))
-        return CircleMatrices(jnp.exp(log_q[-1:]), one, 0 * one, 0 * none)
+        unity, zero = (jnp.ones((len(x), *shape), log_q.dtype) for x in (even, odd))
+        return CircleMatrices(jnp.exp(log_q[-1:]), unity, 0 * unity, 0 * zero)
     finer = 1.0 if detail is None else min(8.0, max(1.0, 2 * _GRID / detail))
     count = round(finer * (_ENTRIES + _PER_PANEL * panels))
     # The density of a stretched surface has poles at sin(Im t) = r or 1/r, so its rule needs smaller steps.
@@ -105,8 +105,8 @@ def circle_matrices(
 
 
 def _directions(densities, phi):
-    one = jnp.ones((1, phi.size), phi.dtype)
-    return Directions(one, one[:0]) if densities is None else densities(phi)
+    unity = jnp.ones((1, phi.size), phi.dtype)
+    return Directions(unity, unity[:0]) if densities is None else densities(phi)
 
 
 def _interpolation(position, count):

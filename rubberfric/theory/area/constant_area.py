@@ -104,10 +104,10 @@ def solve_energy_criterion(unloading: Unloading) -> AdhesiveLoad:
 
 
 def _solved(point):
-    """Return (found, full, converged) at one point.
+    """Return (solution, full, converged) at one point.
 
-    `found` is the smallest solution ln(p_1 / sigma_0). `full` is True in full contact. `converged` is True if
-    a solution was found or the contact is full.
+    `solution` is the smallest solution ln(p_1 / sigma_0). `full` is True in full contact. `converged` is True
+    if a solution was found or the contact is full.
     """
     top = jnp.maximum(jnp.log(_FULL / point.end), 0.0)
     lumped = _lumped(point)

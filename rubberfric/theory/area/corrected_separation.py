@@ -55,10 +55,10 @@ class CorrectedSeparation(NamedTuple):
 
     def loss_weight(self, x: jax.Array, c: jax.Array) -> tuple[jax.Array, jax.Array]:
         """Return k and dk / d ln x, given x <= 27."""
-        one, two = _energy_slopes(x, self.corrected(x), self.gamma)
+        s1, s2 = _energy_slopes(x, self.corrected(x), self.gamma)
         w = x * self.gap(jnp.log(x))
-        fall = one - w
-        return w + one + c * x * x * fall, two - fall + c * x * x * (3 * fall + two)
+        fall = s1 - w
+        return w + s1 + c * x * x * fall, s2 - fall + c * x * x * (3 * fall + s2)
 
 
 def corrected_separation(gamma: jax.Array) -> CorrectedSeparation:
@@ -71,12 +71,12 @@ def corrected_separation(gamma: jax.Array) -> CorrectedSeparation:
     # One pass over entries and nodes compiles in half the time of two.
     place = jnp.append(entry, (entry[:-1, None] + step * node).reshape(-1))
     x = jnp.exp(place)
-    one, two = _energy_slopes(x, correct_argument(correction, x), gamma)
-    parts = step * (one / x)[_ENTRIES:].reshape(-1, _ORDER) @ weight
+    s1, s2 = _energy_slopes(x, correct_argument(correction, x), gamma)
+    parts = step * (s1 / x)[_ENTRIES:].reshape(-1, _ORDER) @ weight
     # From the largest x on, where the smallest parts are.
     value = jnp.append(jnp.cumsum(parts[::-1])[::-1], 0.0)
-    one, two, x = one[:_ENTRIES], two[:_ENTRIES], x[:_ENTRIES]
-    gap = quintic_table(entry[0], typed(step, gamma), value, -one / x, (one - two) / x)
+    s1, s2, x = s1[:_ENTRIES], s2[:_ENTRIES], x[:_ENTRIES]
+    gap = quintic_table(entry[0], typed(step, gamma), value, -s1 / x, (s1 - s2) / x)
     return CorrectedSeparation(gamma, correction, gap)
 
 
@@ -95,6 +95,6 @@ def _energy_slopes(x, X, gamma):
     # d ln X / d ln x, because dG = S dg.
     growth = S * (X / x) ** 2
     rise = bell * X * growth  # dP / d ln x
-    one = steep * rise
+    s1 = steep * rise
     curl = 2 * (1 - gamma) * P * rise * (1 / S + 3 / steep)
-    return one, one * (growth * (3 - 2 * X * X) - 2 + curl)
+    return s1, s1 * (growth * (3 - 2 * X * X) - 2 + curl)

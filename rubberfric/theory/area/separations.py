@@ -142,15 +142,15 @@ def _loss_tables():
     node, weight = gauss(12)
     tables = []
     for gamma in (0.0, 1.0):
-        one, two, three = _energy_slopes(x, gamma)
+        s1, s2, s3 = _energy_slopes(x, gamma)
         between = np.exp(log_x[:-1, None] + _STEP * node)
         # The slope is 0 beyond the last entry.
         steps = _STEP * _energy_slopes(between, gamma)[0] @ weight
         gap = x * np.append(np.cumsum(steps[::-1])[::-1], 0.0)
-        one, two, three = x * one, x**2 * two, x**3 * three
-        fall, turn = gap - one, 2 * two + three
-        without = -(gap + two), -(fall + turn)
-        times_c = -(4 * one + two - 3 * gap), -(4 * (one + two) + turn - 3 * fall)
+        s1, s2, s3 = x * s1, x**2 * s2, x**3 * s3
+        fall, turn = gap - s1, 2 * s2 + s3
+        without = -(gap + s2), -(fall + turn)
+        times_c = -(4 * s1 + s2 - 3 * gap), -(4 * (s1 + s2) + turn - 3 * fall)
         times_c = x**2 * times_c[0], x**2 * (2 * times_c[0] + times_c[1])
         tables.append(np.stack([without, times_c], 1) * np.array([1.0, _STEP])[:, None, None])
     return np.stack(tables)
@@ -159,9 +159,9 @@ def _loss_tables():
 def _energy_slopes(x, gamma):
     """Return the first three derivatives of s = S P with respect to x."""
     P, bell = scipy.special.erf(x), TWO_OVER_ROOT_PI * np.exp(-x * x)
-    one = bell * (gamma + 3 * (1 - gamma) * P**2)
-    two = -2 * x * one + 6 * (1 - gamma) * P * bell**2
-    return one, two, -2 * one - 2 * x * two + 6 * (1 - gamma) * bell**2 * (bell - 4 * x * P)
+    s1 = bell * (gamma + 3 * (1 - gamma) * P**2)
+    s2 = -2 * x * s1 + 6 * (1 - gamma) * P * bell**2
+    return s1, s2, -2 * s1 - 2 * x * s2 + 6 * (1 - gamma) * bell**2 * (bell - 4 * x * P)
 
 
 def spread(separation: jax.Array, width: jax.Array, reach: jax.Array) -> jax.Array:

@@ -148,8 +148,8 @@ def prepare_thermal(
     return thermal._replace(coarse=without_derivatives(coarse_balance))
 
 
-def _index(values, one):
-    return values.index(one) if one in values else None
+def _index(values, value):
+    return values.index(value) if value in values else None
 
 
 def unknowns(mesh: Mesh) -> jax.Array:

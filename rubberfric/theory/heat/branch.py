@@ -108,7 +108,7 @@ def path(
     def beyond(place):
         return direction * (place.log_v - targets) > 0
 
-    def one(progress):
+    def step(progress):
         k, place, trial, reached = progress
         place, trial, _ = _evaluated(residual, place, trial, direction * jnp.inf, _NEAR, begin.log_v)
         reached = jax.tree.map(
@@ -119,7 +119,7 @@ def path(
     def going(progress):
         return (progress[0] < _MOST_EVALUATIONS) & ~jnp.all(beyond(progress[1]))
 
-    return jax.lax.while_loop(going, one, (0, begin, _first(begin, begin.log_v), reached))[-1]
+    return jax.lax.while_loop(going, step, (0, begin, _first(begin, begin.log_v), reached))[-1]
 
 
 def arrive(
@@ -145,7 +145,7 @@ def arrive(
     begin = places.log_v
     ready = places._replace(step=jnp.minimum(places.step, jnp.abs(targets - begin)))
 
-    def one(progress):
+    def step(progress):
         k, place, trial, arrived = progress
         new = _evaluated(residual, place, trial, targets, tolerance, begin)
         # A row stops at its own target, so its result does not depend on the other rows.
@@ -159,7 +159,7 @@ def arrive(
 
     at = begin + jnp.sign(targets - begin) * ready.step
     progress = 0, ready, _first(ready, at), jnp.zeros(begin.shape, bool)
-    _, place, _, arrived = jax.lax.while_loop(going, one, progress)
+    _, place, _, arrived = jax.lax.while_loop(going, step, progress)
     return place.rises, arrived
 
 

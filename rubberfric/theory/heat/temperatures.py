@@ -134,10 +134,10 @@ def solve_rises(thermal: Thermal, roughness: Roughness, points: HeatedPoints) ->
         # One row at a time, because there are few.
         i = jnp.argmax(left)
         pick = functools.partial(jax.lax.dynamic_slice_in_dim, start_index=i, slice_size=1)
-        one, target = tuple(map(pick, points)), pick(targets)
-        begin = begin_at(_before(thermal, _begin(thermal, one), target), jnp.zeros_like(solution.rises[:1]))
+        point, target = tuple(map(pick, points)), pick(targets)
+        begin = begin_at(_before(thermal, _begin(thermal, point), target), jnp.zeros_like(solution.rises[:1]))
         rises, arrived = arrive(
-            _residual(thermal, roughness, thermal.diffusion, one), begin, target, _FINE_STEP
+            _residual(thermal, roughness, thermal.diffusion, point), begin, target, _FINE_STEP
         )
         # If neither arrives, prefer a fixed point to an iterate.
         better = arrived | ~pick(solution.converged)
@@ -202,10 +202,10 @@ def _places(thermal, points, targets):
     def followed(progress):
         places, left = progress
         i = jnp.argmax(left)
-        one = tuple(jax.lax.dynamic_slice_in_dim(x, i, 1) for x in points)
-        residual = _residual(thermal, coarse.roughness, coarse.diffusion, one)
-        same = left & (pressure == one[1]) & (background == one[2])
-        begin = begin_at(_begin(thermal, one), jnp.zeros((1, size), targets.dtype))
+        point = tuple(jax.lax.dynamic_slice_in_dim(x, i, 1) for x in points)
+        residual = _residual(thermal, coarse.roughness, coarse.diffusion, point)
+        same = left & (pressure == point[1]) & (background == point[2])
+        begin = begin_at(_begin(thermal, point), jnp.zeros((1, size), targets.dtype))
         own = path(residual, begin, jnp.where(same, targets, -direction * jnp.inf), direction)
         places = jax.tree.map(
             lambda new, old: jnp.where(same.reshape(-1, *(1,) * (old.ndim - 1)), new, old), own, places

@@ -167,7 +167,7 @@ def at_points(
     F: Callable[..., jax.Array],
     q: jax.Array,
     log_speed: jax.Array,
-    given: tuple[jax.Array | None, ...],
+    arguments: tuple[jax.Array | None, ...],
     kinds: list[MeanKind],
     harmonics: Harmonics | None,
     detail: float | None,
@@ -176,10 +176,10 @@ def at_points(
 
     Parameters
     ----------
-    F : function of q, omega and the arrays `given`, of shapes that broadcast
+    F : function of q, omega and the `arguments`, of shapes that broadcast
     q : [1/m], shape (panels, order)
     log_speed : logarithm of omega / (q cos(phi)), shape (points,) or (panels, points, order)
-    given : further arguments of F, each None or of a shape like `log_speed`
+    arguments : further arguments of F, each None or of a shape like `log_speed`
     kinds, harmonics, detail : as in `on_grid`
 
     Returns
@@ -202,13 +202,13 @@ def at_points(
         return jnp.broadcast_to(x, (q.shape[0], x.shape[-2], x.shape[-1]))
 
     def panel(values):
-        (q, log_speed, *given), shares = values
+        (q, log_speed, *arguments), shares = values
         omega = jnp.exp(jnp.log(q) + log_speed)[..., None] * sine
-        at = F(q[:, None], omega, *(None if x is None else x[..., None] for x in given))
+        at = F(q[:, None], omega, *(None if x is None else x[..., None] for x in arguments))
         rows = {kind: jnp.moveaxis(kind.of(at) @ weights[kind.weights].T, -1, 0) for kind in kinds}
         return _with_harmonics(rows, shares)
 
-    arrays = (None if x is None else everywhere(x) for x in (log_speed, *given))
+    arrays = (None if x is None else everywhere(x) for x in (log_speed, *arguments))
     return _over_panels(panel, (q, *arrays), harmonics)
 
 

@@ -221,6 +221,6 @@ def circle_rule(step: float, growth: float = 15.0) -> tuple[np.ndarray, np.ndarr
     psi = 2 * np.arctan(np.exp(-t))
     psi[0] = 0.5 * np.pi
     rule = psi, weight / weight.sum()
-    for one in rule:
-        one.setflags(write=False)
+    for array in rule:
+        array.setflags(write=False)
     return rule

@@ -60,8 +60,8 @@ class PronyStiffness(NamedTuple):
 def _sums(weights, tau, qv):
     """Sum over the terms at every q v in one pass. No array of size terms x points is stored."""
     front = (slice(None), *(None,) * qv.ndim)
-    one, sine = _relaxation(_stored(tau)[front] * qv)
-    parts = {"mean_abs2": one, "mean_cos_loss": sine, "mean_storage": one}
+    storage, sine = _relaxation(_stored(tau)[front] * qv)
+    parts = {"mean_abs2": storage, "mean_cos_loss": sine, "mean_storage": storage}
     return {name: jnp.sum(_stored(weight)[front] * parts[name], 0) for name, weight in weights.items()}
 
 
@@ -84,8 +84,8 @@ def _sums_as_products(weights, tau, qv):
 
     Matrix products are slower than one pass, but have a faster derivative.
     """
-    one, sine = _relaxation(tau[:, None] * qv.reshape(-1))
-    parts = {"mean_abs2": one, "mean_cos_loss": sine, "mean_storage": one}
+    storage, sine = _relaxation(tau[:, None] * qv.reshape(-1))
+    parts = {"mean_abs2": storage, "mean_cos_loss": sine, "mean_storage": storage}
     return {name: (weight @ parts[name]).reshape(qv.shape) for name, weight in weights.items()}
 
 
@@ -99,9 +99,9 @@ def _relaxation(a):
 def _relaxation_jvp(primals, tangents):
     # d(1 - 1/r) = a/r^3 da and d sine = (1/r^3 - 1/(r (1 + r))) da need only products. Differentiating the
     # expressions would repeat divisions and roots.
-    one, sine, r, inverse = _relaxation_parts(*primals)
+    storage, sine, r, inverse = _relaxation_parts(*primals)
     cube = (inverse * (1 + r)) ** 3
-    return (one, sine), (primals[0] * cube * tangents[0], (cube - inverse) * tangents[0])
+    return (storage, sine), (primals[0] * cube * tangents[0], (cube - inverse) * tangents[0])
 
 
 def _relaxation_parts(a):

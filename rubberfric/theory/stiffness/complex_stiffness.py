@@ -151,8 +151,8 @@ def factors_of_q(surface: RoughSurface, q: jax.Array) -> tuple[jax.Array, jax.Ar
 def kinks(surfaces: Sequence[RoughSurface]) -> list[jax.Array]:
     """Return arrays of wavevectors at which F_j has kinks [1/m]. A scene without softening has none."""
     # Two solids with equal softening have the same knots.
-    different = {id(one.softening): one for one in surfaces[0].soft_solids}
-    return [knots(one) for one in different.values()]
+    different = {id(softened.softening): softened for softened in surfaces[0].soft_solids}
+    return [knots(softened) for softened in different.values()]
 
 
 def modulus_scale(scene: Scene) -> jax.Array:
@@ -180,8 +180,12 @@ def frequency_range(surface: RoughSurface) -> FrequencyRange:
     strained, resting = surface.strained, None
     if surface.rough.material.deforms and surface.rough.layer is None and strained.layer is None:
         resting = surface.rough.material.static_reduced()
-    solids = [one for one in (strained.material, strained.below) if one is not None and one.relaxes]
-    low, high, rest = zip(*(_range_of(one, resting) for one in solids), strict=True)
+    solids = [
+        material
+        for material in (strained.material, strained.below)
+        if material is not None and material.relaxes
+    ]
+    low, high, rest = zip(*(_range_of(material, resting) for material in solids), strict=True)
     ends = jnp.min(jnp.stack(low)), jnp.max(jnp.stack(high)), jnp.min(jnp.stack(rest))
     return FrequencyRange(*jax.lax.stop_gradient(ends))
 

@@ -136,9 +136,9 @@ def means_table(
     weights = _mixed_weights(circle_weights(step, count_of_harmonics), mix)
     of_kinds = [weights[kind.weights] for kind in kinds]
     weights = Weights(
-        _stack([one.near for one in of_kinds]),
-        _stack([one.far for one in of_kinds]),
-        np.stack([one.parity for one in of_kinds]),
+        _stack([of_kind.near for of_kind in of_kinds]),
+        _stack([of_kind.far for of_kind in of_kinds]),
+        np.stack([of_kind.parity for of_kind in of_kinds]),
     )
     begin = np.array([1.0 if material.loss_beyond == "fall" and kind.odd else 0.0 for kind in kinds])
     rows = circle_means(jnp.stack([kind.of(F) for kind in kinds]), weights, step, begin, before)
@@ -199,13 +199,13 @@ def _moments(harmonics, outside):
     """
     m = np.arange(1, harmonics + 1)
     sign = -((-1.0) ** m)
-    none, one = np.zeros(harmonics), np.ones((2, 1))
-    even = np.hstack([one, [none, none]])
+    none, unity = np.zeros(harmonics), np.ones((2, 1))
+    even = np.hstack([unity, [none, none]])
     if outside == "fall":
         first = np.where(m == 1, 0.25, 0.0)
-        return even, np.hstack([[[0.5], [1.0]], [first, none]]), np.hstack([0 * one, [first, sign]])
+        return even, np.hstack([[[0.5], [1.0]], [first, none]]), np.hstack([0 * unity, [first, sign]])
     along, across = sign / (4 * m**2 - 1), 2 * m * sign / (4 * m**2 - 1)
-    return even, 2 / np.pi * np.hstack([one, [along] * 2]), 2 / np.pi * np.hstack([0 * one, [across] * 2])
+    return even, 2 / np.pi * np.hstack([unity, [along] * 2]), 2 / np.pi * np.hstack([0 * unity, [across] * 2])
 
 
 class _Position(NamedTuple):

@@ -78,9 +78,7 @@ CHANGES = {
     "moduli": {"changed": stiffer},
     "gamma": {"changed": lambda scene: scene.replace("gamma", 0.6)},
     "upper.material.shift.C1": {"changed": lambda scene: scene.replace("upper.material.shift.C1", 12.5)},
-    "contact model": {
-        "changed": lambda scene: dataclasses.replace(scene, contact_model="boundary_elements"),
-    },
+    "contact model": {"changed": lambda scene: dataclasses.replace(scene, contact_model="boundary_elements")},
 }
 
 
@@ -215,10 +213,7 @@ def test_words_for_the_largest_error():
         ([contact._replace(shift=np.array([0.1, 0.1]))], ""),
         ([contact._replace(shift=np.array([18.0, 0.1]))], "moves a.E by a factor of about 10 (90 standard"),
         ([contact._replace(shift=np.array([-1.9, 0.1]))], "moves a.E by a factor of about 0.05 (9.5"),
-        (
-            [contact, default, given],
-            "an error of gamma (gamma + 0.1) moves a.E by +-3.5e+02 % (35",
-        ),
+        ([contact, default, given], "an error of gamma (gamma + 0.1) moves a.E by +-3.5e+02 % (35"),
     ):
         text = largest_error(names, values, stderr, found, data, True, False)
         assert text.startswith(expected) or (expected and expected in text), text

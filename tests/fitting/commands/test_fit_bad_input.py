@@ -45,7 +45,7 @@ def refused(text, *arguments, error=ValueError, **options):
 # --- arguments
 
 
-@pytest.mark.parametrize("scene", [3, None, "scene.toml", ROAD])
+@pytest.mark.parametrize("scene", ["scene.toml", ROAD])
 def test_scene(scene):
     refused(f"scene is a {type(scene).__name__}: must be a Scene", scene, MODULUS, FREE)
 
@@ -54,12 +54,9 @@ def test_scene(scene):
     ("data", "text"),
     [
         ([], "data is empty: must hold at least one data set"),
-        ((), "data is empty"),
         (None, "data is a NoneType: must be FrictionData, AreaData, ModulusData, SpectrumData, SlipData or"),
-        (5, "data is a int: must be"),
         ("friction.csv", "data is a str: must be"),
         ({"a": MODULUS}, "data is a dict: must be"),
-        (np.ones((3, 2)), "data is a ndarray: must be"),
         (ModulusData, "data is a type: must be"),
         ([MODULUS, None], "data[1] is a NoneType: must be FrictionData, AreaData, ModulusData, Spec"),
         ([[MODULUS]], "data[0] is a list: must be"),
@@ -73,25 +70,14 @@ def test_data(data, text):
     ("options", "text"),
     [
         ({"method": "newton"}, "method = 'newton': must be one of lm, lbfgs, adam"),
-        ({"method": ["lm"]}, "method = ['lm']: must be one of"),
-        ({"method": None}, "method = None: must be one of"),
         ({"loss": "l2"}, "loss = 'l2': must be one of linear, huber, soft_l1, cauchy"),
-        ({"loss": ["huber"]}, "loss = ['huber']: must be one of"),
         ({"loss_width": 0.0, "loss": "huber"}, "loss_width = 0.0: must be a finite number > 0"),
-        ({"loss_width": np.inf, "loss": "huber"}, "loss_width = inf: must be a finite number > 0"),
-        ({"loss_width": "wide"}, "loss_width = 'wide': must be a finite number > 0"),
         ({"starts": 0}, "starts = 0: must be an integer, 1 to 10000"),
-        ({"starts": 2.0}, "starts = 2.0: must be an integer, 1 to 10000"),
         ({"starts": True}, "starts = True: must be an integer, 1 to 10000"),
-        ({"starts": None}, "starts = None: must be an integer, 1 to 10000"),
         ({"max_steps": 0}, "max_steps = 0: must be an integer, 1 to 1000000"),
-        ({"max_steps": -1}, "max_steps = -1: must be an integer, 1 to 1000000"),
-        ({"max_steps": 2.5}, "max_steps = 2.5: must be an integer, 1 to 1000000"),
         ({"scale_errors": "yes"}, "scale_errors = 'yes': must be \"auto\", True or False"),
         ({"tolerance": 0.0}, "tolerance = 0.0: must be a finite number > 0"),
-        ({"tolerance": "small"}, "tolerance = 'small': must be a finite number > 0"),
         ({"decades": np.nan, "starts": 2}, "decades = nan: must be a finite number > 0"),
-        ({"decades": -1.0, "starts": 2}, "decades = -1.0: must be a finite number > 0"),
         ({"key": 3, "starts": 2}, "key = 3: must be a jax.random.key, such as jax.random.key(1)"),
         ({"callback": 3}, "callback = 3: must be a function of (step, cost), or None"),
         ({"prior": [Smooth()]}, "must be a dict of key path -> Gaussian, Smooth, Sum or Correlated, or None"),

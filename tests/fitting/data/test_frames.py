@@ -77,11 +77,7 @@ def test_there_and_back():
         ({"v": V, "mu": ["a"] * 3, "p": V}, None, r"^data frame: row 1: mu = 'a': must be a number$"),
         ({"v": V, "mu": MU}, {"T": "C"}, r"^units: 'T' is not a column that is read$"),
         ({"v [m/s]": V, "mu": MU, "p": V}, {"v": "mm/s"}, r"^column 'v \[m/s\]': unit 'mm/s' contradicts"),
-        (
-            {"v": V, "mu": [1.0, np.nan, 1.0], "p": V},
-            None,
-            r"^data frame: row 2: mu = 'nan': must be finite",
-        ),
+        ({"v": V, "mu": [1.0, np.nan, 1.0], "p": V}, None, r"^data frame: row 2: mu = 'nan': must be finite"),
         ({"v": V, "mu": MU}, None, r"^data frame: no column p: .* it has the columns v, mu\. Rename"),
         ({"v": V, "mu": [1.0]}, None, r"^data frame: columns differ in length \('v' has 3, 'mu' has 1\)"),
     ],

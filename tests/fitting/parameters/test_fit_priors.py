@@ -3,19 +3,15 @@
 import dataclasses
 import itertools
 
-import jax
 import jax.numpy as jnp
-import mpmath
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
 from fitting import Bounded, Correlated, Free, Gaussian, ModulusData, Positive, Smooth, Sum, Tied, fit
 from fitting.parameters.priors import prior_residuals, prior_size, read_priors
 from fitting.parameters.variables import free_parameters, to_scene
-from fitting.solvers import objective as losses
 from fitting.solvers.objective import LOSS_WIDTHS
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import loss_of, residuals
@@ -25,7 +21,6 @@ TAU = np.array([1e-7, 1e-4, 1e-5, 1e-1])  # neither in order nor evenly spaced
 MODULI = np.array([5e8, 8e6, 5e7, 2e6])
 RUBBER = rf.Prony(3e6, MODULI, TAU)
 SCENE = cast(rf.Scene(ROAD, rf.Body(RUBBER)), np.float64)
-LOSSES = tuple(LOSS_WIDTHS)
 
 
 def rows(free, prior, shift=0.0):
@@ -134,10 +129,8 @@ def test_smooth_rows_of_other_parameters():
         ({E: Gaussian(-1e7, 1e6)}, "mean = -1e+07: must be > 0 for a Positive parameter"),
         ({E: Gaussian([1e7, 2e7], 1e6)}, "mean has 2 numbers: must have 4 or one"),
         ({"gamma": Gaussian(1.0, 0.1)}, "mean = 1: must be inside the parameter's bounds"),
-        ({"gamma": Gaussian(7.0, 0.1)}, "mean = 7: must be inside the parameter's bounds"),
         ({E: 0.3}, f"prior['{E}'] = 0.3: must be Gaussian, Smooth, Sum or Correlated"),
         ({E: Gaussian}, "must be Gaussian, Smooth, Sum or Correlated"),
-        ({E: Positive()}, "must be Gaussian, Smooth, Sum or Correlated"),
         ({E + "[1:]": Smooth()}, "Smooth must have the path of a whole vector with an abscissa"),
         ({"gamma": Smooth()}, "Smooth must have the path of a whole vector"),
         ({"upper.material.tau": Smooth()}, "such as E of a Prony series or storage of a table"),
@@ -167,17 +160,12 @@ def test_smooth_needs_a_free_series_of_three_different_times():
         (lambda: Gaussian(np.nan, 1.0), "mean = nan: must be a finite number"),
         (lambda: Gaussian([1.0, np.inf], 1.0), "must be a finite number"),
         (lambda: Gaussian(1.0, [1.0, -1.0]), "must be a finite number > 0"),
-        (lambda: Gaussian([], 1.0), "must be a finite number"),
-        (lambda: Gaussian("soft", 1.0), "mean = 'soft': must be a finite number"),
         (lambda: Gaussian(1.0, 0.0), "sigma = 0.0: must be a finite number > 0"),
-        (lambda: Gaussian(1.0, -1.0), "must be a finite number > 0"),
-        (lambda: Gaussian(1.0, np.inf), "must be a finite number > 0"),
         (lambda: Smooth(0.0), "sigma = 0.0: must be a finite number > 0"),
-        (lambda: Smooth(None), "must be a finite number > 0"),
+        (lambda: Sum(high=1.0, sigma=0.0), "sigma = 0.0: must be a finite number > 0"),
         (lambda: Sum(), "must be numbers > 0, at least one of them given"),
         (lambda: Sum(high=-1.0), "must be numbers > 0"),
         (lambda: Sum(2.0, 1.0), "must be low < high"),
-        (lambda: Sum(high=1.0, sigma=0.0), "sigma = 0.0: must be a finite number > 0"),
         (lambda: Correlated((1.0,), ((1.0, 0.0),), (0.0,), (np.inf,)), "covariance must be numbers of the"),
         (lambda: Correlated((), (), (), ()), "mean must be numbers of the shape"),
         (lambda: Correlated((1.0,), ((0.0,),), (0.0,), (np.inf,)), "> 0 on its diagonal"),
@@ -228,96 +216,3 @@ def test_robust_losses_leave_priors_quadratic():
     expected = 0.5 * (width**2 * np.sum(np.log1p((found[:-1] / width) ** 2)) + found[-1] ** 2)
     loss = loss_of(problem.structure, problem.numbers)
     assert float(loss.cost(found)) == pytest.approx(expected, rel=1e-14)
-
-
-# --- losses
-
-RESIDUALS = np.concatenate([[0.0], np.logspace(-8, 4, 37), -np.logspace(-3, 3, 7)])
-rho, factors = (jax.jit(function, static_argnums=0) for function in (losses.rho, losses.factors))
-
-
-@pytest.mark.parametrize("loss", LOSSES)
-@pytest.mark.parametrize("width", [0.1, 1.0, 2.5])
-def test_cost_is_scipys(loss, width):
-    """0.5 sum C^2 rho((r / C)^2), C = f_scale, evaluated by `least_squares` itself."""
-    result = least_squares(
-        lambda x: RESIDUALS + 0 * x,
-        [0.0],
-        loss=loss,
-        f_scale=width,
-        max_nfev=1,
-        jac=lambda _: 0 * RESIDUALS[:, None],
-    )
-    cost = 0.5 * np.sum(rho(loss, width, jnp.asarray(RESIDUALS))[0])
-    np.testing.assert_allclose(cost, result.cost, rtol=1e-13)
-
-
-def textbook(loss, width):
-    """rho as a function of z0 = r^2, in mpmath."""
-    width2 = mpmath.mpf(width) ** 2
-    return {
-        "linear": lambda s: s,
-        "huber": lambda s: s if s <= width2 else width2 * (2 * mpmath.sqrt(s / width2) - 1),
-        "soft_l1": lambda s: 2 * width2 * (mpmath.sqrt(1 + s / width2) - 1),
-        "cauchy": lambda s: width2 * mpmath.log(1 + s / width2),
-    }[loss]
-
-
-@pytest.mark.parametrize("loss", LOSSES)
-@pytest.mark.parametrize("width", [0.3, 1.0, 4.0])
-def test_values_and_derivatives_of_the_losses(loss, width):
-    residual = np.array([1e-6, 1e-3, 0.1, 0.2, 0.9, 1.2, 3.0, 5.0, 40.0, 1e4, 1e8])
-    with mpmath.workdps(60):
-        exact = textbook(loss, width)
-        expected = [
-            [
-                float(mpmath.diff(exact, mpmath.mpf(r) ** 2, n, h=mpmath.mpf(r) ** 2 * mpmath.mpf("1e-12")))
-                for r in residual
-            ]
-            if n
-            else [float(exact(mpmath.mpf(r) ** 2)) for r in residual]
-            for n in range(3)
-        ]
-    for found, exact, tolerance in zip(
-        rho(loss, width, jnp.asarray(residual)), expected, (1e-14, 1e-10, 1e-10), strict=True
-    ):
-        np.testing.assert_allclose(found, exact, rtol=tolerance, atol=1e-30)
-
-
-@pytest.mark.parametrize("loss", LOSSES)
-def test_factors_give_the_gradient_and_a_positive_curvature(loss):
-    width = LOSS_WIDTHS[loss]
-    first, second = factors(loss, width, jnp.asarray(RESIDUALS))
-    slope = jax.jit(jax.vmap(jax.grad(lambda r: 0.5 * rho(loss, width, r)[0])))(jnp.asarray(RESIDUALS))
-    # d(rho / 2) / dr = r rho': rows times both factors.
-    np.testing.assert_allclose(RESIDUALS * first * second, slope, rtol=1e-13, atol=1e-300)
-    assert np.all(np.asarray(second) > 0)
-    curvature = jax.jit(jax.vmap(jax.grad(jax.grad(lambda r: 0.5 * rho(loss, width, r)[0]))))(
-        jnp.asarray(RESIDUALS)
-    )
-    convex = np.asarray(curvature) > 0.2 * np.asarray(first * second)
-    np.testing.assert_allclose(np.asarray(second)[convex] ** 2, curvature[convex], rtol=1e-10)
-
-
-@pytest.mark.parametrize("loss", LOSSES)
-@pytest.mark.parametrize("width", [1e-2, 1.0, 10.0])
-def test_no_residual_breaks_a_loss(loss, width):
-    residual = jnp.asarray([0.0, -0.0, 1e-200, 1e150, -1e150, width, -width])
-    for part in (*rho(loss, width, residual), *factors(loss, width, residual)):
-        assert np.isfinite(part).all()
-    value, first, _ = rho(loss, width, residual)
-    assert value[0] == 0 and first[0] == 1
-    gradient = jax.jit(jax.vmap(jax.grad(lambda r: rho(loss, width, r)[0])))(residual)
-    assert np.isfinite(gradient).all() and gradient[0] == 0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("loss", [loss for loss in LOSSES if loss != "linear"])
-def test_widths_make_gaussian_data_95_percent_efficient(loss):
-    """(E psi')^2 / E psi^2 of a location estimate, by quadrature over the normal distribution."""
-    r = jnp.linspace(-12, 12, 200_001)
-    weight = np.exp(-0.5 * np.asarray(r) ** 2)
-    weight /= weight.sum()
-    slope = jax.grad(lambda r: 0.5 * rho(loss, LOSS_WIDTHS[loss], r)[0])
-    psi, bend = np.asarray(jax.vmap(slope)(r)), np.asarray(jax.vmap(jax.grad(slope))(r))
-    assert np.sum(weight * bend) ** 2 / np.sum(weight * psi**2) == pytest.approx(0.95, abs=1e-3)

@@ -148,10 +148,7 @@ def test_intervals_with_free_contact_shear(curves_of_long_periods):
                 named += "the theory's error" in fit.report()
         height, stress = np.mean(inside, 0)
         given = "none" if discrepancy is None else "default"
-        print(
-            f"| {model} | {given} | {height:.3f} | {stress:.3f} | {named} of {len(inside)} |",
-            flush=True,
-        )
+        print(f"| {model} | {given} | {height:.3f} | {stress:.3f} | {named} of {len(inside)} |", flush=True)
         if discrepancy is not None:
             assert min(height, stress) >= 0.85
         if model == "paper":

@@ -6,13 +6,14 @@ import math
 import numpy as np
 import pytest
 from support.cases.sliding_curves import drawn_scene
+from support.oracles.discrepancy_scan import scanned, squares
 from support.scenes.fits import AFFINE, FAST, PLAIN, SCENE, SHIFTED, WARM, write_job
 
 import fitting
 import rubberfric as rf
 from fitting.commands.job import read_job
 from fitting.parameters.discrepancy import text_of
-from fitting.solvers.evaluation import model_rows, residual_rows
+from fitting.solvers.evaluation import model_rows
 from fitting.uncertainty.covariance import linearised
 from fitting.uncertainty.discrepancy import averaged, median_amplitude
 
@@ -117,57 +118,20 @@ def waves(seed, shortest, longest):
     return fitting.FrictionData(V, noisy, pressure=1e5, relative=ERROR)
 
 
-def scanned(off, kernels, law):
-    """log N(rows; 0, C + J (100^2) J^T) and the prior, (widths, amplitudes): all parameters integrated out.
-
-    The fit `off` with kernels of amplitude 1 and ln(law / theory), and the scanned amplitudes.
-    """
-    problem, x = off.problem, off.x
-    rows = residual_rows(problem._replace(numbers=problem.numbers._replace(whitening=None)), x)[: V.size]
-    step = 1e-5
-    J = np.stack(
-        [
-            (model_rows(problem, x + step * e) - model_rows(problem, x - step * e)) / (2 * step * ERROR)
-            for e in np.eye(x.size)
-        ],
-        1,
-    )
-    amplitudes = np.geomspace(1e-3, 2.0, 400)
-    found = np.empty((len(kernels), amplitudes.size))
-    for i, unit in enumerate(kernels):
-        for k, a in enumerate(amplitudes):
-            covariance = np.eye(V.size) + (a / ERROR) ** 2 * unit + 1e4 * J @ J.T
-            covariance += np.outer(law, law) / ERROR**2
-            found[i, k] = -0.5 * np.linalg.slogdet(covariance)[1]
-            found[i, k] -= 0.5 * rows @ np.linalg.solve(covariance, rows)
-    median = 0.3 if np.any(law) else 0.5
-    lognormal = np.exp(-0.5 * (np.log(amplitudes / median) / 0.5) ** 2) / (0.5 * math.sqrt(2 * math.pi))
-    if np.any(law):
-        return found + np.log(lognormal + 1 / math.log(2000)), amplitudes
-    keep = amplitudes > 0.25
-    return found[:, keep] + np.log(lognormal[keep]), amplitudes[keep]
-
-
-def squares(found, amplitudes):
-    """Posterior means of the squared amplitude, of every width."""
-    weight = np.exp(found - found.max())
-    return weight @ amplitudes**2 / weight.sum()
-
-
 @pytest.mark.parametrize("known", [True, False])
 def test_amplitudes_against_a_scan_of_the_likelihood(off, known):
     law = np.array(off.discrepancy.law) if known else np.zeros(V.size)
     model = linearised(off.problem, off.x)
     distance = np.log(V[:, None] / V) / WIDTH
     found = averaged(off.problem, model, [SCENE], off.data, fitting.Discrepancy(None, WIDTH), law)
-    exact = squares(*scanned(off, [1 / (1 + 0.5 * distance**2)], law))
+    exact = squares(*scanned(off, [1 / (1 + 0.5 * distance**2)], law, ERROR))
     np.testing.assert_allclose(found.remainder, math.sqrt(exact[0]), rtol=0.03)
     np.testing.assert_allclose(found.amplitude, math.hypot(math.sqrt(exact[0]), found.level), rtol=0.03)
     assert found.width == pytest.approx(WIDTH) and found.parts == () and found.remark == ""
     found = averaged(off.problem, model, [SCENE], off.data, fitting.Discrepancy(), law)
     widths = math.log(10) * np.array([0.1, 0.2, 0.4, 0.8, 1.6])
     kernels = [np.exp(-0.5 * (np.log(V[:, None] / V) / w) ** 2) for w in widths]
-    exact = squares(*scanned(off, kernels, law))
+    exact = squares(*scanned(off, kernels, law, ERROR))
     amplitudes, used = np.array(found.parts).T
     np.testing.assert_allclose(used, widths)
     np.testing.assert_allclose(found.remainder, math.sqrt(exact.sum()), rtol=0.03)
@@ -250,14 +214,6 @@ def test_errors_like_noise_are_reported():
     noisy = exact * np.exp(0.2 * random.standard_normal(V.size))
     found = fitted(fitting.FrictionData(V, noisy, pressure=1e5, relative=ERROR), fitting.Discrepancy())
     assert "shortest tried, 0.1 decades" in found.report()
-
-
-def test_files(off, tmp_path):
-    off.save(tmp_path / "fit.h5")
-    again = fitting.FitResult.load(tmp_path / "fit.h5")
-    assert again.discrepancy == off.discrepancy
-    np.testing.assert_array_equal(again.residuals[0], off.residuals[0])
-    assert again.report() == off.report()
 
 
 def test_bootstrap_draws_it(off):

@@ -34,9 +34,6 @@ from fitting.solvers.objective import CONVERGED, PERFECT
 from fitting.solvers.problem import make_problem
 from fitting.solvers.runs import run_fits
 from fitting.uncertainty.covariance import uncertainty
-from fitting.uncertainty.intervals import quantile
-
-# --- error bars
 
 
 def test_covariance_of_a_linear_problem_is_its_closed_form():
@@ -197,9 +194,6 @@ def test_robust_error_bars_of_few_points_are_withheld_with_a_reason():
     assert len(known.unidentified) == 1
 
 
-# --- simulated data
-
-
 def test_wrong_options_of_a_bootstrap():
     result = fit(SCENE, modulus_data(), BOTH)
     with pytest.raises(ValueError, match="count = 0: must be an integer"):
@@ -285,20 +279,6 @@ def test_band_is_that_of_the_closed_form():
     np.testing.assert_allclose(band.value, result.predict(v, 1e5), rtol=1e-12)
     np.testing.assert_allclose(np.log(band.high / band.value), reach, rtol=1e-6)
     np.testing.assert_allclose(np.log(band.value / band.low), reach, rtol=1e-6)
-
-
-@pytest.mark.parametrize("level", [0.01, 0.5, 0.6827, 0.95, 0.999])
-def test_quantiles_are_scipys(level):
-    two_sided = 0.5 + 0.5 * level
-    assert quantile(level) == pytest.approx(stats.norm.ppf(two_sided), rel=1e-10)
-    for freedom in (0.5, 1, 2.5, 10, 37.3, 200, 1e5):
-        assert quantile(level, freedom) == pytest.approx(stats.t.ppf(two_sided, freedom), rel=1e-8)
-
-
-@pytest.mark.parametrize("level", [0.0, 1.0, -0.5, 95, np.nan])
-def test_wrong_levels(level):
-    with pytest.raises(ValueError, match=r"level = .*: must be between 0 and 1"):
-        quantile(level)
 
 
 def test_ten_per_cent_are_a_value_as_any_other(tmp_path):

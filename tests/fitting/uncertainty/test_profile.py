@@ -10,6 +10,7 @@ from support.scenes.fits import E_INF, ROAD, THREE, E
 
 import fitting
 import rubberfric as rf
+from fitting.uncertainty.intervals import quantile
 
 Q2 = 1.959963984540054**2
 LOG_TAU = "upper.material.tau[0]"
@@ -249,3 +250,17 @@ def test_profile_of_what_is_not_identified_has_no_end():
     assert profile.low == 0.0
     with pytest.raises(ValueError, match=r"name = 'E': must be one of upper\.material\.E_inf, "):
         result.profile("E")
+
+
+@pytest.mark.parametrize("level", [0.01, 0.5, 0.6827, 0.95, 0.999])
+def test_quantiles_are_scipys(level):
+    two_sided = 0.5 + 0.5 * level
+    assert quantile(level) == pytest.approx(stats.norm.ppf(two_sided), rel=1e-10)
+    for freedom in (0.5, 1, 2.5, 10, 37.3, 200, 1e5):
+        assert quantile(level, freedom) == pytest.approx(stats.t.ppf(two_sided, freedom), rel=1e-8)
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, -0.5, 95, np.nan])
+def test_wrong_levels(level):
+    with pytest.raises(ValueError, match=r"level = .*: must be between 0 and 1"):
+        quantile(level)

@@ -44,14 +44,7 @@ def all_kinds(scene=TRUTH):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "scene",
-    [
-        TRUTH,
-        TRUTH.replace("upper.material", TABLE),
-    ],
-    ids=["series", "table"],
-)
+@pytest.mark.parametrize("scene", [TRUTH, TRUTH.replace("upper.material", TABLE)], ids=["series", "table"])
 def test_derivatives(scene):
     """By parameters of scene and patch, whose size moves the pressures, against differences."""
     free = {"patch.stiffness": Positive(), "patch.length": Positive(), "shear.tau_f0": Positive()}
@@ -113,10 +106,7 @@ def test_budget():
     ("scene", "message"),
     [
         (TRUTH.replace(patch=None), "the scene has no patch; add the table [patch] to its file,"),
-        (
-            TRUTH.replace({"upper.material": rf.Elastic(1e7, 0.5)}, shear=None),
-            "the scene has no friction",
-        ),
+        (TRUTH.replace({"upper.material": rf.Elastic(1e7, 0.5)}, shear=None), "the scene has no friction"),
     ],
 )
 def test_scenes_that_cannot_predict(scene, message):

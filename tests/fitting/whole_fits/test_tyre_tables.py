@@ -19,10 +19,7 @@ import fitting
 import rubberfric as rf
 from fitting import FrictionData, Positive
 
-pytestmark = [
-    needs("tyre"),
-    pytest.mark.slow,
-]
+pytestmark = [needs("tyre"), pytest.mark.slow]
 
 T = 293.15
 COMPOUNDS = ("R20", "R40")

@@ -1,10 +1,7 @@
-"""Errors and run times of accuracy settings, checked against brute force; report, file and command."""
+"""Errors and run times of accuracy settings, checked against brute force; report and file."""
 
-import csv
 import functools
-import os
 import unittest.mock
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +9,6 @@ import numpy as np
 import pytest
 from problems import ROAD
 from problems import SHIFTED_TREAD as TREAD
-from support import html_tables
 from support.cases.stored import QUANTITIES, reference, scene, three
 from support.folders import DATA
 
@@ -32,10 +28,6 @@ from rubberfric.analysis.reference import (
 )
 from rubberfric.analysis.reference import reference as reference_of
 from rubberfric.analysis.sweep import Accuracy, Row
-from rubberfric.commands import main as command
-from rubberfric.commands import run as run_commands
-from rubberfric.io.results import Conditions
-from rubberfric.plot import plot_accuracy
 
 CASE = reference("forward_cases")["smooth-rubber-rough-rigid-0"]
 AT = scene(CASE), CASE["v"], CASE["pressure"]
@@ -256,89 +248,6 @@ def test_no_reference_for_a_noisy_table(monkeypatch):
         rf.analysis.quadrature_for(at[0], 1e-9, *at[1:], gradients=False)
 
 
-def made(errors, agreement=1e-12, error=1e-6):
-    """Return a result for settings of increasing work in both precisions; float32 is faster."""
-    rows = tuple(
-        Row("panels", MIDDLE, dtype, 100 * (i + 1), Errors(*e), (i + 1) * unit, 2 * (i + 1) * unit, 1.0, 2.0)
-        for dtype, unit in (("float64", 1e-3), ("float32", 0.9e-3))
-        for i, e in enumerate(errors if dtype == "float64" else [[max(x, 3e-7) for x in e] for e in errors])
-    )
-    textbook = Row("textbook", (200, 64), "float64", 12800, Errors(1e-3, 2e-3, 3e-3), 0.09)
-    return Accuracy(error, (*rows, textbook), Errors(*[agreement] * 6), 41, 30)
-
-
-def test_the_cheapest_is_chosen_for_either_use():
-    fine, coarse_slopes = [1e-8] * 6, [1e-8] * 3 + [1e-3] * 3
-    result = made([[1e-2] * 6, coarse_slopes, fine, fine])
-    assert result.chosen_values is result.rows[5] and result.rows[5].dtype == "float32"
-    assert result.chosen is result.rows[6]
-    assert result._replace(error=1e-7).chosen is result.rows[2]  # too fine for single precision
-    text = result.report()
-    assert max(map(len, text.splitlines())) <= 110
-    assert "takes 50 times as long as the first" in text and "with an error of 3e-03" in text
-    assert made([[1e-2] * 6]).chosen_values is None
-    assert "values and gradients to 1e-06: no setting meets it" in made([[1e-2] * 6]).report()
-    assert made([fine], agreement=2e-7).chosen is None
-    assert "no reference" in made([fine], agreement=2e-7).report()
-    # Errors below three times the disagreement of the refinements are bounds.
-    assert " <3e-08" in made([fine], agreement=1e-8).report()
-    assert made([fine], agreement=1e-8).known(result.rows[1]).value == pytest.approx(3e-8)
-
-
-@pytest.mark.slow
-def test_csv_holds_every_row(tmp_path):
-    path = tmp_path / "t.csv"
-    found().write(path)
-    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
-    names, units, *rows = csv.reader(lines)
-    assert len(rows) == len(found().rows) and set(units) == {"-", "s"}
-    assert [unit for name, unit in zip(names, units, strict=True) if name == "compile_gradient"] == ["s"]
-    for cells, row in zip(rows, found().rows, strict=True):
-        cells = dict(zip(names, cells, strict=True))
-        assert (cells["method"], cells["dtype"], int(cells["nodes"])) == (row.method, row.dtype, row.nodes)
-        assert float(cells["forward"]) == row.forward
-        assert float(cells["error_area"]) == found().known(row).area
-        if row.method == "panels":
-            assert float(cells["error_gradient_separation"]) == found().known(row).separation_gradient
-            knobs = {name: cells[name] for name in ("order", "panels", "graded", "ratio", "angular_order")}
-            assert all(float(text) == getattr(row.setting, name) for name, text in knobs.items())
-        else:
-            assert cells["order"] == cells["gradient"] == cells["error_gradient_area"] == ""
-            assert (int(cells["nodes_q"]), int(cells["nodes_phi"])) == row.setting
-    with pytest.raises(ValueError, match=r"t.txt: suffix '.txt': must be .csv"):
-        found().write(tmp_path / "t.txt")
-
-
-@pytest.mark.slow
-def test_table_in_a_notebook():
-    headings, *rows = html_tables.cells(found())
-    assert headings[0] == "method" and headings[3] == "error of area [-]" and "time [ms]" in headings
-    table = [row for row in rows if len(row) > 1]
-    assert [row[0] for row in table[:3]] == ["panels, float64", "panels, float64", "panels, float32"]
-    assert all(len(row) == len(headings) == 13 for row in table) and len(table) == len(found().rows)
-    assert table[1][2:9] == [str(found().rows[1].nodes), *(f"{e:.0e}" for e in found().rows[1].errors)]
-    assert ["".join(row) for row in rows[len(table) :]][-1] in found().report()
-
-
-@pytest.mark.slow
-def test_plot_draws_every_row():
-    ax = plot_accuracy(found())
-    lines = {line.get_label(): line.get_xydata() for line in ax.lines}
-    for dtype in ("float64", "float32"):
-        rows = [row for row in found().rows if (row.method, row.dtype) == ("panels", dtype)]
-        values = [(1e3 * row.forward, found().known(row).value) for row in rows]
-        gradients = [(1e3 * row.gradient, found().known(row).gradient) for row in rows]
-        np.testing.assert_allclose(lines[f"values, {dtype}"], values)
-        np.testing.assert_allclose(lines[f"gradients, {dtype}"], gradients)
-    assert lines["values, textbook method"].shape == (2, 2)
-    assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log")
-    assert plot_accuracy(found(), ax) is ax
-    textbook = plot_accuracy(found(), unit=found().rows[-1]).lines[-2]
-    np.testing.assert_allclose(
-        textbook.get_xdata(), [found().rows[-2].forward / found().rows[-1].forward, 1.0]
-    )
-
-
 def test_times_are_medians_over_alternating_rounds():
     calls = []
     functions = {name: functools.partial(calls.append, name) for name in "ab"}
@@ -351,13 +260,9 @@ def test_times_are_medians_over_alternating_rounds():
     ("changed", "message"),
     [
         ({"error": -1e-6}, "error = -1e-06: must be a number, >= 1e-15 and < 1"),
-        ({"error": 1e-40}, "error = 1e-40: must be a number, >= 1e-15"),
-        ({"error": float("nan")}, "error = nan: must be a number"),
-        ({"error": "small"}, "error = 'small': must be a number"),
         ({"settings": ()}, "settings is empty"),
         ({"settings": (12,)}, "settings has 12: every setting must be a Quadrature"),
         ({"textbook": ((200, 1),)}, r"textbook has \(200, 1\): every size must be a pair of integers >= 2"),
-        ({"textbook": (200, 64)}, "textbook has 200: every size must be a pair"),
         ({"repeats": 0}, "repeats = 0: must be an integer >= 1"),
         ({"scene": 3}, "scene is a int: must be a Scene"),
         ({"pressure": -1.0}, "pressure = -1.0: must be > 0"),
@@ -383,86 +288,3 @@ def test_double_precision_is_needed():
                 ValueError, match=r'write jax\.config\.update\("jax_enable_x64", True\) first$'
             ):
                 call()
-
-
-TEXT = """
-title = "Small"
-[lower]
-material = { kind = "rigid" }
-spectrum = { kind = "self_affine", q0 = 100, qr = 1000, q1 = 1e4, hurst = 0.8, h_rms = 1e-4 }
-[upper]
-material = { kind = "prony", E_inf = 1e6, E = [1e8], tau = [1e-5] }
-[run]
-velocity = { from = 1e-3, to = 1e1, points = 90 }
-pressure = 1e5
-"""
-
-
-@pytest.fixture
-def call(call_main, tmp_path, monkeypatch):
-    """Run the command in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-    Path("scene.toml").write_text(TEXT)
-    return functools.partial(call_main, command.main)
-
-
-def test_command(call, monkeypatch):
-    seen = {}
-
-    def sweep_of(_, *at, error, progress, report):
-        seen.update(at=at, error=error)
-        progress("working")  # not a terminal: nothing is shown
-        report(found().rows[0], 1, 2)
-        return found()
-
-    monkeypatch.setattr(sweep, "accuracy", sweep_of)
-    arguments = ("accuracy", "scene.toml", "--error", "1e-4", "--out", "t.csv", "--plot", "t.png")
-    status, printed, complaint = call(*arguments)
-    assert (status, complaint) == (0, "")
-    assert printed == f"Small\n60 of 90 velocities, equally spread\n{found().report()}\n"
-    assert seen["error"] == 1e-4 and seen["at"][2] is None
-    velocity, pressure = seen["at"][:2]
-    assert velocity.shape == (60,) and (velocity[0], velocity[-1]) == pytest.approx((1e-3, 10))
-    assert pressure.shape == (1, 1)
-    assert sorted(os.listdir()) == ["scene.toml", "t.csv", "t.png"]
-    assert Path("t.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_velocities_are_thinned_to_a_number_of_points():
-    conditions = Conditions(np.logspace(-8, 2, 41), np.array([1e5, 2e5]), np.array([283.15, 293.15, 303.15]))
-    velocity = run_commands.thinned(conditions)
-    assert velocity.size == 10 and set(velocity) < set(conditions.velocity)
-    few = conditions._replace(velocity=np.array([1.0, -2.0]))
-    np.testing.assert_array_equal(run_commands.thinned(few), [1.0, -2.0])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("no.toml",), "no.toml: cannot be read: No such file"),
-        (("scene.toml", "--error", "-1"), "--error -1.0: must be a number, >= 1e-15 and < 1"),
-        (("scene.toml", "--error", "small"), "argument --error: invalid float value: 'small'"),
-        (("scene.toml", "--out", "t.h5"), "t.h5: suffix '.h5': must be .csv"),
-        (("scene.toml", "--out", "no/t.csv"), "folder 'no' does not exist; create it first"),
-        (("scene.toml", "--plot", "t.csv"), "t.csv: suffix '.csv': must be .png or .pdf or .svg"),
-        (("bare.h5",), "bare.h5: run: is missing; must hold velocity and pressure"),
-        ((), "SCENE"),
-    ],
-)
-def test_command_with_bad_input(call, monkeypatch, arguments, message):
-    rf.save_scene("bare.h5", SCENE)
-    monkeypatch.setattr("rubberfric.analysis.reference.case_of", None)  # nothing may be computed
-    before = sorted(os.listdir())
-    status, printed, complaint = call("accuracy", *arguments)
-    assert (status, printed, complaint.count("\n")) == (2, "", 1)
-    assert message in complaint and complaint.startswith("rubberfric")
-    assert sorted(os.listdir()) == before
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("path", sorted(p for p in DATA.glob("*.toml") if "_fit" not in p.stem), ids=str)
-def test_scenes_of_the_data_folder(call, path):
-    error = "1e-2" if "tabulated" in path.stem else "1e-6"
-    status, printed, complaint = call("accuracy", path, "--error", error, "--plot", "t.png", "--out", "t.csv")
-    assert (status, complaint) == (0, "")
-    assert "Quadrature(" in printed and "no setting" not in printed and "times as long" in printed

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from problems import RIGID, ROAD, SHEAR, WLF
+from problems import PROBLEMS, RIGID, ROAD, SHEAR, WLF
 from support.jacobians import residuals_and_jacobian
 
 import fitting
@@ -36,6 +36,7 @@ SCENES = {
     ),
     "tabulated": rf.Scene(rf.Body(RIGID, PLATE), rf.Body(TABLE)),
     "elastic": rf.Scene(rf.Body(RIGID, ROAD), rf.Body(rf.Elastic(1e7, 0.5)), shear=SHEAR),
+    "law": PROBLEMS["law, rough elastic"].scene,
 }
 
 

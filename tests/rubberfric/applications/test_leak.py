@@ -125,10 +125,7 @@ def test_identities():
 
     def log_K(x):
         scene = SCENE.replace(
-            {
-                "upper.material.E_inf": 3e6 * jnp.exp(x[0]),
-                "lower.spectrum.h_rms": 2e-6 * jnp.exp(x[1]),
-            }
+            {"upper.material.E_inf": 3e6 * jnp.exp(x[0]), "lower.spectrum.h_rms": 2e-6 * jnp.exp(x[1])}
         )
         return jnp.log(leak_conductivity(scene, 2e4 * jnp.exp(x[2])))
 

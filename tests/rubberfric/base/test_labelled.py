@@ -54,10 +54,7 @@ def test_a_data_set_of_a_solution():
     data = Solution(friction=MU).to_xarray(*GRID)
     assert data.friction.dims == ("temperature", "pressure", "velocity")
     assert data.friction.sel(velocity=0.1, pressure=2e5, temperature=293.15) == 11.0
-    assert [data[name].attrs["units"] for name in ("friction", "velocity")] == [
-        "-",
-        "m/s",
-    ]
+    assert [data[name].attrs["units"] for name in ("friction", "velocity")] == ["-", "m/s"]
     # One pressure and no temperature: a curve over velocity.
     curve = Solution(friction=MU[0, 0]).to_xarray(VELOCITY, 2e5)
     assert curve.friction.dims == ("velocity",) and curve.pressure == 2e5

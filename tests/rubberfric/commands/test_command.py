@@ -4,8 +4,6 @@ import importlib.metadata
 import importlib.util
 import os
 import re
-import subprocess
-import sys
 
 import jax
 import numpy as np
@@ -163,7 +161,6 @@ def test_no_viscoelastic_solid_no_friction(call, scene_file, numbers):
         ("[1e5, 3e5]", "[1e5, 0]", "scene.toml: run.pressure[1] = 0.0: must be > 0"),
         ("303.15]", "100]", "scene.toml: run.temperature[2] = 100.0: must be > 193.15 K"),
         ("points = 5", "points = 0", "scene.toml: run.velocity.points = 0: must be an integer"),
-        ("[run]", "[walk]", "scene.toml: walk: unknown key"),
         ("[upper]", "[upper", "scene.toml: is not TOML"),
     ],
 )
@@ -203,7 +200,6 @@ def test_a_scene_without_conditions_has_default_ones(call, scene_file, tmp_path)
         (("run", "scene.toml", "--out", "r.csv"), "r.csv: suffix '.csv': must be .h5"),
         (("run", "scene.toml", "--out", "no/r.h5"), "folder 'no' does not exist; create it first"),
         (("run", "scene.toml", "--plot", "r.jpeg2000"), "must be .png or .pdf or .svg"),
-        (("run", "scene.toml", "--plot", "no/r.png"), "folder 'no' does not exist; create it first"),
         (("run", "scene.toml", "--fast"), "unrecognized arguments: --fast"),
     ],
 )
@@ -265,43 +261,6 @@ def test_a_map_of_zeros_is_refused(call, scene_file, name):
     assert status == 2 and f"{name} is 0 in this scene" in complaint
 
 
-@pytest.mark.parametrize(("package", "command"), [("rubberfric",) * 2, ("fitting", "rubberfric-fit")])
-def test_commands_run_without_their_scripts(package, command):
-    done = subprocess.run([sys.executable, "-m", package, "no.toml"], capture_output=True, text=True)
-    assert (done.returncode, done.stdout) == (2, "") and done.stderr.startswith(command)
-
-
-def test_command_needs_no_matplotlib_and_the_library_leaves_the_precision_alone(scene_file, numbers):
-    """In a new process, because conftest switches double precision on."""
-    program = f"""
-import sys
-sys.modules["matplotlib"] = None
-import jax, rubberfric
-from rubberfric.commands.main import main
-assert not jax.config.jax_enable_x64
-scene = rubberfric.load_scene({str(scene_file)!r})
-assert not jax.config.jax_enable_x64 and scene.upper.material.E.dtype == "float32"
-status = main(["run", {str(scene_file)!r}])
-assert jax.config.jax_enable_x64
-sys.exit(status)
-"""
-    done = subprocess.run([sys.executable, "-W", "error", "-c", program], capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert numbers(done.stdout).shape == (30, 4)
-
-
-def test_reader_that_goes_away(scene_file):
-    """`rubberfric run ... | head` ends without a traceback."""
-    program = (
-        f"import sys; from rubberfric.commands.main import main; sys.exit(main(['run', {str(scene_file)!r}]))"
-    )
-    arguments = [sys.executable, "-c", program]
-    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        process.stdout.close()
-        complaint = process.stderr.read()
-    assert (process.returncode, complaint) == (1, "")
-
-
 @pytest.mark.parametrize(
     "path", [pytest.param(p, id=p.stem, marks=[pytest.mark.slow] * (p.stem in LONG)) for p in SCENE_FILES]
 )
@@ -323,18 +282,6 @@ def test_scenes_of_the_data_folder(call, path, tmp_path):
 
 
 @pytest.mark.slow
-def test_roughness_of_the_rubber_costs_area_but_hardly_any_friction_at_high_speed():
-    """The red and blue curves of the paper's last figure approach each other as v increases."""
-    flat, rough = (rf.load_scene(DATA / f"{n}.toml") for n in ("tread_on_asphalt", "rough_tread_on_asphalt"))
-    conditions = Conditions(np.array([1e-6, 1e-3, 1e1]), np.array([0.15e6]), np.array([293.15]))
-    red, blue = (run_command.compute(scene, conditions) for scene in (flat, rough))
-    area, friction = (blue.area / red.area)[0, 0], (blue.friction / red.friction)[0, 0]
-    assert np.all(area < 1)
-    assert np.all(np.diff(area) > 0)
-    assert np.all(np.diff(abs(friction - 1)) < 0)
-
-
-@pytest.mark.slow
 def test_a_tabulated_scene_says_how_much_lies_outside_its_table(call):
     status, printed, _ = call("run", DATA / "tabulated_tread.toml")
     (line,) = [line for line in printed.splitlines() if line.endswith("outside the tabulated moduli")]
@@ -350,14 +297,3 @@ def test_a_tabulated_scene_says_how_much_lies_outside_its_table(call):
         for s in (scene, sheared)
     ]
     assert notes[1] == notes[0].replace("of mu", "of the viscoelastic mu")
-
-
-def test_a_warning_of_a_command_is_one_line():
-    """Without the line of the source, and without the name of its category."""
-    code = (
-        "import warnings\nfrom rubberfric.commands import ended\n"
-        "def work(_):\n    warnings.warn('first\\nsecond', UserWarning)\n    return 0\n"
-        "ended('rubberfric run', work, process=False)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stderr == "rubberfric run: warning: first second\n"

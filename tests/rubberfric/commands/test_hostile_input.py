@@ -1,18 +1,14 @@
-"""Files that are none, arguments that contradict each other, streams that are closed: one line each, at once.
+"""Files that are none, and arguments that contradict each other: one line each, at once.
 
 Nothing is computed here: errors are found before, and mostly before JAX is imported.
 """
 
 import os
-import shutil
 import socket
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
-from support.folders import ROOT
 from support.scenes.fits import JOB, JOB_SCENE
 
 from fitting.commands.main import main as fit_main
@@ -84,7 +80,8 @@ def complaint_about(call_main, tmp_path, monkeypatch):
         put(Path(name))
         before, begin = sorted(os.listdir()), time.monotonic()
         status, printed, complaint = call_main(command, *arguments)
-        assert time.monotonic() - begin < 5  # nothing is waited for, nor read to its end
+        # Nothing is waited for, nor read to its end. The limit allows for a busy machine.
+        assert time.monotonic() - begin < 30
         assert (status, printed, complaint.count("\n")) == (2, "", 1)
         assert sorted(os.listdir()) == before
         return name, complaint
@@ -92,9 +89,19 @@ def complaint_about(call_main, tmp_path, monkeypatch):
     return run
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("place", PLACES)
-def test_what_is_no_file(complaint_about, kind, place):
+@pytest.mark.parametrize(
+    ("place", "kind"),
+    [
+        *(("the scene of run", kind) for kind in KINDS),
+        *(
+            (place, kind)
+            for place in PLACES
+            for kind in ("a pipe", "zeros without an end")
+            if place != "the scene of run"
+        ),
+    ],
+)
+def test_what_is_no_file(complaint_about, place, kind):
     name, complaint = complaint_about(place, KINDS[kind])
     assert (name in complaint and "cannot be read" in complaint) or "must be" in complaint
 
@@ -184,128 +191,3 @@ def test_contradictions_are_found_before_work_begins(
     assert (status, printed, complaint.count("\n")) == (2, "", 1)
     assert words in complaint
     assert sorted(os.listdir()) == before and Path("friction.h5").read_bytes() == b"old"
-
-
-# --- streams and limits of a process
-
-PROGRAM = "import sys; from {}.commands.main import main; sys.exit(main())"
-CLOSED = "rubberfric: standard output is closed: must be open, for example as /dev/null\n"
-
-
-def shell(redirection, *arguments, package="rubberfric", program=PROGRAM, **environment):
-    """Status, stdout and stderr of a command that a shell begins."""
-    line = (
-        f'{redirection.partition("|")[0]} ; exec "$@"'
-        if redirection.startswith("ulimit")
-        else f'"$@" {redirection}'
-    )
-    kept = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
-    done = subprocess.run(
-        [shutil.which("sh"), "-c", line, "sh", sys.executable, "-c", program.format(package), *arguments],
-        env=kept | {"PYTHONPATH": str(ROOT)} | environment,
-        capture_output=True,
-        text=True,
-        encoding="latin-1",
-    )
-    return done.returncode, done.stdout, done.stderr
-
-
-@pytest.mark.parametrize(
-    ("redirection", "arguments", "expected"),
-    [
-        (">&-", ("--help",), (1, "", CLOSED)),
-        (">&-", ("run", "no.toml"), (1, "", CLOSED)),
-        (">&- 2>&-", ("run", "no.toml"), (1, "", "")),
-        ("<&- 2>&-", ("run", "no.toml"), (2, "", "")),
-        ("2>/dev/full", ("run", "no.toml"), (2, "", "")),
-        (">/dev/full", ("--help",), (1, "", "rubberfric: [Errno 28] No space left on device\n")),
-    ],
-)
-def test_streams_that_take_nothing(redirection, arguments, expected):
-    assert shell(redirection, *arguments) == expected
-
-
-def test_too_little_address_space():
-    status, printed, complaint = shell(
-        "ulimit -v 1000000", "run", str(ROOT / "data" / "tread_on_asphalt.toml")
-    )
-    assert (status, printed) == (1, "")
-    text = "there is not enough memory: ulimit -v allows 977 MiB of addresses: must be 2048 or more"
-    assert complaint == f"rubberfric: {text}\n"
-
-
-PRINTING = """
-import sys
-from rubberfric.commands import main as command
-from rubberfric.commands import ending
-command._work = lambda _: lambda *_: ("30 \\xb0C in L\\xe4ufer \\udc80" * 5, None)
-ending.begin_jax = lambda **_: None
-sys.argv[1:] = ["doctor"]
-sys.exit(command.main())
-"""
-
-
-@pytest.mark.parametrize(
-    "environment",
-    [
-        {"PYTHONIOENCODING": "ascii"},
-        {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
-        {"PYTHONIOENCODING": "latin-1"},
-        {"PYTHONIOENCODING": "utf-8:strict"},
-    ],
-)
-def test_letters_that_the_terminal_has_not(environment):
-    """They must not lose computed results."""
-    status, printed, complaint = shell("", program=PRINTING, **environment)
-    assert (status, complaint) == (0, "") and printed.startswith("30 ") and printed.count(" in L") == 5
-
-
-@pytest.mark.parametrize("name", ["cuda", "nonsense"])
-def test_a_platform_that_jax_cannot_start(name):
-    status, printed, complaint = shell("doctor", JAX_PLATFORMS=name)
-    assert (status, printed) == (2, "")
-    text = f"JAX_PLATFORMS = {name!r}: JAX cannot start this platform; use cpu, or unset it"
-    assert complaint == f"rubberfric: {text}\n"
-
-
-@pytest.mark.parametrize("redirection", [">/dev/full", "| head -c 0"])
-def test_a_table_that_nobody_takes(redirection):
-    status, printed, complaint = shell(redirection, program=PRINTING)
-    full = (1, "", "rubberfric: [Errno 28] No space left on device\n")
-    assert (status, printed, complaint) == (full if "full" in redirection else (0, "", ""))
-
-
-def test_a_package_that_is_not_installed(tmp_path):
-    """Only on the path, as in a copy of the project."""
-    shutil.copytree(
-        ROOT / "rubberfric", tmp_path / "rubberfric", ignore=shutil.ignore_patterns("__pycache__")
-    )
-    program = (
-        "import sys; sys.path.insert(0, sys.argv.pop(1)); from rubberfric.commands.main import main; main()"
-    )
-    command = [sys.executable, "-S", "-c", program, str(tmp_path), "--version"]
-    done = subprocess.run(command, capture_output=True, text=True, env={}, cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "") and done.stdout.startswith("rubberfric ")
-
-
-FULL = """
-import resource, sys
-import numpy as np
-import rubberfric as rf
-from rubberfric.commands import run
-from rubberfric.commands.main import main
-ones = np.ones((1, 1, 1))
-run.compute = lambda *_: rf.Solution(ones, ones, ones)
-resource.setrlimit(resource.RLIMIT_FSIZE, (2048, 2048))
-sys.exit(main(["run", *sys.argv[1:]]))
-"""
-
-
-def test_a_disk_that_is_full(tmp_path):
-    """The library's own complaint was of 25 lines, and ended in a segmentation fault."""
-    (tmp_path / "scene.toml").write_text(JOB_SCENE + "[run]\nvelocity = 1.0\npressure = 1e5\n")
-    out = tmp_path / "r.h5"
-    arguments = ("--no-cache", str(tmp_path / "scene.toml"), "--out", str(out))
-    status, printed, complaint = shell("", *arguments, program=FULL)
-    assert (status, complaint) == (1, f"rubberfric: [Errno 27] File too large: {str(out)!r}\n")
-    assert "1.0000e+00" in printed and os.listdir(tmp_path) == ["scene.toml"]

@@ -106,8 +106,7 @@ SLOW = (signal.SIGINT, 0.7), (signal.SIGTERM, 0.5), (signal.SIGHUP, 0.5)
 
 
 @pytest.mark.parametrize(
-    ("which", "after"),
-    [(signal.SIGINT, 0.2), *(pytest.param(*x, marks=pytest.mark.slow) for x in SLOW)],
+    ("which", "after"), [(signal.SIGINT, 0.2), *(pytest.param(*x, marks=pytest.mark.slow) for x in SLOW)]
 )
 def test_a_signal_while_a_map_compiles(tmp_path, which, after):
     """JAX's compiler, left by an exception, goes on in threads, with which the interpreter crashed."""

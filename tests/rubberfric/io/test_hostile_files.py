@@ -47,10 +47,7 @@ def call(function, *arguments):
 
 
 CASES = {
-    "Poisson's ratio in percent": (
-        friction(SHEAR, poisson=50),
-        "poisson = 50.0: must be between 0.0 and",
-    ),
+    "Poisson's ratio in percent": (friction(SHEAR, poisson=50), "poisson = 50.0: must be between 0.0 and"),
     "Poisson's ratio nan": (friction(SHEAR, poisson=np.nan), "poisson = nan: must be finite"),
     "Poisson's ratio as text": (friction(SHEAR, poisson="0.5"), "poisson = '0.5': must be a number"),
     "spacing True": (heights(True), "spacing = True: must be one or two numbers > 0"),

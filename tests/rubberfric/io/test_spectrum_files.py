@@ -55,11 +55,7 @@ DENSITIES = {
         4 * np.pi**2 * C0 * areal(Q),
         lambda x, y: 2 * np.pi * np.trapezoid(x * y, x),
     ),
-    "C_1D_surfacetopography over n": (
-        Q / (2 * np.pi),
-        2 * np.pi * LINE,
-        lambda x, y: 2 * np.trapezoid(y, x),
-    ),
+    "C_1D_surfacetopography over n": (Q / (2 * np.pi), 2 * np.pi * LINE, lambda x, y: 2 * np.trapezoid(y, x)),
 }
 
 

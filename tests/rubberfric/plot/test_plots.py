@@ -247,7 +247,7 @@ SQUARE = np.ones((3, 5))
         (plot.plot_result, (V,), "velocity is missing: must be given as to solve and friction"),
         (plot.plot_map, (V,), "velocity is missing: must be given as to solve and friction"),
         (plot.plot_result, ("V",), "result must come from friction_map, solve or friction, got str"),
-        (plot.auto, (object(),), "found must be a scene, a result of solve, friction_map or a fit"),
+        (plot.auto, (object(),), "drawn must be a scene, a result of solve, friction_map or a fit"),
         (plot.plot_profile, (RESULT,), "profile is a Result: must be a Profile"),
         (plot.plot_accuracy, (RESULT,), "accuracy is a Result: must be a Accuracy"),
         (fitting.plot.plot_fit, (RESULT,), "result is a Result: must be of class FitResult"),

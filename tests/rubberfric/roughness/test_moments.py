@@ -129,10 +129,9 @@ def test_smooth_spectrum_has_height_zero_and_its_derivative():
     assert jax.jit(jax.grad(rf.roughness.rms_height))(smooth).h_rms == pytest.approx(1.0, rel=1e-14)
 
 
-@pytest.mark.parametrize("q", [0.0, -1.0, np.nan])
-def test_wavevector_must_be_positive(q):
+def test_wavevector_must_be_positive():
     with pytest.raises(ValueError, match=r"^q = .*must be .*> 0$"):
-        rf.rms_slope(OBJECTS["road"], q)
+        rf.rms_slope(OBJECTS["road"], 0.0)
 
 
 @pytest.mark.parametrize("name", SPECTRA)
@@ -213,18 +212,6 @@ def test_derivatives_of_the_cutoff(name):
             np.testing.assert_allclose(value, 0.0, atol=1e-11)
 
 
-@pytest.mark.slow
-def test_cutoff_under_jit_and_vmap():
-    spectrum, slopes = OBJECTS["road"], np.array([0.1, 1.3, 2.0])
-    one_by_one = [float(rf.roughness.cutoff(spectrum, s)) for s in slopes]
-    np.testing.assert_allclose(rf.roughness.cutoff(spectrum, slopes), one_by_one, rtol=1e-15)
-    np.testing.assert_allclose(
-        jax.jit(jax.vmap(rf.roughness.cutoff, (None, 0)))(spectrum, slopes), one_by_one, rtol=1e-13
-    )
-    jitted = jax.jit(rf.with_cutoff)(OBJECTS["table"], 0.1)
-    np.testing.assert_allclose(jitted.q, rf.with_cutoff(OBJECTS["table"], 0.1).q, rtol=1e-13)
-
-
 @pytest.mark.parametrize(
     "spectrum", [OBJECTS["table"], rf.SelfAffine(*ROAD[:4], 0.0)], ids=["table", "smooth"]
 )
@@ -282,9 +269,6 @@ def test_cutoff_at_a_height_where_there_is_none():
     assert both[0] == both[1]
     with pytest.raises(ValueError, match=r"^keep = 'C0': must be \"C\" or \"h_rms\"$"):
         rf.roughness.cutoff(road, 1.0, keep="C0")
-
-
-def test_cutoff_of_something_else():
     with pytest.raises(ValueError, match=r"^spectrum is a Body: must be"):
         rf.with_cutoff(rf.Body(rf.Rigid()))
 

@@ -133,18 +133,7 @@ NARROW = rf.Quadrature(order=6, panels=3, graded=8, ratio=4.5, angular_order=6)
 
 
 @pytest.mark.slow
-def test_gradients_with_long_range_adhesion():
-    slope = jax.jit(
-        jax.grad(lambda scene: jnp.log(rf.contact_area(scene, 0.0, jnp.float32(2e4), quadrature=NARROW)))
-    )(as_arrays(STICKY, jnp.float32))
-    found = (*jax.tree.leaves((slope.lower.material, slope.upper.spectrum)), slope.adhesion.work)
-    # In double precision with the default quadrature; differences agree to 1e-9.
-    expected = [-8.2607e-07, -0.27967, -5.605e-07, -1.37688e-06, -2.73693e-08, 0.434202, -248780.4, 4.12671]
-    np.testing.assert_allclose(found, expected, rtol=1e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("pressure", [2e3, 2e5])
+@pytest.mark.parametrize("pressure", [2e3, 2e4, 2e5])
 def test_gradients_with_long_range_adhesion_agree_with_double_precision(pressure):
     def values(scene, pressure):
         found = rf.solve(scene, 0.0 * pressure, pressure, quadrature=NARROW)

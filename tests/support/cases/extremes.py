@@ -1,6 +1,6 @@
 """Extreme and stiff scenes, as dictionaries: every one is a change made to one of a few base scenes.
 
-Plain data, for `test_extremes.py`, the table of `test_stability_table.py` and
+Plain data, for `test_extremes.py`, the table of `notebooks/stability.py` and
 `reference/precise/make_extremes.py`, which computes their references. Few bases, so that few
 structures compile. The groups are the extremes that every quantity must survive.
 """

@@ -72,8 +72,7 @@ def test_a_map_can_be_computed_at_every_point():
         (rf.Scene(rubber(ENTROPIC), rubber(WLF, ROAD)), False),
         (
             rf.Scene(
-                RIGID_ROAD,
-                rf.Body(TREAD, None, rf.Coating(1e-4, rf.Prony(1e6, [1e7], [1e-3], shift=OTHER))),
+                RIGID_ROAD, rf.Body(TREAD, None, rf.Coating(1e-4, rf.Prony(1e6, [1e7], [1e-3], shift=OTHER)))
             ),
             False,
         ),

@@ -6,11 +6,7 @@ import types
 
 import numpy as np
 import pytest
-from support.scenes.maps import (
-    FILE,
-    QUICK,
-    SCENE,
-)
+from support.scenes.maps import FILE, QUICK, SCENE
 
 import rubberfric as rf
 from rubberfric.analysis import batches, maps

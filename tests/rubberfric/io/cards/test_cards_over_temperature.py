@@ -126,8 +126,7 @@ soft
 
 
 @pytest.mark.parametrize(
-    ("name", "bulk", "glassy", "relaxed", "rate"),
-    [(3, 2e9, 5e6, 2e6, 100.0), ("soft", 1e9, 3e6, 1e6, 50.0)],
+    ("name", "bulk", "glassy", "relaxed", "rate"), [(3, 2e9, 5e6, 2e6, 100.0), ("soft", 1e9, 3e6, 1e6, 50.0)]
 )
 def test_a_material_with_one_term(name, bulk, glassy, relaxed, rate, tmp_path):
     """G(t) = G_I + (G_0 - G_I) exp(-beta t) and E = 9 B G / (3 B + G), at omega = 2 beta."""

@@ -206,10 +206,7 @@ ROUND_TRIPS = {
     ),
     "lsdyna": (
         1e-6,
-        [
-            (SHEAR.replace("shift", None), MPA, DENSE, {}),
-            (SOFT, PASCAL, DENSE | {"bulk": 2e9}, {}),
-        ],
+        [(SHEAR.replace("shift", None), MPA, DENSE, {}), (SOFT, PASCAL, DENSE | {"bulk": 2e9}, {})],
     ),
     "pyvisco": (1e-12, [(SOFT, MPA, {}, {})]),
 }

@@ -29,9 +29,6 @@ FULL, FULL_WIDE = (
 )
 
 
-_area = jax.jit(rf.contact_area)
-
-
 @jax.jit
 def _compliance(plain, velocity, pressure):
     """-du/dp at pressures, shape (n,)."""
@@ -130,17 +127,6 @@ def test_light_loads_have_an_area_that_is_larger_by_one_share():
     assert sticky[0] > 0.1
 
 
-@pytest.mark.slow
-@with_and_without_S
-def test_a_vanishing_work_is_contact_without_adhesion(corrected):
-    pressure, fine = np.array([1e-3, 1e3, 1e5, 1e6, 1e8]), rf.Quadrature()
-    for quantity in (rf.contact_area, rf.separation):
-        plain = quantity(_scene(area_correction=corrected), 0.0, pressure, quadrature=fine)
-        found = quantity(_scene(1e-30, area_correction=corrected), 0.0, pressure, quadrature=fine)
-        # The share goes as the root of the work, 1e-15.
-        np.testing.assert_allclose(found, plain, rtol=3e-13)
-
-
 @pytest.mark.parametrize("log_load", [0.0, 1.5])
 def test_terms_of_the_formula_are_derivatives_over_the_load(log_load):
     """A, and p u' = du / d ln p of s = P (gamma + (1 - gamma) P^2), differentiated by mpmath."""
@@ -191,33 +177,6 @@ def test_the_work_of_separation_is_the_largest_of_all_loads(share):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("material", [None, TREAD], ids=["elastic", "rubber"])
-def test_derivatives_are_those_of_the_values(material):
-    scene = _scene(0.05 * FULL_WIDE, WIDE, material, area_correction=True)
-
-    def values(factors):
-        one = scene.replace(
-            adhesion=rf.Adhesion(scene.adhesion.work * factors[0]),
-            lower=scene.lower.replace(
-                spectrum=rf.SelfAffine(1e4, 3e4, 1e8, 0.6 * factors[1], 2e-7 * factors[2])
-            ),
-            gamma=0.5 * factors[3],
-        )
-        found = rf.solve(one, 1e-4, 1e5 * factors[4], quadrature=rf.Quadrature())
-        return jnp.stack([found.area, found.separation * 1e6])
-
-    at, jitted = jnp.ones(5), jax.jit(values)
-    forward, reverse = jax.jit(jax.jacfwd(values))(at), jax.jit(jax.jacrev(values))(at)
-    np.testing.assert_allclose(forward, reverse, rtol=1e-9, atol=1e-12)
-    step = 1e-5
-    for k in range(at.size):
-        moved = at.at[k].add(step), at.at[k].add(-step)
-        np.testing.assert_allclose(
-            forward[:, k], (jitted(moved[0]) - jitted(moved[1])) / (2 * step), rtol=1e-6, atol=1e-8
-        )
-
-
-@pytest.mark.slow
 def test_values_and_derivatives_are_finite_at_extremes():
     def values(work, young, pressure):
         scene = _scene(work, WIDE, rf.Elastic(young, 0.5))
@@ -235,25 +194,11 @@ def test_values_and_derivatives_are_finite_at_extremes():
     slopes = jax.jit(jax.vmap(jax.jacrev(values, (0, 1, 2))))(*cases)
     assert all(np.isfinite(x).all() for x in jax.tree.leaves((found, slopes)))
     assert np.all((found[0] > 0) & (found[0] <= 1) & (found[1] >= 0))
-    area_and_slopes = jax.jit(jax.value_and_grad(rf.contact_area))
-    for work, pressure in ((1e-6, 1.0), (1e-3, 1e5), (10.0, 1e5)):
-        scene = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), _scene(work, WIDE))
-        single, slope = area_and_slopes(scene, np.float32(0), np.float32(pressure))
-        assert single.dtype == jnp.float32 and all(np.isfinite(x).all() for x in jax.tree.leaves(slope))
-        assert float(single) == pytest.approx(float(_area(_scene(work, WIDE), 0.0, pressure)), rel=3e-4)
 
 
-def test_a_point_depends_on_itself_alone():
-    scene = _scene(0.05 * FULL_WIDE, WIDE)
+def test_areas_grow_with_the_load():
     pressure = np.geomspace(1e2, 1e7, 40)
-    together = np.asarray(rf.contact_area(scene, 0.0, pressure))
-    shuffled = np.random.default_rng(0).permutation(40)
-    np.testing.assert_allclose(
-        rf.contact_area(scene, 0.0, pressure[shuffled]), together[shuffled], rtol=1e-12
-    )
-    alone = [float(rf.contact_area(scene, 0.0, p)) for p in pressure[::8]]
-    np.testing.assert_allclose(alone, together[::8], rtol=1e-9)
-    assert np.all(np.diff(together) >= 0)
+    assert np.all(np.diff(rf.contact_area(_scene(0.05 * FULL_WIDE, WIDE), 0.0, pressure)) >= 0)
 
 
 @pytest.mark.slow

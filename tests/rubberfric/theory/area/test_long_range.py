@@ -7,14 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy import special
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import brentq
 from support.oracles.dmt_attraction import DmtAttraction
 
 import rubberfric as rf
 from rubberfric.theory.adhesive_contact import relative_attraction
-from rubberfric.theory.area.separations import loss_table, loss_weight, scaled_erfc, spread
 from rubberfric.theory.integrals import prepare
 from rubberfric.theory.structure import SurfaceTemperatures
 
@@ -25,7 +23,6 @@ H_RMS = 2e-7  # [m]
 YOUNG = 1e7  # [Pa]
 FINE = rf.SelfAffine(q0=Q0, qr=Q0, q1=Q1, hurst=HURST, h_rms=H_RMS)
 ROLLING = FINE.replace(qr=3e4)
-MODULUS = YOUNG / 0.75
 QUADRATURE = rf.Quadrature(order=8, panels=6, graded=3, ratio=6.0)
 AREA = ("area", "separation", "converged")
 _solve = jax.jit(functools.partial(rf.solve, quantities=AREA))
@@ -39,7 +36,6 @@ def _scene(work=None, reach=None, spectrum=FINE, **options):
 
 
 _area = jax.jit(rf.contact_area)
-_fine_area = jax.jit(functools.partial(rf.contact_area, quadrature=rf.Quadrature()))
 
 
 def _load_of(scene, area, velocity=0.0):
@@ -110,29 +106,6 @@ def test_a_range_beyond_all_gaps_is_a_load():
 
 
 @pytest.mark.slow
-def test_a_vanishing_work_is_contact_without_adhesion():
-    pressure = np.array([1e3, 1e5, 1e6])
-    for spectrum in (FINE, ROLLING):
-        scene, plain = _scene(1e-26, 1e-7, spectrum), _fine_area(_scene(spectrum=spectrum), 0.0, pressure)
-        usual = [_solve(scene, 0.0, p).area for p in pressure]
-        np.testing.assert_allclose(usual, plain, rtol=1e-9)
-        np.testing.assert_allclose(_fine_area(scene, 0.0, pressure), plain, rtol=1e-13)
-
-
-@pytest.mark.slow
-def test_nodes_are_enough():
-    """Twice as many change areas by 3e-5 at most, at very light load by 2e-3."""
-    cases = [(1e5, 1e-2, 1e-7), (1e3, 1e-3, 1e-8), (1e5, 1e-3, 1e-9), (1e2, 1e-4, 1e-7)]
-    for pressure, work, reach in cases:
-        scene = _scene(work, reach, ROLLING)
-        usual, fine = (
-            float(rf.contact_area(scene, 0.0, pressure, quadrature=rf.Quadrature(order=order)))
-            for order in (13, 26)
-        )
-        assert usual == pytest.approx(fine, rel=3e-5 if pressure > 1e2 else 2e-3)
-
-
-@pytest.mark.slow
 def test_light_and_heavy_loads():
     """The attraction is a share of a light load, and so is the area."""
     pressure = np.array([1.0, 30.0, 200.0, 2e3, 2e4])
@@ -200,27 +173,6 @@ def test_areas_grow_with_load_and_work():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mode", [jax.jacrev, jax.jacfwd])
-def test_derivatives_are_those_of_the_values(mode):
-    def found(parameters):
-        work, reach, young, h_rms, pressure = jnp.exp(parameters)
-        scene = _scene(1.0, 1.0, ROLLING).replace(
-            {"adhesion.work": work, "adhesion.range": reach, "upper.material.young": young}
-        )
-        scene = scene.replace("lower.spectrum.h_rms", h_rms)
-        at_points = rf.solve(scene, 0.0, pressure, quadrature=rf.Quadrature(), quantities=AREA[:2])
-        return jnp.stack([at_points.area, at_points.separation])
-
-    at = jnp.log(jnp.array([1e-2, 1e-7, 1e7, 2e-7, 1e5]))
-    slopes = jax.jit(mode(found))(at)
-    steps = 1e-5 * jnp.concatenate([jnp.eye(5), -jnp.eye(5)])
-    above, below = jnp.split(jax.jit(jax.vmap(found))(at + steps), 2)
-    np.testing.assert_allclose(slopes, (above - below).T / 2e-5, rtol=1e-5)
-    # Whatever the units: lengths times l and pressures times p leave the area.
-    assert float(slopes[0, jnp.array([0, 2, 4])].sum()) == pytest.approx(0.0, abs=1e-6)
-
-
-@pytest.mark.slow
 def test_values_and_derivatives_are_finite_at_extremes():
     def values(work, reach, young, pressure):
         scene = _scene(1.0, 1.0, ROLLING).replace(
@@ -262,48 +214,6 @@ def test_friction_is_that_of_the_load_over_the_pressure():
     power = rf.analysis.dissipated_power(scene, 1e-3, 1e4)
     total = float(found.viscoelastic_friction + found.shear_friction) * 1e4 * 1e-3
     assert float(power.total) == pytest.approx(total, rel=1e-9)
-
-
-def test_the_table_of_where_contact_is_lost():
-    """Against derivatives of the formula."""
-    log_x = np.random.default_rng(0).uniform(-12, 1.6, 300)
-
-    @jax.jit
-    def both(gamma, c):
-        slope = jax.vmap(jax.grad(lambda t: -loss_weight(jnp.exp(t), c, gamma)))(log_x)
-        return loss_table(gamma)(jnp.asarray(log_x), c), slope
-
-    for gamma, c in ((0.5, 4 / math.pi), (0.0, 30.0), (1.0, 0.0)):
-        table, slope = both(gamma, c)
-        np.testing.assert_allclose(table, slope, atol=3e-8 * float(np.abs(slope).max()) + 1e-10)
-
-
-@pytest.mark.parametrize("place", range(3), ids=["log_x", "c", "gamma"])
-def test_derivatives_of_the_table_of_the_losses_are_differences(place):
-    log_x = jnp.asarray(np.random.default_rng(1).uniform(-3, 1.5, 50))
-    at, move = (log_x, jnp.asarray(1.3), jnp.asarray(0.4)), [jnp.zeros(50), jnp.zeros(()), jnp.zeros(())]
-    move[place] = jnp.ones_like(move[place])
-
-    @jax.jit
-    def value(log_x, c, gamma):
-        return loss_table(gamma)(log_x, c)
-
-    def moved(step):
-        return value(*(x + step * dx for x, dx in zip(at, move, strict=True)))
-
-    _, slope = jax.jvp(value, at, tuple(move))
-    np.testing.assert_allclose(slope, (moved(1e-5) - moved(-1e-5)) / 2e-5, rtol=1e-5, atol=1e-6)
-
-
-@pytest.mark.slow
-def test_the_weights_of_the_separations():
-    """erfcx and the mean over Gaussians, against scipy and a sum."""
-    z = np.geomspace(1e-3, 1e9, 100)
-    np.testing.assert_allclose(scaled_erfc(jnp.asarray(z)), special.erfcx(z), rtol=1e-14)
-    for u, h, r in ((1.0, 0.5, 0.3), (0.2, 1.0, 3.0), (5.0, 0.01, 2.0), (1e-3, 1.0, 0.05), (40.0, 1.0, 5.0)):
-        grid, step = np.linspace(-12, 12, 2000001, retstep=True)
-        mean = np.sum(np.exp(-np.abs(u + h * grid) / r - grid**2 / 2)) * step / math.sqrt(2 * math.pi)
-        assert float(spread(*map(jnp.asarray, (u, h, r)))) == pytest.approx(mean, rel=1e-6)
 
 
 def test_wrong_ranges_are_refused():

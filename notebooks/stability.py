@@ -1,16 +1,23 @@
-"""The table of errors of every extreme case; off by default:
+"""Compute the errors of every extreme case of the tests, and write stability.md.
 
-    TABLE=notebooks/stability.md python -m pytest -m benchmark -s tests/benchmarks/test_stability_table.py
+    python notebooks/stability.py
 
-Without TABLE in the environment it only prints. About five minutes, nearly all of it compilation.
+It takes about five minutes, nearly all of it compilation.
 """
 
-import os
+import sys
 from pathlib import Path
 
+import jax
 import numpy as np
-import pytest
-from support.cases.extreme_errors import (
+
+jax.config.update("jax_enable_x64", True)
+
+FOLDER = Path(__file__).resolve().parent
+PAGE = FOLDER / "stability.md"
+sys.path.insert(0, str(FOLDER.parent / "tests"))
+
+from support.cases.extreme_errors import (  # noqa: E402
     REFUSED,
     conditions,
     elements,
@@ -22,10 +29,8 @@ from support.cases.extreme_errors import (
     value_errors,
     value_floor,
 )
-from support.cases.extremes import BASES, CASES, GROUPS, changed
-from support.cases.stored import reverse
-
-pytestmark = pytest.mark.benchmark
+from support.cases.extremes import BASES, CASES, GROUPS, changed  # noqa: E402
+from support.cases.stored import reverse  # noqa: E402
 
 INTRODUCTION = f"""\
 # Errors on stiff and extreme scenes
@@ -65,7 +70,7 @@ errors of its scenes.
 The default `Quadrature` is used, except for `gamma-0-light` in float64, which has `graded=16`. This command
 generates the page:
 
-    TABLE=notebooks/stability.md python -m pytest -m benchmark -s tests/benchmarks/test_stability_table.py
+    python notebooks/stability.py
 
 | extreme | case | scenes | float64 value | float64 gradient | float32 value | float32 gradient |
 |---|---|---|---|---|---|---|
@@ -99,7 +104,8 @@ def shown(error):
     return "0" if error == 0 else f"{error:.0e}"
 
 
-def test_table():
+def main():
+    """Print the rows as they are computed, and write the page."""
     lines = []
     for group, cases in GROUPS.items():
         for name, (bases, _) in cases.items():
@@ -108,5 +114,8 @@ def test_table():
             lines.append(f"| {' | '.join([group, name, scenes, *row(name, bases)])} |")
             group = ""
             print(lines[-1], flush=True)
-    if os.environ.get("TABLE"):
-        Path(os.environ["TABLE"]).write_text(INTRODUCTION + "\n".join(lines) + "\n")
+    PAGE.write_text(INTRODUCTION + "\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,53 @@
+"""Least squares with terms >= 0, linear and in logarithms, against SciPy and the conditions of a minimum."""
+
+import numpy as np
+import pytest
+import scipy.optimize
+
+from fitting.characterise.prony_series import nonnegative, nonnegative_logarithmic
+
+OMEGA = np.geomspace(1.0, 1e6, 40)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_nonnegative_equal_to_scipy(seed):
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((30, 12)) * 10.0 ** rng.uniform(-6, 6, 12)
+    b = rng.standard_normal(30)
+    x, rest = scipy.optimize.nnls(A, b)
+    found = nonnegative(A, b)
+    assert 0 < np.count_nonzero(x == 0) < 12
+    np.testing.assert_array_equal(found == 0, x == 0)
+    np.testing.assert_allclose(found, x, rtol=1e-10)
+    assert np.linalg.norm(A @ found - b) <= rest * (1 + 1e-12)
+
+
+def test_nonnegative_survives_what_is_degenerate():
+    A = np.array([[1.0, 1.0, 0.0], [2.0, 2.0, 0.0]])
+    found = nonnegative(A, np.array([1.0, 2.0]))
+    assert (found >= 0).all() and found[2] == 0
+    np.testing.assert_allclose(A @ found, [1.0, 2.0], rtol=1e-12)
+    assert (nonnegative(A, np.array([-1.0, -2.0])) == 0).all()
+    # Four terms a decade are nearly the same column.
+    a = OMEGA[:, None] * np.geomspace(1e-6, 1.0, 25)
+    A = a / (1 + a**2)
+    b = A @ np.linspace(1.0, 2.0, 25)
+    assert np.linalg.norm(A @ nonnegative(A, b) - b) <= 1e-12 * np.linalg.norm(b)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_minimum_of_the_logarithms(seed):
+    """No direction that is allowed goes down: the conditions of Karush, Kuhn and Tucker."""
+    rng = np.random.default_rng(seed)
+    a = OMEGA[:, None] * np.geomspace(1e-6, 1.0, 13)
+    A = np.concatenate([a**2 / (1 + a**2), a / (1 + a**2)])
+    known = np.repeat([2e6, 0.0], OMEGA.size)
+    error = rng.uniform(0.5, 2.0, known.size)
+    b = (A @ 10 ** rng.uniform(6, 9, 13) + known) * np.exp(0.2 * rng.standard_normal(known.size))
+    x = nonnegative_logarithmic(A, b, known, error)
+    model = A @ x + known
+    rows = A / (model * error)[:, None]
+    gradient = rows.T @ (np.log(model / b) / error) / np.linalg.norm(rows, axis=0)
+    assert 0 < np.count_nonzero(x == 0) < 8
+    assert (gradient[x == 0] > 0).all()
+    np.testing.assert_allclose(gradient[x > 0], 0, atol=1e-6)

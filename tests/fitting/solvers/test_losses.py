@@ -1,0 +1,104 @@
+"""Losses of robust fits: SciPy's cost, the formulas in 60 digits, efficiency."""
+
+import jax
+import jax.numpy as jnp
+import mpmath
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from fitting.solvers import objective as losses
+from fitting.solvers.objective import LOSS_WIDTHS
+
+LOSSES = tuple(LOSS_WIDTHS)
+RESIDUALS = np.concatenate([[0.0], np.logspace(-8, 4, 37), -np.logspace(-3, 3, 7)])
+
+
+rho, factors = (jax.jit(function, static_argnums=0) for function in (losses.rho, losses.factors))
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("width", [0.1, 1.0, 2.5])
+def test_cost_is_scipys(loss, width):
+    """0.5 sum C^2 rho((r / C)^2), C = f_scale, evaluated by `least_squares` itself."""
+    result = least_squares(
+        lambda x: RESIDUALS + 0 * x,
+        [0.0],
+        loss=loss,
+        f_scale=width,
+        max_nfev=1,
+        jac=lambda _: 0 * RESIDUALS[:, None],
+    )
+    cost = 0.5 * np.sum(rho(loss, width, jnp.asarray(RESIDUALS))[0])
+    np.testing.assert_allclose(cost, result.cost, rtol=1e-13)
+
+
+def textbook(loss, width):
+    """rho as a function of z0 = r^2, in mpmath."""
+    width2 = mpmath.mpf(width) ** 2
+    return {
+        "linear": lambda s: s,
+        "huber": lambda s: s if s <= width2 else width2 * (2 * mpmath.sqrt(s / width2) - 1),
+        "soft_l1": lambda s: 2 * width2 * (mpmath.sqrt(1 + s / width2) - 1),
+        "cauchy": lambda s: width2 * mpmath.log(1 + s / width2),
+    }[loss]
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("width", [0.3, 1.0, 4.0])
+def test_values_and_derivatives_of_the_losses(loss, width):
+    residual = np.array([1e-6, 1e-3, 0.1, 0.2, 0.9, 1.2, 3.0, 5.0, 40.0, 1e4, 1e8])
+    with mpmath.workdps(60):
+        exact = textbook(loss, width)
+        expected = [
+            [
+                float(mpmath.diff(exact, mpmath.mpf(r) ** 2, n, h=mpmath.mpf(r) ** 2 * mpmath.mpf("1e-12")))
+                for r in residual
+            ]
+            if n
+            else [float(exact(mpmath.mpf(r) ** 2)) for r in residual]
+            for n in range(3)
+        ]
+    for found, exact, tolerance in zip(
+        rho(loss, width, jnp.asarray(residual)), expected, (1e-14, 1e-10, 1e-10), strict=True
+    ):
+        np.testing.assert_allclose(found, exact, rtol=tolerance, atol=1e-30)
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+def test_factors_give_the_gradient_and_a_positive_curvature(loss):
+    width = LOSS_WIDTHS[loss]
+    first, second = factors(loss, width, jnp.asarray(RESIDUALS))
+    slope = jax.jit(jax.vmap(jax.grad(lambda r: 0.5 * rho(loss, width, r)[0])))(jnp.asarray(RESIDUALS))
+    # d(rho / 2) / dr = r rho': rows times both factors.
+    np.testing.assert_allclose(RESIDUALS * first * second, slope, rtol=1e-13, atol=1e-300)
+    assert np.all(np.asarray(second) > 0)
+    curvature = jax.jit(jax.vmap(jax.grad(jax.grad(lambda r: 0.5 * rho(loss, width, r)[0]))))(
+        jnp.asarray(RESIDUALS)
+    )
+    convex = np.asarray(curvature) > 0.2 * np.asarray(first * second)
+    np.testing.assert_allclose(np.asarray(second)[convex] ** 2, curvature[convex], rtol=1e-10)
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("width", [1e-2, 1.0, 10.0])
+def test_no_residual_breaks_a_loss(loss, width):
+    residual = jnp.asarray([0.0, -0.0, 1e-200, 1e150, -1e150, width, -width])
+    for part in (*rho(loss, width, residual), *factors(loss, width, residual)):
+        assert np.isfinite(part).all()
+    value, first, _ = rho(loss, width, residual)
+    assert value[0] == 0 and first[0] == 1
+    gradient = jax.jit(jax.vmap(jax.grad(lambda r: rho(loss, width, r)[0])))(residual)
+    assert np.isfinite(gradient).all() and gradient[0] == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("loss", [loss for loss in LOSSES if loss != "linear"])
+def test_widths_make_gaussian_data_95_percent_efficient(loss):
+    """(E psi')^2 / E psi^2 of a location estimate, by quadrature over the normal distribution."""
+    r = jnp.linspace(-12, 12, 200_001)
+    weight = np.exp(-0.5 * np.asarray(r) ** 2)
+    weight /= weight.sum()
+    slope = jax.grad(lambda r: 0.5 * rho(loss, LOSS_WIDTHS[loss], r)[0])
+    psi, bend = np.asarray(jax.vmap(slope)(r)), np.asarray(jax.vmap(jax.grad(slope))(r))
+    assert np.sum(weight * bend) ** 2 / np.sum(weight * psi**2) == pytest.approx(0.95, abs=1e-3)
