@@ -5,6 +5,9 @@ from problems.problem import Problem as Problem
 from problems.problem import compiled as compiled
 from problems.problem import solved as solved
 from problems.scenes import PROBLEMS as PROBLEMS
+from problems.scenes import covering as covering
+from problems.scenes import distinct as distinct
+from problems.scenes import each as each
 from problems.scenes import having as having
 from problems.scenes import stored as stored
 from problems.solids import CONTACT_MODELS as CONTACT_MODELS

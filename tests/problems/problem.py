@@ -47,6 +47,11 @@ class Problem(NamedTuple):
         """Return what the scene has."""
         return tags_of(self.scene, self.velocity) | ({self.source} - {""})
 
+    @property
+    def structure(self):
+        """Return the tags that compile separately."""
+        return frozenset(self.tags - {self.source, "rest"})
+
     def solved(self, dtype=float, quadrature=None, **changes):
         """Results by their names, arrays of up to POINTS points; `changes` replace scene or conditions."""
         changed = self._replace(**changes)
@@ -68,19 +73,21 @@ def tags_of(scene, velocity):
         "static": not any(map(relaxes, bodies)),
         "both rough": len(spectra) == 2,
         "layer": any(isinstance(layer, rf.Slab) for layer in layers),
-        "bonded layer": any(isinstance(one, rf.Slab) and one.base == "bonded" for one in layers),
-        "sliding layer": any(isinstance(one, rf.Slab) and one.base != "bonded" for one in layers),
+        "bonded layer": any(isinstance(layer, rf.Slab) and layer.base == "bonded" for layer in layers),
+        "sliding layer": any(isinstance(layer, rf.Slab) and layer.base != "bonded" for layer in layers),
         "coating": any(isinstance(layer, rf.Coating) for layer in layers),
         "shear modulus": any(isinstance(material, rf.PronyShear) for material in materials),
         "tabulated": any(isinstance(material, rf.TabulatedModulus) for material in materials),
         "tabulated spectrum": any(isinstance(spectrum, rf.TabulatedSpectrum) for spectrum in spectra),
         "self-affine": any(isinstance(spectrum, rf.SelfAffine) for spectrum in spectra),
         "grooves": any(isinstance(spectrum, Anisotropic) for spectrum in spectra),
-        "anisotropic": any(isinstance(one, Anisotropic | TabulatedAnisotropic) for one in spectra),
-        "softening": any(one.softening is not None for one in (scene, *bodies)),
-        "shift": any(getattr(one, "shift", None) is not None for one in (*materials, scene.shear)),
+        "anisotropic": any(isinstance(spectrum, Anisotropic | TabulatedAnisotropic) for spectrum in spectra),
+        "softening": any(part.softening is not None for part in (scene, *bodies)),
+        "shift": any(getattr(part, "shift", None) is not None for part in (*materials, scene.shear)),
         "S in G": scene.area_correction,
         "law": scene.contact_model == "boundary_elements",
+        "law of a liquid": scene.contact_model == "boundary_elements"
+        and any(material.deforms and material.is_liquid() for material in materials),
         "rest": velocity == 0,
         **{
             name: getattr(scene, name) is not None for name in ("shear", "heating", "adhesion", "correlation")
@@ -92,8 +99,8 @@ def tags_of(scene, velocity):
 @functools.partial(jax.jit, static_argnames=("names", "quadrature"))
 def compiled(arguments, names, quadrature=None):
     """Results by their names: one compilation for every structure of scene."""
-    found = rf.solve(*arguments, quantities=names, quadrature=quadrature)
-    return {name: getattr(found, name) for name in names}
+    solution = rf.solve(*arguments, quantities=names, quadrature=quadrature)
+    return {name: getattr(solution, name) for name in names}
 
 
 def solved(scene, *conditions, dtype=float, quadrature=None):
@@ -101,5 +108,5 @@ def solved(scene, *conditions, dtype=float, quadrature=None):
     conditions = np.broadcast_arrays(*map(np.atleast_1d, conditions))
     count = conditions[0].size
     arguments = as_arrays((scene, *(np.resize(x, POINTS) for x in conditions)), dtype)
-    found = compiled(arguments, rf.quantities_of(scene), quadrature)
-    return {name: np.asarray(x)[:count] for name, x in found.items()}
+    results = compiled(arguments, rf.quantities_of(scene), quadrature)
+    return {name: np.asarray(x)[:count] for name, x in results.items()}

@@ -1,7 +1,8 @@
 """Scenes by name: every kind of part, alone and together with others."""
 
 import numpy as np
-from support.cases.stored import reference
+import pytest
+from support.cases.stored import reference, slow_if
 from support.cases.stored import scene as scene_of
 
 import rubberfric as rf
@@ -67,6 +68,7 @@ OF_PAPER = {
     "rough rubber": (on_road(SHIFTED_TREAD, WORN), 1e-3, 2e5, 283.15),
     "two rubbers": (scene((SOFT, WORN), (SHIFTED_TREAD, ROAD)), 1e-1, 3e5, 283.15),
     "vertical shift": (scene((HOT, WORN), (SHIFTED_TREAD, ROAD)), 1e-1, 3e5, 303.15),
+    "vertical shift of rough rubber": (on_road(HOT, WORN), 1e-1, 3e5, 303.15),
     "rubber on elastic": (scene((ELASTIC, ROAD), (TREAD,)), 1e-2, 3e5),
     "slab": (on_road(TREAD, None, rf.Slab(1e-3)), 1e-2, 1e6),
     "frictionless slab": (on_road(TREAD, None, rf.Slab(2e-3, "frictionless")), 1e-2, 2e5),
@@ -171,4 +173,34 @@ def stored(*files):
 def having(*tags, without=(), among=None):
     """Problems that have all of these tags and none of `without`."""
     problems = PROBLEMS.values() if among is None else among
-    return [one for one in problems if set(tags) <= one.tags and not one.tags & set(without)]
+    return [problem for problem in problems if set(tags) <= problem.tags and not problem.tags & set(without)]
+
+
+def distinct(problems):
+    """The first problem of each structure."""
+    first = {}
+    for problem in problems:
+        first.setdefault(problem.structure, problem)
+    return list(first.values())
+
+
+def covering(problems, also=()):
+    """Few problems that together have every part that any of them has, and those named in `also`.
+
+    The next one is always the first problem that adds most.
+    """
+    chosen = [problem for problem in problems if problem.name in also]
+    missing = set().union(*(problem.structure for problem in problems))
+    missing -= set().union(*(problem.structure for problem in chosen))
+    while missing:
+        chosen.append(max(problems, key=lambda problem: len(problem.structure & missing)))
+        missing -= chosen[-1].structure
+    names = {problem.name for problem in chosen}
+    return [problem for problem in problems if problem.name in names]
+
+
+def each(problems, ordinary):
+    """Run a test with each `problem`. All but those named in `ordinary` are slow."""
+    by_name = {problem.name: problem for problem in problems}
+    assert set(ordinary) <= set(by_name), set(ordinary) - set(by_name)
+    return pytest.mark.parametrize("problem", slow_if(lambda name: name not in ordinary, by_name))

@@ -9,10 +9,9 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 from jax.flatten_util import ravel_pytree
-from problems import POINTS, PROBLEMS, compiled, having, stored
-from support.cases.stored import as_arrays, elements, names_of, slow_if
+from problems import POINTS, PROBLEMS, compiled, distinct, each, having, stored
+from support.cases.stored import elements, names_of
 
 import rubberfric as rf
 from rubberfric.base import fixed_points
@@ -33,8 +32,8 @@ def smooth(problem):
 
 
 def values(arguments, names):
-    found = rf.solve(*arguments, quantities=names)
-    return jnp.stack([getattr(found, name) for name in names])
+    solution = rf.solve(*arguments, quantities=names)
+    return jnp.stack([getattr(solution, name) for name in names])
 
 
 @functools.partial(jax.jit, static_argnames="names")
@@ -54,8 +53,8 @@ def differences(problem, unit, quadrature=None):
     def at(moved):
         scene, *conditions = rebuilt(moved)
         arguments = scene, *(jnp.full(POINTS, x) for x in conditions)
-        found = compiled(arguments, rf.quantities_of(problem.scene), quadrature)
-        return np.array([found[name][0] for name in problem.names])
+        results = compiled(arguments, rf.quantities_of(problem.scene), quadrature)
+        return np.array([results[name][0] for name in problem.names])
 
     rows = STEP * np.diag(unit)
     return np.array([sum(w / STEP * at(numbers + k * row) for k, w in WEIGHTS.items()) for row in rows])
@@ -68,12 +67,9 @@ def tolerance(problem):
     return 1e-5 if problem.tags & {"heating", "law"} else 1e-6
 
 
-ORDINARY = ("rubber", "contact shear")
-
-
-@pytest.mark.parametrize("name", slow_if(lambda name: name not in ORDINARY, PROBLEMS.keys()))
-def test_both_modes_and_differences_agree(name, monkeypatch):
-    problem = smooth(PROBLEMS[name])
+@each(PROBLEMS.values(), ("rubber",))
+def test_both_modes_and_differences_agree(problem, monkeypatch):
+    problem = smooth(problem)
     arguments = problem.arguments
     numbers = np.asarray(ravel_pytree(arguments)[0])
     # At rest a velocity that moves nothing far; correlated solids must stay at rest.
@@ -90,9 +86,9 @@ def test_both_modes_and_differences_agree(name, monkeypatch):
     if problem.scene.heating is not None:
         monkeypatch.setattr(fixed_points, "_TOLERANCE", 1e-12)
         quadrature = FURTHER
-    expected, found = differences(problem, unit, quadrature), reverse * unit[:, None]
+    expected = differences(problem, unit, quadrature)
     scale = np.abs(expected) + 1e-2 * np.abs(expected).max(0) + 1e-300
-    error = np.abs(found - expected) / scale
+    error = np.abs(reverse * unit[:, None] - expected) / scale
     worst = np.unravel_index(np.argmax(error), error.shape)
     assert error.max() <= tolerance(problem), (
         names_of(arguments)[worst[0]],
@@ -101,19 +97,18 @@ def test_both_modes_and_differences_agree(name, monkeypatch):
     )
 
 
-STORED = {
-    f"{file}-{one.name}": one
+STORED = [
+    problem._replace(name=f"{file}-{problem.name}")
     for file in ("derivative", "part")
-    for one in stored(f"{file}_cases")
-    if "derivatives" in one.case
-}
+    for problem in stored(f"{file}_cases")
+    if "derivatives" in problem.case
+]
 
 
-@pytest.mark.parametrize("name", slow_if(lambda name: name != "derivative-rigid-on-rubber", STORED.keys()))
-def test_differences_of_brute_force(name):
-    problem = STORED[name]
+@each(STORED, ("derivative-rigid-on-rubber",))
+def test_differences_of_brute_force(problem):
     arguments = problem.arguments
-    found = elements(both_modes(arguments, arguments, problem.names)[0])
+    jacobian = elements(both_modes(arguments, arguments, problem.names)[0])
     numbers, leaves = np.asarray(ravel_pytree(arguments)[0]), names_of(arguments)
 
     def exact_of(case):
@@ -126,34 +121,28 @@ def test_differences_of_brute_force(name):
     rtol = 1e-4 if "tabulated" in problem.tags else 1e-8
     for leaf, case in problem.case["derivatives"].items():
         i, exact = leaves.index(leaf), exact_of(case)
-        slope = found[i] * (1.0 if leaf.endswith("angle") else numbers[i])
+        slope = jacobian[i] * (1.0 if leaf.endswith("angle") else numbers[i])
         error = np.abs(slope - exact) / np.maximum(level + np.abs(exact), np.finfo(float).tiny)
         assert (error <= rtol).all(), (leaf, slope, exact)
 
 
-@functools.partial(jax.jit, static_argnames="names")
-def slopes_over_velocity(scene, velocity, conditions, names):
-    """Derivatives by the velocity, in both modes."""
-    return [
-        jacobian(lambda velocity: values((scene, velocity, *conditions), names))(velocity)
-        for jacobian in (jax.jacfwd, jax.jacrev)
-    ]
+@each(distinct(having(without=("correlation",))), ("rubber", "liquid"))
+def test_derivative_at_rest(problem):
+    """Friction is odd in v, so that its derivative at v = 0 is friction / v at small v; all else is even.
 
-
-AT_REST = {one.name: one for one in having(without=("correlation",))}
-# Scenes of one structure compile once.
-ORDINARY_AT_REST = ("rubber", "liquid", "law", "law, liquid")
-
-
-@pytest.mark.parametrize("name", slow_if(lambda name: name not in ORDINARY_AT_REST, AT_REST.keys()))
-def test_derivative_at_rest(name):
-    """Friction is odd in v, so that its derivative at v = 0 is friction / v at small v; all else is even."""
-    problem = AT_REST[name]
-    scene, _, *conditions = problem.arguments
+    All other derivatives are finite.
+    """
+    problem = problem._replace(velocity=0.0)
+    arguments = problem.arguments
+    still = jax.tree.map(jnp.zeros_like, arguments)
+    along_velocity = still[0], jnp.ones_like(arguments[1]), *still[2:]
+    reverse, forward = both_modes(arguments, along_velocity, problem.names)
+    assert np.isfinite(elements(reverse)).all()
+    slopes = {name: (forward[i], reverse[1][i]) for i, name in enumerate(problem.names)}
     at = problem.solved(velocity=np.array([0.0, 1e-10, 1e-30]))
-    for slope in slopes_over_velocity(scene, jnp.zeros(()), conditions, problem.names):
-        for quantity, derivative in zip(problem.names, slope, strict=True):
-            rest, slow, slower = at[quantity]
+    for quantity, both in slopes.items():
+        rest, slow, slower = at[quantity]
+        for derivative in both:
             if not quantity.endswith("friction"):
                 assert abs(derivative) < 1e-9 * max(1.0, rest), quantity
                 continue
@@ -164,12 +153,3 @@ def test_derivative_at_rest(name):
                 )
             else:  # all derivatives of the bell are 0 at rest
                 assert quantity == "friction" or derivative == 0.0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", PROBLEMS)
-def test_all_derivatives_at_rest_are_finite(name):
-    problem = PROBLEMS[name]._replace(velocity=0.0)
-    arguments = problem.arguments
-    slopes, _ = both_modes(arguments, as_arrays(arguments), problem.names)
-    assert all(np.isfinite(x).all() for x in jax.tree.leaves(slopes))

@@ -3,14 +3,15 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
-from problems import POINTS, PROBLEMS
-from support.cases.stored import slow_if
+from problems import POINTS, PROBLEMS, covering, distinct, each
 
 import rubberfric as rf
 
 ORDINARY = ("rubber",)
-each_problem = pytest.mark.parametrize("name", slow_if(lambda name: name not in ORDINARY, PROBLEMS.keys()))
+
+# The first test compiles seven functions a problem, the third one for each quantity.
+each_part = each(covering(PROBLEMS.values(), also=ORDINARY), ORDINARY)
+each_structure = each(distinct(PROBLEMS.values()), ORDINARY)
 # Outside jit a call takes the setting that fits, within it cannot know.
 USUAL = rf.Quadrature()
 
@@ -21,24 +22,23 @@ def curve(problem):
     return velocity, *problem.conditions[1:]
 
 
-def assert_equal(found, expected, rtol):
+def assert_equal(values, expected, rtol):
     """Friction that vanishes relative to nothing."""
     for name, exact in expected.items():
-        value, exact = np.asarray(found[name], float), np.asarray(exact, float)
+        value, exact = np.asarray(values[name], float), np.asarray(exact, float)
         np.testing.assert_allclose(value, exact, rtol=rtol, atol=rtol * np.abs(exact).max(), err_msg=name)
 
 
-@each_problem
-def test_all_ways_of_a_call_return_the_same(name):
+@each_part
+def test_all_ways_of_a_call_return_the_same(problem):
     """Eager, closed over, mapped over points, mapped over scenes: all loops in other orders."""
-    problem = PROBLEMS[name]
     names = rf.quantities_of(problem.scene)
     expected = problem.solved(velocity=curve(problem)[0])
     rtol = 1e-9 if "converged" in names else 1e-11
 
     def call(scene, velocity, *others):
-        found = rf.solve(scene, velocity, *others, quantities=names, quadrature=USUAL)
-        return {quantity: getattr(found, quantity) for quantity in names}
+        solution = rf.solve(scene, velocity, *others, quantities=names, quadrature=USUAL)
+        return {quantity: getattr(solution, quantity) for quantity in names}
 
     scene, (velocity, *others) = problem.scene, curve(problem)
     assert_equal(call(scene, velocity, *others), expected, rtol)
@@ -52,10 +52,9 @@ def test_all_ways_of_a_call_return_the_same(name):
         assert_equal({quantity: x[k] for quantity, x in mapped.items()}, expected, rtol)
 
 
-@pytest.mark.parametrize("name", slow_if(lambda name: name not in ORDINARY, PROBLEMS.keys()))
-def test_a_point_alone_equals_itself_in_a_curve(name):
+@each_structure
+def test_a_point_alone_equals_itself_in_a_curve(problem):
     """Bit by bit: iterations of the others end earlier or later, and do not matter."""
-    problem = PROBLEMS[name]
     velocity = curve(problem)[0]
     together = problem.solved(velocity=velocity)
     for i in range(POINTS):
@@ -66,10 +65,9 @@ def test_a_point_alone_equals_itself_in_a_curve(name):
             )
 
 
-@each_problem
-def test_one_quantity_alone(name):
+@each_part
+def test_one_quantity_alone(problem):
     """A call for one quantity returns its value, and None for the rest."""
-    problem = PROBLEMS[name]
     whole = problem.solved()
     for quantity in problem.names:
         only = jax.jit(lambda *at, quantity=quantity: rf.solve(*at, quantities=quantity))(*problem.arguments)
@@ -78,25 +76,21 @@ def test_one_quantity_alone(name):
         assert [x for x, value in only._asdict().items() if value is not None] == [quantity]
 
 
-ORDINARY_SINGLE = ("rubber", "contact shear")
-
-
-@pytest.mark.parametrize("name", slow_if(lambda name: name not in ORDINARY_SINGLE, PROBLEMS.keys()))
-def test_single_precision(name):
-    problem = PROBLEMS[name]
-    expected, found = problem.solved(), problem.solved(dtype=np.float32)
+@each(distinct(PROBLEMS.values()), ("rubber", "contact shear"))
+def test_single_precision(problem):
+    expected, single = problem.solved(), problem.solved(dtype=np.float32)
     rtol = 5e-4 if problem.tags & {"heating", "adhesion"} else 5e-5
     for quantity in problem.names:
-        assert found[quantity].dtype == np.float32
+        assert single[quantity].dtype == np.float32
         # A separation near full contact is a small difference.
         floor = 1e-6 if quantity == "separation" else 0.0
-        np.testing.assert_allclose(found[quantity], expected[quantity], rtol=rtol, atol=1e-2 * floor * 5e-4)
-    assert found.get("converged", np.ones(1)).all()
+        np.testing.assert_allclose(single[quantity], expected[quantity], rtol=rtol, atol=1e-2 * floor * 5e-4)
+    assert single.get("converged", np.ones(1)).all()
 
 
-@each_problem
-def test_python_numbers_do_not_widen_a_float32_scene(name):
-    problem = PROBLEMS[name]
+# It only traces. Arrays of the second one had the wrong shape.
+@each(PROBLEMS.values(), (*ORDINARY, "vertical shift of rough rubber"))
+def test_python_numbers_do_not_widen_a_float32_scene(problem):
     single = jax.tree.map(lambda x: x.astype(np.float32), problem.arguments[0])
     shapes = jax.eval_shape(
         lambda scene: rf.solve(scene, *problem.conditions, quantities=problem.names), single

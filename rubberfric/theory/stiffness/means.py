@@ -142,7 +142,10 @@ class StiffnessMeans(NamedTuple):
         surface, varies = self.surface, self.surface.method is MeansMethod.AT_POINTS
         if not surface.relaxes:
             T = jax.tree.map(_by_points, temperatures)
-            F = F_j(surface, q[:, None], None, T, self.scale)
+            at = q[:, None]
+            # The modulus of a half-space at rest is the same at all wavevectors.
+            F = F_j(surface, at, None, T, self.scale)
+            F = jnp.broadcast_to(F, jnp.broadcast_shapes(F.shape, at.shape))
             return {"mean_abs2": (F * F,), "mean_storage": (F,)}
         log_shift = _log_shift(surface.strained.material.shift, temperatures.strained)
         least = frequency_range(surface).rest - jax.lax.stop_gradient(jnp.max(jnp.log(q)))

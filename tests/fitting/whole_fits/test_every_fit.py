@@ -10,7 +10,7 @@ import optimistix
 import pytest
 from scipy.optimize import least_squares
 from support.jacobians import residuals_and_jacobian
-from support.scenes.fit_problems import FEW, FITS, PARAMETERS, WITH_FRICTION, fitted, problem, same
+from support.scenes.fit_problems import FEW, FITS, PARAMETERS, fitted, problem, same
 
 import fitting
 from fitting.results.hdf5 import save
@@ -44,7 +44,7 @@ def assert_same_minimum(result, cost, x, rel=1e-7):
     np.testing.assert_array_less(away, np.sqrt(2 * rel * cost) + 1e-4)
 
 
-@pytest.mark.parametrize("name", WITH_FRICTION)
+@pytest.mark.parametrize("name", PARAMETERS)
 def test_jacobian_is_that_of_the_residuals(name):
     rows, both = functions(fitted(name))
     x = moved(fitted(name), 0.5)

@@ -80,7 +80,8 @@ def complaint_about(call_main, tmp_path, monkeypatch):
         put(Path(name))
         before, begin = sorted(os.listdir()), time.monotonic()
         status, printed, complaint = call_main(command, *arguments)
-        assert time.monotonic() - begin < 5  # nothing is waited for, nor read to its end
+        # Nothing is waited for, nor read to its end. The limit allows for a busy machine.
+        assert time.monotonic() - begin < 30
         assert (status, printed, complaint.count("\n")) == (2, "", 1)
         assert sorted(os.listdir()) == before
         return name, complaint

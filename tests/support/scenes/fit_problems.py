@@ -167,13 +167,12 @@ FITS = {
     "two scenes": _two_scenes,
     "discrepancy": _discrepancy,
 }
-# Without integrals over q, so that they compile in a second or two.
-SHORT = ("moduli", "linear", "without effect", "many terms", "spectrum")
+# Without integrals over q and with few terms, so that they compile in a second.
+SHORT = ("moduli", "linear", "without effect", "spectrum")
 # Names for tests: the short ones in the ordinary run, the others in the slow set. Tests that fit again take
 # FEW in the ordinary run.
 PARAMETERS = slow_if(lambda name: name not in SHORT, tuple(FITS))
-WITH_FRICTION = slow_if(lambda name: name not in (*SHORT, "friction"), tuple(FITS))
-FEW = slow_if(lambda name: name not in ("moduli", "spectrum"), tuple(FITS))
+FEW = slow_if(lambda name: name not in ("moduli",), tuple(FITS))
 
 
 @functools.cache
