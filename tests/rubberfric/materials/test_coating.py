@@ -8,6 +8,7 @@ import pytest
 from support.cases.solids import RIGID, ROAD, WORN
 from support.cases.stored import QUANTITIES, as_arrays, quantities, scene
 from support.oracles import oracle
+from support.oracles.oracle_solids import coating_coefficients
 
 import rubberfric as rf
 from rubberfric.scene.body import relaxes
@@ -19,7 +20,7 @@ FINE = [0.0, 0.2, 0.3, 0.45, 0.4999, 0.4999999999, 0.5]
 
 def exact_factor(d, nu1, nu0, mu1, mu0):
     """Sbar at q = 1, as printed."""
-    r, c = mu1 / mu0, oracle.coating_coefficients(d, nu1, nu0, mp.mp.dps + 20)
+    r, c = mu1 / mu0, coating_coefficients(d, nu1, nu0, mp.mp.dps + 20)
     return (c[0] * r * r + c[1] * r + c[2]) / (c[3] * r * r + c[4] * r + c[5])
 
 
@@ -153,7 +154,7 @@ def test_complex_factor(layer, base):
     found = np.asarray(jax.jit(lambda one, two: coating.E_r_S_bar(layer.poisson, q, one, two))(*reduced))
     for i, x in enumerate(1e-3 * q):
         with mp.workdps(30):
-            c = oracle.coating_coefficients(x, layer.poisson, base.poisson)
+            c = coating_coefficients(x, layer.poisson, base.poisson)
             for k in range(omega.size):
                 one, two = (
                     mp.mpc(E[k, 0]) / (2 * (1 + m.poisson))

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from support.oracles.oracle import slab_factor
+from support.oracles.oracle_solids import slab_factor
 
 import rubberfric as rf
 from rubberfric.materials.in_series import in_series

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from support.oracles.oracle import shift_factor, table_modulus
+from support.oracles.oracle_solids import shift_factor, table_modulus
 
 import rubberfric as rf
 from rubberfric.materials.material import plane_strain_factor

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.oracles.oracle import tabulated_factor
+from support.oracles.oracle_solids import tabulated_factor
 from support.scenes.fits import AFFINE as ROAD
 
 import fitting

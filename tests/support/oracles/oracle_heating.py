@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from support.oracles import oracle
+from support.oracles import oracle, oracle_solids
 
 POINTS = 48  # of the polynomials
 
@@ -84,8 +84,8 @@ def shear_friction(shear, area, v, pressure, T):
     """mu_con."""
     if v == 0:
         return 0.0
-    a_T = oracle.shift_factor(shear["shift"], T) if shear.get("shift") else 1.0
-    b_T = oracle.vertical_factor(shear.get("shift"), T)
+    a_T = oracle_solids.shift_factor(shear["shift"], T) if shear.get("shift") else 1.0
+    b_T = oracle_solids.vertical_factor(shear.get("shift"), T)
     stress = b_T * shear["tau_f0"] * math.exp(-shear["c"] * math.log10(a_T * abs(v) / shear["v0"]) ** 2)
     return math.copysign(stress * area / pressure, v)
 

@@ -154,7 +154,7 @@ def test_by_node(v, spectrum):
 
 def coated(layer, base, x, omega):
     """E_r Sbar over the scale, printed above `rubberfric.materials.coating`, for two solids with nu = 0."""
-    from support.oracles.oracle import coating_coefficients
+    from support.oracles.oracle_solids import coating_coefficients
 
     one, two = (
         m.E_inf + np.sum(m.E * 1j * omega[..., None] * m.tau / (1 + 1j * omega[..., None] * m.tau), -1)
