@@ -173,7 +173,8 @@ def stored(*files):
 def having(*tags, without=(), among=None):
     """Problems that have all of these tags and none of `without`."""
     problems = PROBLEMS.values() if among is None else among
-    return [problem for problem in problems if set(tags) <= problem.tags and not problem.tags & set(without)]
+    tagged = [(problem, problem.tags) for problem in problems]
+    return [problem for problem, has in tagged if set(tags) <= has and not has & set(without)]
 
 
 def distinct(problems):
@@ -189,13 +190,12 @@ def covering(problems, also=()):
 
     The next one is always the first problem that adds most.
     """
-    chosen = [problem for problem in problems if problem.name in also]
-    missing = set().union(*(problem.structure for problem in problems))
-    missing -= set().union(*(problem.structure for problem in chosen))
+    parts = {problem.name: problem.structure for problem in problems}
+    names = [name for name in parts if name in also]
+    missing = set().union(*parts.values()).difference(*(parts[name] for name in names))
     while missing:
-        chosen.append(max(problems, key=lambda problem: len(problem.structure & missing)))
-        missing -= chosen[-1].structure
-    names = {problem.name for problem in chosen}
+        names.append(max(parts, key=lambda name: len(parts[name] & missing)))
+        missing -= parts[names[-1]]
     return [problem for problem in problems if problem.name in names]
 
 

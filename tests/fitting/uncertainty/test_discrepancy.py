@@ -167,6 +167,7 @@ def test_scenes_without_the_law_have_a_smallest_amplitude(off):
     assert found.amplitude > 0.2
 
 
+@pytest.mark.slow
 def test_width_is_estimated(tmp_path):
     """With errors of 0.2 that bend within a decade; a width of a decade needs 0.8 for them."""
     data = waves(2, 1.0, 1.6)

@@ -65,6 +65,7 @@ def test_shared_and_own_numbers_are_found_again(result):
     assert fitted["R20"].upper.material.E_inf != fitted["R40"].upper.material.E_inf
 
 
+@pytest.mark.slow
 def test_report_file_and_predictions(result, tmp_path):
     text = result.report()
     for line in ("R20: explains the data", "1: R20: friction, 6 points", "R20.shear.c: 0.1, 1 times R40"):

@@ -65,7 +65,7 @@ def by_quadrature(limit, rise):
     return np.array(found), 1 - start
 
 
-@pytest.mark.parametrize("mu", [0.3, 1.2])
+@pytest.mark.parametrize("mu", [0.3, pytest.param(1.2, marks=pytest.mark.slow)])
 def test_constant_friction_under_a_parabola(mu):
     """F = mu F_z (3 t - 3 t^2 + t^3), M = mu F_z L t (1 - t)^3 / 2 with t = k sigma L / (6 mu p_mean)."""
     for t in (1e-6, 0.1, 0.5, 0.99, 1.0, 1.7):
@@ -245,6 +245,7 @@ def test_peak_at_an_end():
             peak_grip(SCENE, TYRE, 3.0, LOAD, 300.0, between=wrong)
 
 
+@pytest.mark.slow
 def test_jit_and_vmap():
     slips = jnp.array([0.01, 0.03])
     plain = grip(SCENE, TYRE, slips, 3.0, LOAD, 300.0)

@@ -36,7 +36,14 @@ def _rubber(omega):
     return (1e6 + relaxing) / 0.75
 
 
-@pytest.mark.parametrize(("ratio", "angle"), [(1.5, 0.0), (0.6, 0.7), (1.8, 2.2)])
+@pytest.mark.parametrize(
+    ("ratio", "angle"),
+    [
+        pytest.param(1.5, 0.0, marks=pytest.mark.slow),
+        (0.6, 0.7),
+        pytest.param(1.8, 2.2, marks=pytest.mark.slow),
+    ],
+)
 def test_brute_force_of_grooves(ratio, angle):
     """Area and friction along and across the direction of sliding, and full contact as in the paper."""
     scene = _scene(road=rf.Anisotropic(ROAD, ratio, angle))
@@ -166,7 +173,7 @@ def test_extreme_slabs_are_finite(thickness):
     assert np.all(np.isfinite(jax.jit(jax.value_and_grad(friction))(thickness)))
 
 
-@pytest.mark.parametrize("pressure", [1e-25, 1e3, 1e25])
+@pytest.mark.parametrize("pressure", [1e-25, pytest.param(1e3, marks=pytest.mark.slow), 1e25])
 def test_extreme_loads_are_finite(pressure):
     found = _value_and_slopes(_scene(), 0.1, pressure)
     assert all(np.all(np.isfinite(x)) for x in jax.tree.leaves(found))
