@@ -8,7 +8,7 @@ import rubberfric as rf
 FINER = rf.Quadrature(order=18, panels=36, graded=16, ratio=3.5, angular_order=20, heat=264)
 
 
-# What the usual quadrature is made for: ten decades, a plateau of nine, loads of 10 Pa.
+# The usual quadrature is made for ten decades, plateaus of nine decades, and loads of 10 Pa.
 LONG = {
     "ten decades": (ROAD.replace(q0=1.0, qr=1e3, q1=1e10, h_rms=1e-3), 1e5),
     "plateau of nine decades": (ROAD.replace(q0=1.0, qr=1e9, q1=1e10, h_rms=1e-9), 1e5),
