@@ -139,11 +139,8 @@ def solve_rises(thermal: Thermal, roughness: Roughness, points: HeatedPoints) ->
         rises, arrived = arrive(
             _residual(thermal, roughness, thermal.diffusion, point), begin, target, _FINE_STEP
         )
-        # If neither arrives, prefer a fixed point to an iterate.
-        better = arrived | ~pick(solution.converged)
         return solution._replace(
-            rises=solution.rises.at[i].set(jnp.where(better[0], rises[0], solution.rises[i])),
-            converged=solution.converged.at[i].set(arrived[0]),
+            rises=solution.rises.at[i].set(rises[0]), converged=solution.converged.at[i].set(arrived[0])
         ), left.at[i].set(False)
 
     doubtful = ~solution.converged

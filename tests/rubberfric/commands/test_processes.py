@@ -1,4 +1,4 @@
-"""Commands in processes of their own: streams, limits, locales, platforms, and missing packages."""
+"""Run commands in separate processes: streams, limits, locales, platforms and missing packages."""
 
 import os
 import shutil

@@ -1,4 +1,4 @@
-"""What must hold for every scene: bounds, signs, growth with the load, scaling, and equal derivatives."""
+"""Check what holds for every scene: bounds, signs, growth with the load, scaling and derivatives."""
 
 import jax
 import jax.numpy as jnp
