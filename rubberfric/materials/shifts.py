@@ -198,7 +198,16 @@ class Entropic(VerticalShift):
 
 
 def log_factors(law: Shift | VerticalShift, *temperatures: ArrayLike) -> np.ndarray:
-    """Return `law.log_factor(*temperatures)`, compiled as a whole, as a NumPy array of double precision."""
+    """Return `law.log_factor(*temperatures)` as a NumPy array of double precision.
+
+    The law is compiled as a whole; each of its operations would be compiled separately outside `jax.jit`.
+    `temperatures` are T [K] of any shape, and T_ref [K] for a vertical shift. The result is ln a_T or ln b_T.
+
+    Examples
+    --------
+    >>> rf.materials.log_factors(rf.WLF(8.86, 101.6, 293.15), [293.15, 303.15]).round(3) + 0
+    array([ 0.   , -1.828])
+    """
     return np.asarray(_log_factor(law, *(jnp.asarray(T, float) for T in temperatures)), float)
 
 
