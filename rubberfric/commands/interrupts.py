@@ -67,6 +67,8 @@ class Interrupts:
     process : bool
         True if the command is a separate process, which a signal may end. Otherwise it was called from
         Python, and a signal raises KeyboardInterrupt, as in any program that uses JAX.
+        If it arrives while XLA compiles and the interpreter exits at once, threads of XLA go on and can end
+        it with a segmentation fault. Programs with JAX alone have the same fault.
 
     Attributes
     ----------
