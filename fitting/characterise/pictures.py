@@ -24,9 +24,8 @@ def plot_master_curve(curve: Any, ax: style.Panels | None, series: Any = None) -
     upper, lower = ax = style.several_axes(ax, ("moduli", "shifts"), (7.4, 7.0))
     data, T = curve.data, curve.T
     celsius = np.asarray(rf.units.to_celsius(T))
-    named = [
-        f"{style.signed(round(degrees, 1) + 0)} °C" for degrees in celsius
-    ]  # + 0: no minus before a zero
+    # + 0: no minus before a zero
+    named = [f"{style.signed(round(degrees, 1) + 0)} °C" for degrees in celsius]
     for i, tone in enumerate(style.colours(T.size)):
         here = curve.of_sweep == i
         marker = style.MARKERS[i % len(style.MARKERS)]

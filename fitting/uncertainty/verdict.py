@@ -97,10 +97,8 @@ def verdict(
     if not with_errors:
         text = "nothing contradicts it; but the data have no errors: their scatter was used instead"
         return Verdict(None, text, ())
-    total, freedom = (
-        sum(np.sum(entry.rows**2) for entry in with_errors),
-        sum(entry.freedom for entry in with_errors),
-    )
+    total = sum(np.sum(entry.rows**2) for entry in with_errors)
+    freedom = sum(entry.freedom for entry in with_errors)
     if robust:
         squares = _squares_by_median(np.concatenate([entry.rows for entry in with_errors]))
         outliers = f" except {len(far)} outlier{'s' * (len(far) > 1)} of {count} values" if far else ""

@@ -121,26 +121,13 @@ def softened_alike(storage, loss=None):
     return change
 
 
-def with_softer_solids(factor):
-    def change(scene):
-        return replaced(
-            scene,
-            rf.Prony,
-            lambda solid: solid.replace({"E_inf": factor * solid.E_inf, "E": factor * solid.E}),
-        )
+def with_softer(cls, **factors):
+    """Multiply fields of the solids of a class by factors."""
 
-    return change
+    def softer(solid):
+        return solid.replace({name: factor * getattr(solid, name) for name, factor in factors.items()})
 
-
-def with_softer_tables(storage, loss):
-    def change(scene):
-        return replaced(
-            scene,
-            rf.TabulatedModulus,
-            lambda table: table.replace({"storage": storage * table.storage, "loss": loss * table.loss}),
-        )
-
-    return change
+    return lambda scene: replaced(scene, cls, softer)
 
 
 def with_tables_of_the_bodies(scene):
@@ -270,7 +257,7 @@ LIMITS = {
     ),
     "softening by 0.4": Limit(
         softened_alike(0.4),
-        other=with_softer_solids(0.4),
+        other=with_softer(rf.Prony, E_inf=0.4, E=0.4),
         has=("prony",),
         lacks=(
             *("softening", "anisotropic", "coating", "correlation", "law", "static", "tabulated", "heating"),
@@ -279,7 +266,7 @@ LIMITS = {
     ),
     "softening of E' and E''": Limit(
         softened_alike(0.4, 0.7),
-        other=with_softer_tables(0.4, 0.7),
+        other=with_softer(rf.TabulatedModulus, storage=0.4, loss=0.7),
         has=("tabulated",),
         lacks=("softening", "law"),
     ),

@@ -65,11 +65,13 @@ def tags_of(scene, velocity):
     spectra = [body.spectrum for body in bodies if body.spectrum is not None]
     layers = [body.layer for body in bodies if body.layer is not None]
     materials += [layer.base for layer in layers if isinstance(layer, rf.Coating)]
+    liquid = any(material.deforms and material.is_liquid() for material in materials)
+    law = scene.contact_model == "boundary_elements"
     has = {
         "two rubbers": all(map(relaxes, bodies)),
         "rigid": any(isinstance(material, rf.Rigid) for material in materials),
         "prony": any(isinstance(material, rf.Prony) for material in materials),
-        "liquid": any(material.deforms and material.is_liquid() for material in materials),
+        "liquid": liquid,
         "static": not any(map(relaxes, bodies)),
         "both rough": len(spectra) == 2,
         "layer": any(isinstance(layer, rf.Slab) for layer in layers),
@@ -85,9 +87,8 @@ def tags_of(scene, velocity):
         "softening": any(part.softening is not None for part in (scene, *bodies)),
         "shift": any(getattr(part, "shift", None) is not None for part in (*materials, scene.shear)),
         "S in G": scene.area_correction,
-        "law": scene.contact_model == "boundary_elements",
-        "law of a liquid": scene.contact_model == "boundary_elements"
-        and any(material.deforms and material.is_liquid() for material in materials),
+        "law": law,
+        "law of a liquid": law and liquid,
         "rest": velocity == 0,
         **{
             name: getattr(scene, name) is not None for name in ("shear", "heating", "adhesion", "correlation")

@@ -9,7 +9,7 @@ FINER = rf.Quadrature(order=18, panels=36, graded=16, ratio=3.5, angular_order=2
 
 
 # The usual quadrature is made for ten decades, plateaus of nine decades, and loads of 10 Pa.
-LONG = {
+ROADS = {
     "ten decades": (ROAD.replace(q0=1.0, qr=1e3, q1=1e10, h_rms=1e-3), 1e5),
     "plateau of nine decades": (ROAD.replace(q0=1.0, qr=1e9, q1=1e10, h_rms=1e-9), 1e5),
     "no plateau, light load": (ROAD.replace(qr=100.0), 1e1),
@@ -18,7 +18,7 @@ LONG = {
 RUBBER = PROBLEMS["rubber"]
 LONG = [
     RUBBER._replace(name=name, scene=RUBBER.scene.replace({"lower.spectrum": road}), pressure=pressure)
-    for name, (road, pressure) in LONG.items()
+    for name, (road, pressure) in ROADS.items()
 ]
 
 
