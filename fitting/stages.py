@@ -28,7 +28,7 @@ from fitting.solvers.objective import (
 )
 from fitting.solvers.options import Solver
 from fitting.solvers.problem import ASSUMED, Problem, finer
-from fitting.solvers.runs import FIT_BATCH, Callback, Runs, run_fits
+from fitting.solvers.runs import Callback, Runs, run_fits
 from fitting.solvers.search import confirm_minimum, is_high, search
 from fitting.uncertainty.covariance import at_bounds, linearised, uncertainty
 from fitting.uncertainty.discrepancy import (
@@ -69,8 +69,6 @@ class FitInProgress:
     def search(self, x: Array) -> list[Runs]:
         """Fit from all starts x, keep the result with the lowest cost, and return all results."""
         runs = search(self.solver, self.problem, x, *self.limits)
-        # Further fits keep the batch size, because another one would need a compilation.
-        self.batch = min(FIT_BATCH, len(x))
         self.evaluations = np.array([runs.nfev.sum(), runs.njev.sum()])
         costs = np.where(np.isfinite(runs.cost), runs.cost, np.inf)  # argmin would return a NaN
         if not np.isfinite(costs).any():
@@ -90,7 +88,7 @@ class FitInProgress:
             if is_late():
                 raise KeyboardInterrupt
 
-        end = run_fits(self.solver, self.problem, x[None], None, most, called, self.batch).row(0)
+        end = run_fits(self.solver, self.problem, x[None], None, most, called).row(0)
         self.evaluations += end.nfev, end.njev
         return end
 
@@ -169,9 +167,8 @@ class FitInProgress:
                 error_scale=self.error_scale,
                 uncertainty=self.known,
             )
-            bounds, self.known, lower = along_bounds(
-                solved, minima, seconds + began - time.perf_counter(), self.batch
-            )
+            left = seconds + began - time.perf_counter()
+            bounds, self.known, lower = along_bounds(solved, minima, left)
             if lower is None:
                 return bounds
             before = self.end
@@ -231,7 +228,7 @@ class FitInProgress:
         first = np.sort(np.unique(np.round(x, _DECIMALS), axis=0, return_index=True)[1])
         x = x[first]
         most, callback = self.limits
-        ends = run_fits(self.solver, self.problem, x[:_CONTINUED], None, most, callback, self.batch)
+        ends = run_fits(self.solver, self.problem, x[:_CONTINUED], None, most, callback)
         self.evaluations += ends.nfev.sum(), ends.njev.sum()
         return ends.x[succeeded(ends.status)]
 

@@ -90,24 +90,42 @@ class _Path(NamedTuple):
     complete: bool
 
 
-class _Clock:
-    """The end of the time for further fits, and interrupts from the keyboard, which end it too."""
+class _Side:
+    """Solutions with element i held further and further away on one side of the solution of a fit.
 
-    def __init__(self, seconds: float):
-        self.end = time.monotonic() + seconds
+    Attributes
+    ----------
+    places : values of the element that are left, nearest first
+    points : solutions so far, with their rises of chi-square
+    complete : True if the rise passed the threshold, or if no place is left
+    """
 
-    @property
-    def late(self) -> bool:
-        return time.monotonic() > self.end
+    def __init__(self, solved: SolvedProblem, i: int, places: np.ndarray) -> None:
+        self.i, self.places = i, list(places)
+        self.latest = [np.asarray(solved.x, float)]
+        self.points: list[tuple[np.ndarray, float]] = []
+        self.complete = not self.places
 
-    def check(self, *_: object) -> None:
-        """Stop a fit by the exception that a callback of `run_fits` may raise."""
-        if self.late:
-            raise KeyboardInterrupt
+    def start(self) -> np.ndarray:
+        """Return the x of the next fit, on the line through the last two solutions."""
+        here, place = self.latest[-1], self.places.pop(0)
+        start = here.copy()
+        if len(self.latest) > 1:
+            before = self.latest[-2]
+            share = (place - here[self.i]) / (here[self.i] - before[self.i])
+            start += np.clip(share * (here - before), -1.0, 1.0)
+        start[self.i] = place
+        return start
+
+    def add(self, x: np.ndarray, rise: float, threshold: float) -> None:
+        """Add the solution of a fit. If it ran out of steps, its rise is an upper limit."""
+        self.latest.append(np.asarray(x, float))
+        self.points.append((self.latest[-1], rise))
+        self.complete = rise > threshold or not self.places
 
 
 def along_bounds(
-    solved: SolvedProblem, minima: np.ndarray, seconds: float, batch: int
+    solved: SolvedProblem, minima: np.ndarray, seconds: float
 ) -> tuple[tuple[AtBound, ...], Uncertainty, np.ndarray | None]:
     """Follow the parameters without error bars, and withhold the error bars that hold at the solution only.
 
@@ -116,7 +134,6 @@ def along_bounds(
     solved : a fit that has converged
     minima : x of other minima, shape (minima, size)
     seconds : time after which no further fit begins
-    batch : number of fits that run side by side, which are compiled already
 
     Returns
     -------
@@ -128,16 +145,16 @@ def along_bounds(
     which = sorted(
         (i for i in range(len(names)) if names[i] in known.withheld), key=lambda i: _rank(solved, i)
     )
-    clock, bounds, reasons = _Clock(seconds), [], {}
-    for i in which[:_FOLLOWED]:
+    which, bounds, reasons = which[:_FOLLOWED], [], {}
+    paths = _follow(solved, which, seconds) if linear else [None] * len(which)
+    for i, path in zip(which, paths, strict=True):
         where = known.withheld[names[i]].split(", see")[0]
-        path = _follow(solved, i, clock, batch) if linear else None
         if path is None:
             others = _correlated(known, i)
             bounds.append(_unknown(solved, i, where, others))
         else:
             lowest = int(np.argmin(path.rise))
-            if path.rise[lowest] < -2 * NEGLIGIBLE * max(1.0, solved.cost):
+            if _is_lower(solved, path.rise[lowest]):
                 return (), known, path.x[lowest]
             bounds.append(_at_bound(solved, i, where, path))
             others = [names.index(name) for name in bounds[-1].intervals if name not in known.withheld]
@@ -219,44 +236,56 @@ def _places(solved, i):
     return np.sort(places[places < x])[::-1], np.sort(places[places > x])
 
 
-def _follow(solved, i, clock, batch):
-    """Return the `_Path` along element i, or None if not a single fit ended."""
-    sides = [_one_side(solved, i, places, clock, batch) for places in _places(solved, i)]
-    points = [(np.asarray(solved.x, float), 0.0)] + [point for side, _ in sides for point in side]
+def _follow(solved, which, seconds):
+    """Return the `_Path` along each of the elements `which`, or None if not a single fit ended.
+
+    All sides of all elements advance together, because fits side by side share calls of compiled functions.
+    A solution with a lower cost ends the search.
+    """
+    problem, threshold, end = solved.problem, solved.quantile(LEVEL) ** 2, time.monotonic() + seconds
+
+    def check(*_):
+        if time.monotonic() > end:
+            raise KeyboardInterrupt  # ends `run_fits`
+
+    sides = [_Side(solved, i, places) for i in which for places in _places(solved, i)]
+    begun = [side for side in sides if not side.complete]
+    lowest = np.inf
+    while begun and time.monotonic() < end and not _is_lower(solved, lowest):
+        starts = np.array([side.start() for side in begun], problem.start.dtype)
+        targets = _with_held(problem.targets, [side.i for side in begun], starts)
+        runs = run_fits(NEAR_MINIMUM, problem, starts, targets, _MOST, check)
+        rises = 2 * (runs.cost - solved.cost)
+        ended = np.isfinite(rises) & ~was_interrupted(runs.status)
+        for k in np.flatnonzero(ended):
+            begun[k].add(runs.x[k], float(rises[k]), threshold)
+        if was_interrupted(runs.status).any():  # by `check`, or from the keyboard
+            break
+        lowest = np.min(rises, where=ended, initial=lowest)
+        begun = [begun[k] for k in np.flatnonzero(ended) if not begun[k].complete]
+    return [_path(solved, i, [side for side in sides if side.i == i]) for i in which]
+
+
+def _is_lower(solved, rise):
+    """Return True if the cost of a solution is lower than that of the fit by more than a negligible gain."""
+    return rise < -2 * NEGLIGIBLE * max(1.0, solved.cost)
+
+
+def _with_held(targets, which, starts):
+    """Return targets of one fit for each element of `which`, in which this element does not move."""
+    moving = (np.arange(starts.shape[1]) != np.array(which)[:, None]).astype(starts.dtype)
+    shared = (np.broadcast_to(part, (len(which), *np.shape(part))) for part in targets)
+    return type(targets)(*shared)._replace(moving=moving)
+
+
+def _path(solved, i, sides):
+    """Return the `_Path` of the sides of element i, or None if they have no points."""
+    points = [(np.asarray(solved.x, float), 0.0)] + [point for side in sides for point in side.points]
     if len(points) == 1:
         return None
     points.sort(key=lambda point: point[0][i])
     x, rise = (np.array(part) for part in zip(*points, strict=True))
-    return _Path(x, rise, all(complete for _, complete in sides))
-
-
-def _one_side(solved, i, places, clock, batch):
-    """Return (x, rise of chi-square) with element i held at each place, and False if time ended."""
-    problem, threshold = solved.problem, solved.quantile(LEVEL) ** 2
-    dtype = problem.start.dtype
-    targets = problem.targets._replace(moving=(np.arange(solved.x.size) != i).astype(dtype))
-    targets = type(targets)(*(np.asarray(part)[None] for part in targets))
-    before, here, points = None, np.asarray(solved.x, float), []
-    for place in places:
-        if clock.late:
-            return points, False
-        start = here.copy()
-        if before is not None:
-            start += np.clip((place - here[i]) / (here[i] - before[i]) * (here - before), -1.0, 1.0)
-        start[i] = place
-        runs = run_fits(NEAR_MINIMUM, problem, start[None].astype(dtype), targets, _MOST, clock.check, batch)
-        rise = 2 * (float(runs.cost[0]) - solved.cost)
-        if was_interrupted(runs.status[0]):
-            clock.end = -np.inf  # by time, or from the keyboard
-            return points, False
-        if not np.isfinite(rise):
-            return points, False
-        # A fit that ran out of steps gives an upper limit of the rise.
-        before, here = here, np.asarray(runs.x[0], float)
-        points.append((here, rise))
-        if rise > threshold:
-            break
-    return points, True
+    return _Path(x, rise, all(side.complete for side in sides))
 
 
 def _at_bound(solved, i, where, path):

@@ -14,14 +14,16 @@ import jax
 import numpy as np
 
 from fitting.parameters.variables import Array
+from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.objective import INTERRUPTED, OUT_OF_STEPS, RUNNING, Iterate
 from fitting.solvers.options import Solver
 from fitting.solvers.ordered import each_fit, x_of
 from fitting.solvers.problem import Problem, Targets
 from fitting.solvers.steps import Engine, advance, make_engine, start
 
-# Number of fits in a batch. More fits of one run wait for the slowest one at the end.
-FIT_BATCH = 4
+# Largest number of fits in a batch. More fits of one run wait for the slowest one at the end. Fewer fits take
+# the same batch, because another batch takes another second of compilation.
+FIT_BATCH = 8
 
 Callback = Callable[[int, float], object]
 
@@ -104,7 +106,7 @@ def run_fits(
     targets: Targets | None = None,
     max_steps: int | None = None,
     callback: Callback | None = None,
-    batch: int | None = None,
+    batch: int = FIT_BATCH,
 ) -> Runs:
     """Run one fit for every row of `starts`, shape (fits, size).
 
@@ -117,11 +119,11 @@ def run_fits(
     callback : called as callback(step, lowest cost) after every step of the batch, or None
         A KeyboardInterrupt, raised here or from the keyboard, ends the run with the values reached. A fit
         whose start was not evaluated has the cost inf, see `fitting.solvers.objective.was_interrupted`.
-    batch : number of fits that run side by side. If None, `FIT_BATCH`, or the number of fits if smaller.
-        Each batch size needs its own compilation.
+    batch : largest number of fits that run side by side. Each number needs its own compilation.
     """
     starts, max_steps = np.asarray(starts), max_steps or solver.max_steps
-    size = batch or min(FIT_BATCH, len(starts))
+    # First-order solvers evaluate the model in empty places as well.
+    size = batch if isinstance(solver, LevenbergMarquardt) else min(batch, len(starts))
     engine, targets = make_engine(solver, problem, targets, len(starts), size)
     progress, total, interrupted = Progress.blank(engine.blank(targets, starts)), 0, False
     try:

@@ -37,7 +37,7 @@ from fitting.solvers.options import Solver
 from fitting.solvers.ordered import each_fit, edges, x_of, z_of
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows, padded, smooth_slots
-from fitting.solvers.runs import FIT_BATCH, Callback, Runs, run_fits
+from fitting.solvers.runs import Callback, Runs, run_fits
 from rubberfric.base import quick_jit
 
 WIDE = 1e4  # factor of the width of a robust loss that gives least squares
@@ -95,7 +95,7 @@ def search(
         again = np.flatnonzero(escaped & (succeeded(runs.status) | (runs.status == STALLED)))
         # All six fits would be equal without an array to smooth.
         if again.size and smooth_slots(problem.variables):
-            second = _smoothed(solver, stage, starts[again], max_steps, callback, min(FIT_BATCH, len(starts)))
+            second = _smoothed(solver, stage, starts[again], max_steps, callback)
             spent[:, again] += np.stack([second.nfev, second.njev])
             if was_interrupted(second.status).any():
                 runs.status[again] = INTERRUPTED
@@ -110,12 +110,12 @@ def search(
     return runs._replace(nfev=spent[0], njev=spent[1])
 
 
-def _smoothed(solver, problem, starts, max_steps, callback, batch):
-    """Run fits with smoothing rows of decreasing weight, in batches of an already compiled size."""
+def _smoothed(solver, problem, starts, max_steps, callback):
+    """Run fits with smoothing rows of decreasing weight."""
     x, spent = starts, np.zeros((2, len(starts)), int)
     for weight in SMOOTHING:
         numbers = problem.numbers._replace(smoothing=jnp.asarray(weight, problem.numbers.smoothing.dtype))
-        ends = run_fits(solver, problem._replace(numbers=numbers), x, None, max_steps, callback, batch)
+        ends = run_fits(solver, problem._replace(numbers=numbers), x, None, max_steps, callback)
         x, spent = ends.x, spent + np.stack([ends.nfev, ends.njev])
         if was_interrupted(ends.status).any():
             break

@@ -19,7 +19,7 @@ from fitting.solvers.evaluation import costs_at
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.objective import NEGLIGIBLE, succeeded, was_interrupted
 from fitting.solvers.problem import Problem
-from fitting.solvers.runs import FIT_BATCH, Runs, run_fits
+from fitting.solvers.runs import Runs, run_fits
 from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 
 # How far in x a profile goes: a factor of a million, or to a millionth of the range of a Bounded parameter.
@@ -75,7 +75,6 @@ class _Trace:
     def __init__(self, anchor, i, runs, callback):
         self.anchor, self.i, self.callback = anchor, i, callback
         self.kind = anchor.problem.variables.kinds[i]
-        self.batch = min(FIT_BATCH, len(runs.x))
         self.stopped = bool(was_interrupted(runs.status).any())
         self.x, self.cost = np.array(runs.x, float), np.array(runs.cost, float)
         self.good = succeeded(runs.status)
@@ -120,7 +119,7 @@ class _Trace:
             moving=moving.astype(problem.start.dtype),
         )
         starts = np.asarray(starts, problem.start.dtype)
-        runs = run_fits(LevenbergMarquardt(), problem, starts, targets, None, self.callback, self.batch)
+        runs = run_fits(LevenbergMarquardt(), problem, starts, targets, None, self.callback)
         self.stopped |= bool(was_interrupted(runs.status).any())
         return runs
 
