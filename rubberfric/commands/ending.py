@@ -40,6 +40,7 @@ def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> 
     with Interrupts(program, process=process) as interrupts, _plain_warnings(program):
         try:
             status = _status_of(work, interrupts)
+            interrupts.finish()
             if interrupts.asked and status == 0:  # it had to wait, and the work ended before
                 return complain(program, f"interrupted; {LATE}", interrupts.status)
             return status

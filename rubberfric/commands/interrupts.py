@@ -8,6 +8,10 @@ end it in time: Python runs handlers between its own instructions only, and a co
 seconds. An exception would be unsafe: XLA's threads would continue to compile while the interpreter shuts
 down, and the process would end with a segmentation fault. The thread therefore removes incomplete files and
 ends the process by `os._exit`, which skips that shutdown.
+
+If a command was called from Python, another thread raises KeyboardInterrupt in the main thread, between two
+instructions of Python. A handler could also raise it, but XLA runs handlers while its threads compile, and
+these threads crash an interpreter that then exits. A compilation therefore ends before the command does.
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ import contextlib
 import os
 import signal
 import sys
+import time
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
@@ -33,6 +38,12 @@ SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP"
 # Seconds after which KeyboardInterrupt is raised again if the command still runs: Python ignores exceptions
 # in callbacks of the garbage collector and of weak references.
 _AGAIN = 0.2
+
+# Seconds in which the handler of a signal returns. XLA would see an exception that reaches the handler.
+_RETURN = 0.05
+
+# Seconds after which a command called from Python says that it stops later.
+_PATIENCE = 0.4
 
 
 def leave_at_once(program: str) -> None:
@@ -66,9 +77,10 @@ class Interrupts:
     program : beginning of the message
     process : bool
         True if the command is a separate process, which a signal may end. Otherwise it was called from
-        Python, and a signal raises KeyboardInterrupt, as in any program that uses JAX.
-        If it arrives while XLA compiles and the interpreter exits at once, threads of XLA go on and can end
-        it with a segmentation fault. Programs with JAX alone have the same fault.
+        Python, and a signal raises KeyboardInterrupt after the current instruction of Python. A second
+        signal raises it at once.
+        If the second signal arrives while XLA compiles and the interpreter exits at once, threads of XLA can
+        end it with a segmentation fault. Programs with JAX alone have the same fault.
 
     Attributes
     ----------
@@ -82,7 +94,9 @@ class Interrupts:
         self.asked = self.stopped = self.holding = False
         self.which = signal.SIGINT
         self._seen = self._loads = False
-        self._again: Any = None  # timer
+        self._thread: Any = None  # waits for signals, or raises KeyboardInterrupt in the main thread
+        self._ended: Any = None  # event
+        self._lock: Any = contextlib.nullcontext()
         self._before: dict[signal.Signals, Any] = {}  # handlers
         self._report: Any = None  # hook for exceptions that Python ignores
 
@@ -101,18 +115,18 @@ class Interrupts:
                 if signal.getsignal(which) != signal.SIG_IGN:  # set by shells for background jobs
                     self._before[which] = signal.signal(which, self._arrived)
             if not self.process:
+                self._ended, self._lock = threading.Event(), threading.Lock()
                 self._report, sys.unraisablehook = sys.unraisablehook, self._ignored
         return self
 
     def __exit__(self, *error: object) -> None:
-        if self._again is not None:
-            self._again.cancel()
         if self._report is not None:
+            self.finish()
             sys.unraisablehook = self._report
         for which, handler in self._before.items():
             # The work is done and the process is about to end.
             signal.signal(which, signal.SIG_IGN if self.process else handler)
-        if hasattr(self, "_thread"):
+        if self.process and self._thread is not None:
             signal.set_wakeup_fd(-1)
             self._tell.close()
             self._thread.join()  # if a signal came before, it ends the process
@@ -123,12 +137,28 @@ class Interrupts:
             if self._loads:
                 say(self.program, WAIT)
             return
+        if self._thread is not None:
+            raise KeyboardInterrupt
         import threading
 
-        self._again = threading.Timer(_AGAIN, _raise_in_main, (threading.get_ident(), which))
-        self._again.daemon = True
-        self._again.start()
-        raise KeyboardInterrupt
+        arguments = (threading.get_ident(), time.monotonic())
+        self._thread = threading.Thread(target=self._raise_again, args=arguments, daemon=True)
+        self._thread.start()
+
+    def _raise_again(self, main: int, arrival: float) -> None:
+        """Raise KeyboardInterrupt in the main thread until the command ends.
+
+        This method runs in a separate thread.
+        """
+        said, wait = False, _RETURN
+        while not self._ended.wait(wait):
+            with self._lock:
+                if not self._loads:  # `loading` raises at its end
+                    _raise_in(main, KeyboardInterrupt)
+            wait = _AGAIN
+            if not said and time.monotonic() > arrival + _PATIENCE:
+                say(self.program, WAIT)
+                said = True
 
     def _wait(self, hear: Any) -> None:
         """End the process at the first signal that is not held back.
@@ -170,7 +200,8 @@ class Interrupts:
         if self.process:
             yield
             return
-        self._loads = self.holding = True
+        with self._lock:  # an exception of `_raise_again` arrives before, or not at all
+            self._loads = self.holding = True
         try:
             yield
         finally:
@@ -190,6 +221,21 @@ class Interrupts:
         """Stop holding signals back."""
         self.holding = False
 
+    def finish(self) -> None:
+        """Raise no exception from now on, because the work is done."""
+        if self._ended is None:
+            return
+        import threading
+
+        stopped = False
+        while not stopped:
+            with contextlib.suppress(KeyboardInterrupt):
+                self._ended.set()
+                if self._thread is not None:
+                    self._thread.join()
+                    _raise_in(threading.get_ident(), None)  # drops an exception that was raised last
+                stopped = True
+
     def check(self) -> None:
         """Raise KeyboardInterrupt if a signal arrived."""
         if self.asked:
@@ -197,9 +243,9 @@ class Interrupts:
             raise KeyboardInterrupt
 
 
-def _raise_in_main(thread: int, which: int) -> None:
-    """Send a signal to the main thread, which also interrupts a system call in which it waits."""
-    if hasattr(signal, "pthread_kill"):
-        signal.pthread_kill(thread, which)
-    else:  # Windows
-        signal.raise_signal(which)
+def _raise_in(thread: int, error: type[BaseException] | None) -> None:
+    """Raise an exception before the next instruction of a thread, or drop the exception that waits there."""
+    import ctypes
+
+    raised = None if error is None else ctypes.py_object(error)
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), raised)

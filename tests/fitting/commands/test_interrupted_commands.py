@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import pytest
+from support.processes.signals import stay
 from support.scenes.fits import JOB, JOB_FILES
 
 import fitting
@@ -204,6 +205,7 @@ def test_a_second_interrupt_does_not_wait_and_leaves_no_half_file(call, job, mon
     def impatient(*_):
         os.kill(os.getpid(), signal.SIGINT)
         os.kill(os.getpid(), signal.SIGINT)
+        stay()
 
     monkeypatch.setattr("fitting.results.hdf5._write_minima", impatient)
     status, printed, complaint = call(job, "--out", "fit.h5")
@@ -215,6 +217,7 @@ def test_a_second_interrupt_does_not_wait_and_leaves_no_half_file(call, job, mon
 def test_an_interrupt_before_the_fit(call, job, monkeypatch):
     def read(*_):
         os.kill(os.getpid(), signal.SIGINT)
+        stay()
         raise AssertionError("must not get here")
 
     monkeypatch.setattr(work, "read_job", read)

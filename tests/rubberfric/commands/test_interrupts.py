@@ -5,11 +5,11 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 import weakref
 
 import pytest
 from support.folders import ROOT
+from support.processes.signals import stay
 from support.scenes.fits import JOB_FILES
 
 from rubberfric.commands import ended
@@ -119,6 +119,7 @@ def test_a_signal_while_a_map_compiles(tmp_path, which, after):
 def test_a_command_called_from_python_is_interrupted(capfd, which):
     def work(_):
         signal.raise_signal(which)
+        stay()
         return 0
 
     before = signal.signal(which, signal.default_int_handler)  # a background job may ignore it
@@ -138,7 +139,7 @@ def test_a_command_called_from_python_does_not_lose_a_signal_in_a_weak_reference
         value = threading.Lock()
         reference = weakref.ref(value, lambda _: signal.raise_signal(signal.SIGINT))
         del value
-        time.sleep(10)
+        stay()
         return reference
 
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job may ignore it
@@ -205,10 +206,13 @@ sys.exit(main(sys.argv[1:]))
 
 @pytest.mark.slow
 def test_a_map_called_from_python_is_interrupted_while_it_compiles():
+    """XLA runs handlers while its threads compile: if one raised, the threads would crash the interpreter."""
     environment = {name: value for name, value in os.environ.items() if name != "XLA_FLAGS"}
     command = [sys.executable, "-c", EMBEDDED, "map", str(SCENE)]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", f"rubberfric: {LOST}")
+    assert (done.returncode, done.stdout) == (130, "")
+    later = "rubberfric: interrupted; stopping after this step (a second signal stops at once)\n"
+    assert done.stderr.removeprefix(later) == f"rubberfric: {LOST}"  # if the compilation takes long
 
 
 @pytest.mark.parametrize("which", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM])

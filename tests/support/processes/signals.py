@@ -135,6 +135,13 @@ def answers(name, which, count=20):
     return [answer(name, which, first * (last / first) ** (i / (count - 1))) for i in range(count)]
 
 
+def stay(seconds=10.0):
+    """Work in Python, where an exception of another thread arrives, until it does."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        time.sleep(0.001)
+
+
 if __name__ == "__main__":
     for name in sys.argv[1:] or COMMANDS:
         for which in (signal.SIGINT, signal.SIGTERM):
