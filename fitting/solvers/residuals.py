@@ -39,7 +39,7 @@ from rubberfric.roughness import log_power_spectrum
 
 def cost(structure: FitStructure, numbers: Numbers, targets: Targets, x: jax.Array) -> jax.Array:
     """Return the cost of a problem at x of shape (size,)."""
-    return loss_of(structure, numbers).cost(residuals(structure, numbers, targets, x))
+    return cost_of(structure, numbers, targets, rows_of(structure, numbers, x))
 
 
 def solver_objective(structure: FitStructure, numbers: Numbers, targets: Targets) -> Objective:

@@ -173,16 +173,14 @@ STRICT = {
 }
 
 
-# Scenes of the ordinary run. Tracing the others takes long.
-QUICK_TO_TRACE = ("rubber", "shift and shear", "tables")
+# Scenes and dtypes of the ordinary run. Tracing the others takes long.
+QUICK_TO_TRACE = (("rubber", np.float32), ("shift and shear", None), ("tables", None))
 
 
 @pytest.mark.parametrize(
     ("name", "dtype"),
     [
-        pytest.param(
-            *(name, dtype), marks=[pytest.mark.slow] * (dtype is np.float64 or name not in QUICK_TO_TRACE)
-        )
+        pytest.param(*(name, dtype), marks=[pytest.mark.slow] * ((name, dtype) not in QUICK_TO_TRACE))
         for name in STRICT
         for dtype in (None, np.float32, np.float64)
     ],

@@ -68,7 +68,7 @@ HUNGRY = "import numpy as np\n\ndef test_memory():\n    assert np.ones({size}).a
     ("size", "workers", "expected"),
     [
         pytest.param(1, ("-n", "1"), (0, False), marks=pytest.mark.slow),
-        (40_000_000, ("-n", "1"), (1, True)),
+        pytest.param(40_000_000, ("-n", "1"), (1, True), marks=pytest.mark.slow),
         pytest.param(40_000_000, (), (1, True), marks=pytest.mark.slow),
     ],
 )

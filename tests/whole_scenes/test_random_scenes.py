@@ -81,14 +81,8 @@ def examples(structure, how, both_modes):
     run()
 
 
-first_ordinary = pytest.mark.parametrize(
-    "structure",
-    [pytest.param(one, marks=[pytest.mark.slow] * (i > 0)) for i, one in enumerate(FIXED)],
-    ids=str,
-)
-
-
-@first_ordinary
+@pytest.mark.slow  # tests/rubberfric/theory/test_branches.py has random scenes in the ordinary run
+@pytest.mark.parametrize("structure", FIXED, ids=str)
 def test_scenes(structure):
     examples(structure, fewest, structure in BOTH_MODES)
 

@@ -228,7 +228,7 @@ def test_neighbours_that_share_nothing_are_joined_with_large_errors():
     assert far > 3 * near
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_shifts_of_glassy_sweeps_are_regular(seed):
     """The coldest of five sweeps that are 20 K apart hardly overlaps. No prior leaves it 2 decades off."""
     law = rf.WLF(12.0, 50.0, 253.15)

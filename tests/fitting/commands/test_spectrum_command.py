@@ -41,7 +41,9 @@ def xyz(heights, dx, dy):
 
 
 @pytest.mark.parametrize("kind", ["csv", "txt", "dat", "xyz", "holes"])
-@pytest.mark.parametrize(("nx", "ny", "every"), [(320, 320, 1), (320, 140, 1), (320, 160, 2)])
+@pytest.mark.parametrize(
+    ("nx", "ny", "every"), [pytest.param(320, 320, 1, marks=pytest.mark.slow), (320, 140, 1), (320, 160, 2)]
+)
 def test_height_maps(run, surface, kind, nx, ny, every):
     """Files of 5e4 points and more; `every` makes dy twice dx."""
     if kind not in ("csv", "xyz") and (nx, ny, every) != (320, 140, 1):

@@ -42,7 +42,7 @@ def parts(scene):
     return scene.lower.spectrum, scene.upper.material.shift
 
 
-@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize("held", [pytest.param(False, marks=pytest.mark.slow), True])
 @pytest.mark.parametrize("name", CASES)
 def test_whatever_a_solver_does_the_scene_is_one_that_its_constructors_take(name, held):
     variables, constants, x = free_parameters(SCENE, CASES[name])
@@ -159,7 +159,7 @@ def test_other_methods_and_ensembles_keep_the_order(at_the_edge):
     assert np.all(ends[QR] <= ends[Q1])
 
 
-@pytest.mark.parametrize("edge", [{Q1: 1e3}, {QR: 1e2}])
+@pytest.mark.parametrize("edge", [{Q1: 1e3}, pytest.param({QR: 1e2}, marks=pytest.mark.slow)])
 def test_a_start_at_an_edge_moves(edge):
     truth = rf.Scene(ROAD, rf.Body(PLAIN))
     data = friction(truth, 1)

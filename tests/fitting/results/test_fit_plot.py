@@ -120,6 +120,7 @@ def test_picture_is_written_whole_or_not_at_all(quick, tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["fit.png"]
 
 
+@pytest.mark.slow
 def test_standard_errors_of_a_friction_table_are_those_of_a_narrower_band(joint):
     table = fitting.friction_table(joint, (1e-3, 1e-1), 2e5, 283.15, error=0.3)
     level, T = 0.5, table.temperature[:, None, None]

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from support.cases.stored import slow_if
 from support.oracles.least_squares import (
     PROBLEMS,
     STALLING,
@@ -112,7 +113,13 @@ def minimum(residuals, x, loss=SQUARES, max_steps=200, exact=None, **options):
     return iterate
 
 
-@pytest.mark.parametrize("residuals", PROBLEMS, ids=lambda residuals: residuals.__name__)
+# Problems of the ordinary run: curved valleys, a singular Jacobian, large residuals, bad scaling.
+QUICK_PROBLEMS = ("rosenbrock", "powell_singular", "brown_dennis", "meyer")
+
+
+@pytest.mark.parametrize(
+    "residuals", slow_if(lambda name: name not in QUICK_PROBLEMS, {f.__name__: f for f in PROBLEMS})
+)
 def test_standard_problems(residuals):
     x, squares = PROBLEMS[residuals]
     end = minimum(residuals, x, tolerance=1e-10, rounding=1e-26, longest=100.0)

@@ -32,6 +32,7 @@ def first():
     return fitting.fit(SCENE, ONE, FREE, quadrature=FAST)
 
 
+@pytest.mark.slow  # the same holds exactly for a linear problem
 def test_two_fits_in_a_row_are_one_fit_of_all(first):
     second = fitting.fit(first.scene, TWO, FREE, prior=first.as_prior(), quadrature=FAST)
     both = fitting.fit(SCENE, [ONE, TWO], FREE, quadrature=FAST)

@@ -41,6 +41,7 @@ def test_the_file_is_what_its_script_makes():
     assert len(stored) == 240
 
 
+@pytest.mark.slow  # the values and steps of every kind of fit are tested in test_every_fit
 def test_numbers_and_steps_stay(result):
     """With the former nodes; the default nodes, with errors of 1e-9, give nearly the same."""
     then = rf.Quadrature(order=13, panels=12, graded=8, ratio=4.5, angular_order=13)

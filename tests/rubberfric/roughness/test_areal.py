@@ -131,7 +131,7 @@ def errors(hurst, ratio, draws, shortest=SHORTEST):
     return np.array(found) / exact - 1
 
 
-@pytest.mark.parametrize(("hurst", "ratio"), [(0.65, 2), (0.8, 4)])
+@pytest.mark.parametrize(("hurst", "ratio"), [pytest.param(0.65, 2, marks=pytest.mark.slow), (0.8, 4)])
 def test_profiles_of_a_random_surface(hurst, ratio):
     error = np.abs(errors(hurst, ratio, 1))
     assert error[:, 0].max() < 0.03 and error[:, 1].max() < 0.05

@@ -139,7 +139,7 @@ def mean_square(q, C, dimensions):
 @pytest.mark.parametrize("per_decade", [None, 5, 20])
 @pytest.mark.parametrize("window", ["none", "hann"])
 @pytest.mark.parametrize("rolloff", [2 * np.pi / LENGTH, 1000.0])
-@pytest.mark.parametrize("shape", [(N, N), (N, N // 3), (N + 1, N - 1)])
+@pytest.mark.parametrize("shape", [pytest.param((N, N), marks=pytest.mark.slow), (N, N // 3), (N + 1, N - 1)])
 def test_table_of_a_map_has_its_mean_square_height(shape, rolloff, window, per_decade):
     truth = rf.SelfAffine(2 * np.pi / LENGTH, rolloff, 1.0e4, 0.8, 3e-4)
     heights = surface(truth, 2 * N, LENGTH, 11)[: shape[0], : shape[1]]
@@ -222,7 +222,7 @@ def test_what_is_refused(call, message):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("shape", [(24, 24), (24, 10), (64,)])
+@pytest.mark.parametrize("shape", [(24, 24), pytest.param((24, 10), marks=pytest.mark.slow), (64,)])
 @pytest.mark.parametrize("window", ["none", "hann"])
 def test_relative_is_the_scatter_of_the_logarithm(shape, window):
     """1500 surfaces of white noise: in every bin, also in the first ones of two to four modes."""

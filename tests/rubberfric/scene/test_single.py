@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from problems import ROAD
 from problems import TREAD as RUBBER
-from support.cases.stored import as_arrays
+from support.cases.stored import as_arrays, slow_if
 from support.counting.operations import equations
 from support.folders import DATA
 
@@ -26,7 +26,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("name", REFUSED)
+@pytest.mark.parametrize("name", slow_if(lambda name: name == "E_inf", REFUSED.keys()))
 def test_refused_in_single_precision_only(name):
     scene, temperature = REFUSED[name]
     conditions = (np.array([0.1]), 1e5, temperature)

@@ -164,7 +164,7 @@ def test_scenes_made_within_a_trace(body):
     np.testing.assert_allclose(areas(1.0), rf.contact_area(scene, 0.3, 2e4), rtol=1e-9)
 
 
-@pytest.mark.parametrize("thickness", [1e-30, 1e-10, 1e30])
+@pytest.mark.parametrize("thickness", [1e-30, pytest.param(1e-10, marks=pytest.mark.slow), 1e30])
 def test_extreme_slabs_are_finite(thickness):
     def friction(thickness):
         slab = rf.Slab(thickness, "bonded")

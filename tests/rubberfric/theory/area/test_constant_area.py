@@ -158,7 +158,7 @@ def test_the_pull_off_force_is_that_of_the_least_energy():
     assert whole == pytest.approx(1.5 * math.pi * 1e-2 * 9 * FULL, rel=1e-9)
 
 
-@pytest.mark.parametrize("share", [1.1, 1.5, 3.0])
+@pytest.mark.parametrize("share", [1.1, pytest.param(1.5, marks=pytest.mark.slow), 3.0])
 def test_the_work_of_separation_is_the_largest_of_all_loads(share):
     plain, work = _scene(), share * FULL
     load = np.geomspace(1e-3, 3e8, 4001)

@@ -212,7 +212,7 @@ def test_where_a_table_begins_on_the_grid_does_not_matter(of):
     np.testing.assert_allclose(rows, np.broadcast_to(rows[-1], np.shape(rows)), rtol=1e-10)
 
 
-@pytest.mark.parametrize("width", [0.05, 0.4])
+@pytest.mark.parametrize("width", [pytest.param(0.05, marks=pytest.mark.slow), 0.4])
 def test_another_width(width):
     table = random_table(0)
     x, F = velocities(table), stiffness(table, "fall", None)
