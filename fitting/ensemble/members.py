@@ -118,8 +118,9 @@ class EnsembleResult:
             *[f"    failed: {listed}"] * bool(self.failed.size),
             f"    {self.nfev.sum()} evaluations, {self.njev.sum()} of them with derivatives,"
             f" in {self.seconds:.4g} s on {self.devices} device{'s' * (self.devices > 1)}",
-            f"    a step took {self.peak / 1e6:.4g} MB of each for a batch of {self.batch}",
         ]
+        if self.batch:  # a checkpoint of a complete run needs no step
+            lines += [f"    a step took {self.peak / 1e6:.4g} MB of each for a batch of {self.batch}"]
         if self.good.any():
             width = max(map(len, self.names))
             low, middle, high = np.percentile(self.values[self.good], [2.5, 50, 97.5], axis=0)
