@@ -44,6 +44,8 @@ from rubberfric.base import quick_jit, recurring_length
 from rubberfric.scene import cast, result_dtype
 
 Conditions = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # velocity, pressure, temperature
+# Fewer points are padded to this number, so that a prediction shares the compiled function of few candidates.
+_SHORTEST = 32
 # Largest number of passes through all chosen points. A few suffice.
 _PASSES = 50
 # An exchange must gain more than this. Rounding alone would cycle.
@@ -82,7 +84,7 @@ class PriorInformation(NamedTuple):
     def rows(self, x: np.ndarray, at: Conditions, quantity: str) -> np.ndarray:
         """Return d ln Q / dy with y = x / stretch at the conditions `at`, (points, size)."""
         count = at[0].size
-        padding = (0, recurring_length(count) - count)  # other candidates compile nothing
+        padding = (0, recurring_length(max(count, _SHORTEST)) - count)  # other candidates compile nothing
         v, p, T = (None if c is None else np.pad(c, padding, "edge") for c in at)
         static = {"variables": self.variables, "quantity": quantity, "quadrature": self.quadrature}
         value, slope = _value_and_slope(self.constants, jnp.asarray(x), (v, p, T), **static)
