@@ -7,7 +7,8 @@ from scipy.optimize import least_squares
 import fitting
 import rubberfric as rf
 from fitting import Bounded, ModulusData, Positive
-from fitting.uncertainty.intervals import quantile
+from fitting.results.at_bounds import along_bounds
+from fitting.uncertainty.intervals import SolvedProblem, quantile
 
 OMEGA = np.geomspace(0.3, 30.0, 8)
 TRUTH = {"E_inf": 1.5e6, "E": 6e6, "tau": 0.5}
@@ -42,17 +43,21 @@ def scene(E_inf=4e6, E=6e6, tau=0.5):
 FREE = {NAMES[0]: Bounded(LOW, HIGH), f"{NAMES[1]}[0]": Positive(), f"{NAMES[2]}[0]": Positive()}
 
 
-def refitted(y, k, value, bounds=(LOW, HIGH), omega=OMEGA, error=ERROR):
-    """Chi-square with parameter k held at a value, E_inf within its bounds, by scipy."""
+def refitted(y, k, value, bounds=(LOW, HIGH), omega=OMEGA, error=ERROR, shortest=1e-4):
+    """Chi-square with parameter k held at a value, E_inf within its bounds, tau above `shortest`, by scipy."""
     others = [i for i in range(3) if i != k]
-    low, high = np.log([bounds[0], 1e3, 1e-4]), np.log([bounds[1], 1e11, 1e4])
+    low, high = np.log([bounds[0], 1e3, shortest]), np.log([bounds[1], 1e11, 1e4])
 
     def rows(free):
         p = np.empty(3)
         p[k], p[others] = np.log(value), free
         return (model(*np.exp(p), omega) - y) / error
 
-    start = np.clip(np.log([3e6, 6e6, 0.5])[others], low[others] + 1e-6, high[others] - 1e-6)
+    start = np.clip(
+        np.log([3e6, 6e6, 2 * shortest if shortest > 0.1 else 0.5])[others],
+        low[others] + 1e-6,
+        high[others] - 1e-6,
+    )
     return 2 * least_squares(rows, start, bounds=(low[others], high[others]), xtol=1e-12, ftol=1e-12).cost
 
 
@@ -99,6 +104,36 @@ def test_the_interval_is_that_of_refits(at_bound):
         else:
             # Half an interval is at most 5 % off, because rows are nonlinear in the logarithms.
             np.testing.assert_allclose(np.log(covered), np.log([low, high]), atol=0.05 * np.log(high / low))
+
+
+def test_two_parameters_at_bounds_are_followed_side_by_side():
+    """Each is held apart from the other, until chi-square has passed the threshold on each side."""
+    shortest, names = 0.7, (NAMES[0], f"{NAMES[2]}[0]")
+    free = FREE | {names[1]: Bounded(shortest, 50.0)}
+    result = fitting.fit(scene(tau=1.0), data(measured()), free)
+    assert tuple(path.name for path in result.bounds) == names
+    for k, path in zip((0, 2), result.bounds, strict=True):
+        assert path.complete and path.value == pytest.approx((LOW, shortest)[k // 2], rel=1e-3)
+        rises = np.array(path.rises)
+        expected = [refitted(measured(), k, value, shortest=shortest) - result.chisqr for value in path.held]
+        np.testing.assert_allclose(rises, expected, rtol=1e-3, atol=5e-3)
+        assert rises[-1] > quantile(0.95) ** 2 > rises[-2] >= 0
+
+
+def test_a_lower_solution_along_a_bound_is_returned(at_bound):
+    """Here the cost of the fit is overstated."""
+    known, none = at_bound.uncertainty, np.zeros((0, 3))
+    for excess, lower in ((5.0, True), (0.0, False)):
+        solved = SolvedProblem(
+            problem=at_bound.problem,
+            x=at_bound.x,
+            cost=at_bound.cost + excess,
+            estimated=at_bound.estimated,
+            error_scale=at_bound.error_scale,
+            uncertainty=known,
+        )
+        bounds, _, x = along_bounds(solved, none, 60.0)
+        assert (x is not None) == lower and len(bounds) == (not lower)
 
 
 WIDE = {NAMES[0]: Bounded(1e3, 5e6), f"{NAMES[1]}[0]": Positive(), f"{NAMES[2]}[0]": Positive()}
