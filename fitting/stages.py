@@ -195,6 +195,8 @@ class FitInProgress:
                 if not self.go_on(problem):
                     return
             else:
+                if self.searched is before:  # minima do not move
+                    self.searched = problem
                 self.problem, self.end = problem, self.end._replace(cost=self.end.cost / ratio**2)
             self.scales, self.error_scale, self.assumed = scales, self.error_scale * factor, False
             if ratio is not None:
