@@ -78,9 +78,8 @@ class Interrupts:
     process : bool
         True if the command is a separate process, which a signal may end. Otherwise it was called from
         Python, and a signal raises KeyboardInterrupt after the current instruction of Python. A second
-        signal raises it at once.
-        If the second signal arrives while XLA compiles and the interpreter exits at once, threads of XLA can
-        end it with a segmentation fault. Programs with JAX alone have the same fault.
+        signal raises it at once. If that happens while XLA compiles and the interpreter then exits, threads
+        of XLA can end it with a segmentation fault, as in programs with JAX alone.
 
     Attributes
     ----------
@@ -111,12 +110,12 @@ class Interrupts:
                 signal.set_wakeup_fd(self._tell.fileno(), warn_on_full_buffer=False)
                 self._thread = threading.Thread(target=self._wait, args=(hear,), daemon=True)
                 self._thread.start()
+            else:
+                self._ended, self._lock = threading.Event(), threading.Lock()
+                self._report, sys.unraisablehook = sys.unraisablehook, self._ignored
             for which in SIGNALS:
                 if signal.getsignal(which) != signal.SIG_IGN:  # set by shells for background jobs
                     self._before[which] = signal.signal(which, self._arrived)
-            if not self.process:
-                self._ended, self._lock = threading.Event(), threading.Lock()
-                self._report, sys.unraisablehook = sys.unraisablehook, self._ignored
         return self
 
     def __exit__(self, *error: object) -> None:
