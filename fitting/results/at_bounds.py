@@ -267,7 +267,7 @@ def _follow(solved, which, seconds):
 
 
 def _is_lower(solved, rise):
-    """Return True if the cost of a solution is lower than that of the fit by more than a negligible gain."""
+    """Return True if a rise of chi-square is negative, by more than a negligible gain of the cost."""
     return rise < -2 * NEGLIGIBLE * max(1.0, solved.cost)
 
 

@@ -36,7 +36,7 @@ def begun(folder):
 
 
 def report(folder):
-    """Return what a whole run prints about the ensemble, without its time and memory."""
+    """Return the lines about the ensemble that a complete run prints, without its time and memory."""
     with begun(folder) as process:
         printed, _ = process.communicate(timeout=300)
     assert process.returncode == 0
