@@ -213,7 +213,9 @@ class Interrupts:
         return 128 + int(self.which)
 
     def hold(self) -> None:
-        """Hold back the first signal from now on."""
+        """Hold back the first signal from now on. A signal that arrived before is not held back."""
+        if self.asked and not self.holding:
+            self.check()
         self.holding = True
 
     def release(self) -> None:
