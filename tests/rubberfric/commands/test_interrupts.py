@@ -171,6 +171,23 @@ def test_a_signal_that_waits_until_the_end_is_reported(capfd, which):
     assert capfd.readouterr().err == "rubberfric: interrupted; all files are complete\n"
 
 
+def test_a_signal_before_hold_is_not_held_back(capfd):
+    """A command called from Python would otherwise write files, and be stopped between two of them."""
+
+    def work(interrupts):
+        signal.raise_signal(signal.SIGINT)
+        interrupts.hold()
+        raise AssertionError("must not get here")
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job may ignore it
+    try:
+        status = ended("rubberfric", work, process=False)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert status == 130
+    assert capfd.readouterr().err == f"rubberfric: {LOST}"
+
+
 def test_a_signal_while_modules_are_loaded_waits_for_them(capfd):
     """An exception within the import of a compiled module can crash Python."""
     steps = []
