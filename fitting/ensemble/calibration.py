@@ -321,5 +321,4 @@ def _twins(problem: Problem, members: int, key: jax.Array) -> tuple[np.ndarray, 
     x[:, known] = mean + sigma * np.asarray(jax.random.normal(draw_truth, (members, len(known))))
     of = padded(problem)
     model = evaluate_rows(of.structure, of.numbers, x.astype(problem.start.dtype))[0][:, of.data]
-    targets = jax.tree.map(lambda a: np.asarray(a)[None], problem.targets)
-    return x, targets._replace(measured=model + drawn_errors(problem, members, draw_noise))
+    return x, problem.targets.of_several(measured=model + drawn_errors(problem, members, draw_noise))

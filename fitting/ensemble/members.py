@@ -284,7 +284,7 @@ def multi_start(
         x = np.array(starts, problem.start.dtype)
         if x.ndim != 2 or x.shape[1] != size or not len(x):
             raise ValueError(f"starts has shape {x.shape}: must be (members, {size})")
-    targets = jax.tree.map(lambda a: a[None], problem.targets)
+    targets = problem.targets.of_several()
     solver = make_solver(method, tolerance, max_steps)
     return Members("starts", problem, x, targets, solver, max_steps or solver.max_steps)
 
@@ -350,7 +350,7 @@ def profile_members(
     fits = [result.profile_fits(name, level, points) for name in dict.fromkeys(names)]
     rows = 2 * points + 1
     moving = np.concatenate([np.repeat(targets.moving, rows, axis=0) for _, targets in fits])
-    targets = jax.tree.map(lambda a: a[None], result.problem.targets)._replace(moving=moving)
+    targets = result.problem.targets.of_several(moving=moving)
     starts = np.concatenate([starts for starts, _ in fits])
     steps, parameter = NEAR_MINIMUM.max_steps, np.argmin(moving, axis=1)
     return Members("profile", result.problem, starts, targets, NEAR_MINIMUM, steps, parameter, result, level)

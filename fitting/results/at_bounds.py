@@ -96,22 +96,21 @@ class _Side:
     Attributes
     ----------
     places : values of the element that are left, nearest first
-    points : solutions so far, with their rises of chi-square
+    points : solutions so far, with their rises of chi-square; the first is that of the fit
     complete : True if the rise passed the threshold, or if no place is left
     """
 
     def __init__(self, solved: SolvedProblem, i: int, places: np.ndarray) -> None:
         self.i, self.places = i, list(places)
-        self.latest = [np.asarray(solved.x, float)]
-        self.points: list[tuple[np.ndarray, float]] = []
+        self.points = [(np.asarray(solved.x, float), 0.0)]
         self.complete = not self.places
 
     def start(self) -> np.ndarray:
         """Return the x of the next fit, on the line through the last two solutions."""
-        here, place = self.latest[-1], self.places.pop(0)
+        (here, _), place = self.points[-1], self.places.pop(0)
         start = here.copy()
-        if len(self.latest) > 1:
-            before = self.latest[-2]
+        if len(self.points) > 1:
+            before, _ = self.points[-2]
             share = (place - here[self.i]) / (here[self.i] - before[self.i])
             start += np.clip(share * (here - before), -1.0, 1.0)
         start[self.i] = place
@@ -119,8 +118,7 @@ class _Side:
 
     def add(self, x: np.ndarray, rise: float, threshold: float) -> None:
         """Add the solution of a fit. If it ran out of steps, its rise is an upper limit."""
-        self.latest.append(np.asarray(x, float))
-        self.points.append((self.latest[-1], rise))
+        self.points.append((np.asarray(x, float), rise))
         self.complete = rise > threshold or not self.places
 
 
@@ -253,7 +251,9 @@ def _follow(solved, which, seconds):
     lowest = np.inf
     while begun and time.monotonic() < end and not _is_lower(solved, lowest):
         starts = np.array([side.start() for side in begun], problem.start.dtype)
-        targets = _with_held(problem.targets, [side.i for side in begun], starts)
+        held = np.array([[side.i] for side in begun])
+        moving = (np.arange(starts.shape[1]) != held).astype(starts.dtype)
+        targets = problem.targets.of_several(moving=moving)
         runs = run_fits(NEAR_MINIMUM, problem, starts, targets, _MOST, check)
         rises = 2 * (runs.cost - solved.cost)
         ended = np.isfinite(rises) & ~was_interrupted(runs.status)
@@ -263,7 +263,7 @@ def _follow(solved, which, seconds):
             break
         lowest = np.min(rises, where=ended, initial=lowest)
         begun = [begun[k] for k in np.flatnonzero(ended) if not begun[k].complete]
-    return [_path(solved, i, [side for side in sides if side.i == i]) for i in which]
+    return [_path(i, [side for side in sides if side.i == i]) for i in which]
 
 
 def _is_lower(solved, rise):
@@ -271,16 +271,9 @@ def _is_lower(solved, rise):
     return rise < -2 * NEGLIGIBLE * max(1.0, solved.cost)
 
 
-def _with_held(targets, which, starts):
-    """Return targets of one fit for each element of `which`, in which this element does not move."""
-    moving = (np.arange(starts.shape[1]) != np.array(which)[:, None]).astype(starts.dtype)
-    shared = (np.broadcast_to(part, (len(which), *np.shape(part))) for part in targets)
-    return type(targets)(*shared)._replace(moving=moving)
-
-
-def _path(solved, i, sides):
-    """Return the `_Path` of the sides of element i, or None if they have no points."""
-    points = [(np.asarray(solved.x, float), 0.0)] + [point for side in sides for point in side.points]
+def _path(i, sides):
+    """Return the `_Path` of both sides of element i, or None if no fit along it has ended."""
+    points = sides[0].points + [point for side in sides[1:] for point in side.points[1:]]
     if len(points) == 1:
         return None
     points.sort(key=lambda point: point[0][i])

@@ -81,6 +81,10 @@ class Targets(NamedTuple):
     error: Array  # shape (rows,)
     moving: Array  # shape (size,), 0 for elements of x that are fixed at their start (profiles), else 1
 
+    def of_several(self, **own: Array) -> "Targets":
+        """Return targets with a leading axis: `own` parts with a row for each fit, and shared ones."""
+        return Targets(*(np.asarray(part)[None] for part in self))._replace(**own)
+
 
 class Problem(NamedTuple):
     """A least-squares problem: structure, numbers, targets and start."""

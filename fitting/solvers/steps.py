@@ -175,7 +175,7 @@ def make_engine(
     `devices` are None, the targets of the problem or JAX's default device are used.
     """
     devices = default_device() if devices is None else devices
-    targets = jax.tree.map(lambda a: a[None], problem.targets) if targets is None else targets
+    targets = problem.targets.of_several() if targets is None else targets
     of = padded(problem, targets)
     full = jax.tree.map(lambda a: np.broadcast_to(a, (fits, *a.shape[1:])), of.targets)
     placed = devices.everywhere(of.numbers)

@@ -240,8 +240,8 @@ class SolvedProblem(WithUncertainty):
         others = offsets[:, None] * toward
         others = others if values is None else np.clip(others, -1.0, 1.0)
         others[:, i] = offsets
-        targets = self.problem.targets._replace(moving=(np.arange(len(names)) != i).astype(float))
-        return self.x + others, jax.tree.map(lambda a: a[None], targets)
+        moving = (np.arange(len(names)) != i).astype(float)
+        return self.x + others, self.problem.targets.of_several(moving=moving[None])
 
     def _x_of(self, i: int, values: ArrayLike) -> np.ndarray:
         """Return the x of element `i` for given values of this element."""
@@ -278,10 +278,8 @@ class SolvedProblem(WithUncertainty):
         """Return the start vectors of the fits of a bootstrap, and the targets with the drawn data."""
         check_options(count=count, key=key)
         key = jax.random.key(0) if key is None else key
-        targets = self.problem.targets
         drawn = model_rows(self.problem, self.x) + drawn_errors(self.problem, count, key)
-        targets = jax.tree.map(lambda a: a[None], targets)._replace(measured=drawn)
-        return np.tile(self.x, (count, 1)), targets
+        return np.tile(self.x, (count, 1)), self.problem.targets.of_several(measured=drawn)
 
 
 def drawn_errors(problem: Problem, count: int, key: jax.Array) -> np.ndarray:

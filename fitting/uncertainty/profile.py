@@ -113,11 +113,7 @@ class _Trace:
         """Return the results of fits from `starts`, with the profiled element fixed unless `free`."""
         problem, size = self.anchor.problem, self.x.shape[1]
         moving = np.ones((1, size)) if free else (np.arange(size) != self.i).astype(float)[None]
-        targets = problem.targets._replace(
-            measured=np.asarray(problem.targets.measured)[None],
-            error=np.asarray(problem.targets.error)[None],
-            moving=moving.astype(problem.start.dtype),
-        )
+        targets = problem.targets.of_several(moving=moving.astype(problem.start.dtype))
         starts = np.asarray(starts, problem.start.dtype)
         runs = run_fits(LevenbergMarquardt(), problem, starts, targets, None, self.callback)
         self.stopped |= bool(was_interrupted(runs.status).any())

@@ -53,11 +53,8 @@ def refitted(y, k, value, bounds=(LOW, HIGH), omega=OMEGA, error=ERROR, shortest
         p[k], p[others] = np.log(value), free
         return (model(*np.exp(p), omega) - y) / error
 
-    start = np.clip(
-        np.log([3e6, 6e6, 2 * shortest if shortest > 0.1 else 0.5])[others],
-        low[others] + 1e-6,
-        high[others] - 1e-6,
-    )
+    start = np.log([3e6, 6e6, max(2 * shortest, 0.5)])
+    start = np.clip(start[others], low[others] + 1e-6, high[others] - 1e-6)
     return 2 * least_squares(rows, start, bounds=(low[others], high[others]), xtol=1e-12, ftol=1e-12).cost
 
 
@@ -121,7 +118,7 @@ def test_two_parameters_at_bounds_are_followed_side_by_side():
 
 
 def test_a_lower_solution_along_a_bound_is_returned(at_bound):
-    """Here the cost of the fit is overstated."""
+    """The cost of the fit is overstated."""
     known, none = at_bound.uncertainty, np.zeros((0, 3))
     for excess, lower in ((50.0, True), (0.0, False)):
         solved = SolvedProblem(
