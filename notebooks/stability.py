@@ -108,7 +108,7 @@ def shown(error):
 
 
 def main():
-    """Print the rows as they are computed, and write the page."""
+    """Compute and print the rows, and write the page."""
     warnings.simplefilter("ignore", rf.UnitWarning)  # the scenes are extreme on purpose
     lines = []
     for group, cases in GROUPS.items():

@@ -258,7 +258,7 @@ class _Table(Kind):
 
     def _check_inside(self, name, temperature):
         if is_concrete(temperature) and is_concrete(self.T):
-            # Within a trace, entries of a concrete JAX array are not concrete; those of a NumPy array are.
+            # Within a trace, an entry of a concrete JAX array is not concrete. An entry of a NumPy array is.
             low, high = np.asarray(self.T)[[0, -1]].tolist()
             rule = (f"must be inside the table, {low:g} to {high:g} K", lambda T: (low <= T) & (high >= T))
             check_values(name, temperature, rule)

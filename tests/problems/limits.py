@@ -36,7 +36,7 @@ def parts(scene, *classes):
 
 
 def replaced(scene, cls, new):
-    """The scene with new parts for those of a class."""
+    """Replace the parts of a class in a scene."""
     return scene.replace({path: new(part) for path, part in parts(scene, cls)})
 
 
@@ -82,7 +82,7 @@ def of_springs(scene):
 
 
 def one_solid(scene):
-    """Two elastic half-spaces as one on a rigid one: 1 / E_r is the sum."""
+    """Replace two elastic half-spaces by one that faces a rigid one: the values of 1 / E_r add up."""
     compliance = sum(
         (1 - body.material.poisson**2) / body.material.young for body in (scene.lower, scene.upper)
     )
@@ -112,7 +112,7 @@ def with_other_roughness(h_rms):
 
 
 def softened_alike(storage, loss=None):
-    """The same factors of E' and E'' at all strains."""
+    """Use the same factors of E' and E'' at all strains."""
 
     def change(scene):
         flat = rf.Softening([0.01, 0.1, 1.0], [storage] * 3, [storage if loss is None else loss] * 3)

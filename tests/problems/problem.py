@@ -44,7 +44,7 @@ class Problem(NamedTuple):
 
     @property
     def tags(self):
-        """Return what the scene has."""
+        """Return names of the parts and cases of the scene."""
         return tags_of(self.scene, self.velocity) | ({self.source} - {""})
 
     @property
@@ -59,7 +59,7 @@ class Problem(NamedTuple):
 
 
 def tags_of(scene, velocity):
-    """Return what a scene has, from its classes."""
+    """Return names of the parts and cases of a scene, from its classes."""
     bodies = scene.lower, scene.upper
     materials = [body.material for body in bodies]
     spectra = [body.spectrum for body in bodies if body.spectrum is not None]

@@ -139,7 +139,7 @@ def test_first_step_of_a_fit_equals_a_dense_jacobian(name, monkeypatch):
 
     assert error() < 1e-12
     assert np.all(np.any(np.asarray(dense) != 0, axis=0))
-    if uses_forward_mode(scene):
+    if uses_forward_mode(scene):  # without `linearise_tree`
         return
     monkeypatch.setattr(jacobian_module, "linearise_tree", wrong)
     assert error() > 1e-6
