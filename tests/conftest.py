@@ -18,8 +18,8 @@ pytest.register_assert_rewrite("support", "problems")
 
 from support.processes import memory, outside  # noqa: E402
 
-CACHES = tempfile.TemporaryDirectory(prefix="rubberfric-caches-")
 PEAKS = pytest.StashKey[list]()
+CACHES = pytest.StashKey[str]()
 
 
 # Make XLA compile in a third of the time what then runs more slowly.
@@ -38,14 +38,35 @@ def pytest_configure(config):
     memory.collect_rarely()
     sys.addaudithook(outside.refuse)
     config.stash[PEAKS] = []
-    config.add_cleanup(CACHES.cleanup)
-    # Compiled programs of the commands that are tested are nobody's but this run's.
-    os.environ["XDG_CACHE_HOME"] = CACHES.name
+    # Compiled programs are nobody's but this run's.
+    config.stash[CACHES] = caches = _folder_of_caches(config)
+    os.environ["XDG_CACHE_HOME"] = caches
     os.environ.pop("JAX_COMPILATION_CACHE_DIR", None)
     # A script's shell has it ignored in the background, and so would the commands that are tested.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    if "not slow" in config.getoption("markexpr") and "XLA_FLAGS" not in os.environ:
+    if "not slow" not in config.getoption("markexpr"):
+        return
+    if "XLA_FLAGS" not in os.environ:
         os.environ["XLA_FLAGS"] = " ".join(QUICK if _known(QUICK) else QUICK[:1])
+    # A quarter of the programs are compiled by several tests.
+    jax.config.update("jax_compilation_cache_dir", f"{caches}/tests")
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node):
+    """Give a worker of pytest-xdist the folder of the run."""
+    node.workerinput["caches"] = node.config.stash[CACHES]
+
+
+def _folder_of_caches(config):
+    """Return the folder for compiled programs, which all processes of a run share."""
+    if hasattr(config, "workerinput"):
+        return config.workerinput["caches"]
+    folder = tempfile.TemporaryDirectory(prefix="rubberfric-caches-")
+    config.add_cleanup(folder.cleanup)
+    return folder.name
 
 
 def _known(flags):
