@@ -157,13 +157,9 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
     from fitting.data.heights import spectrum_data
 
     del interrupts
+    _check_end(arguments)
     show(f"reading {arguments.data}")
     measured, text = measured_spectrum(arguments)
-    if arguments.q1 is not None and not 0 < arguments.q1 <= rf.roughness.LARGEST_WAVEVECTOR:
-        largest = rf.roughness.LARGEST_WAVEVECTOR
-        raise ValueError(
-            f"--q1 {arguments.q1:g}: must be > 0 and <= {largest:.2g} 1/m, the distance of atoms"
-        )
     show("inverting and fitting the spectrum")
     road = fit_spectrum(measured, q1=arguments.q1)
     data = measured if isinstance(measured, SpectrumData) else spectrum_data(measured)
@@ -186,6 +182,17 @@ def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Pr
 
     drawn = {"measured": data, "table" if arguments.table else "fit": spectrum}
     return _ended(arguments, show, texts, write, lambda: plot_spectrum(drawn))
+
+
+def _check_end(arguments):
+    """Raise ValueError unless --q1 and --slope can end a spectrum."""
+    if arguments.q1 is not None and not 0 < arguments.q1 <= rf.roughness.LARGEST_WAVEVECTOR:
+        largest = rf.roughness.LARGEST_WAVEVECTOR
+        raise ValueError(
+            f"--q1 {arguments.q1:g}: must be > 0 and <= {largest:.2g} 1/m, the distance of atoms"
+        )
+    if arguments.rms_slope is not None and not arguments.rms_slope > 0:
+        raise ValueError(f"--slope {arguments.rms_slope:g}: must be > 0, 1.3 is usual")
 
 
 def _reason_of_cutoff(arguments, measured):
