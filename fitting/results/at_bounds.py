@@ -25,7 +25,7 @@ from fitting.parameters.variables import to_x
 from fitting.solvers.evaluation import costs_at, errors_of_slopes, evaluate_rows
 from fitting.solvers.levenberg_marquardt import NEAR_MINIMUM
 from fitting.solvers.objective import NEGLIGIBLE, was_interrupted
-from fitting.solvers.ordered import each_fit, edges, x_of, z_of
+from fitting.solvers.ordered import edges, put_in_order
 from fitting.solvers.residuals import padded
 from fitting.solvers.runs import run_fits
 from fitting.uncertainty.covariance import OPEN, Uncertainty
@@ -218,12 +218,9 @@ def _places(solved, i):
         places = problem.start[i] + np.log(_FROM_ZERO)
     else:
         places = x + np.array([*_STEPS, *(-step for step in _STEPS)])
-    # Places are moved into the order that the scene requires.
     there = np.tile(np.asarray(solved.x, float), (len(places), 1))
     there[:, i] = places
-    known = problem.variables, constants
-    moving = np.ones_like(there)
-    places = np.unique(each_fit(x_of, *known, each_fit(z_of, *known, there, moving), moving)[:, i])
+    places = np.unique(put_in_order(problem.variables, constants, there, np.ones_like(there))[:, i])
     places = places[np.abs(places - x) > _NEAREST]
     # Implausible values are not of interest, except between the solution and plausible values.
     there = np.tile(np.asarray(solved.x, float), (len(places) + 1, 1))

@@ -15,7 +15,7 @@ import numpy as np
 from fitting.parameters.variables import Array
 from fitting.solvers.evaluation import costs_at
 from fitting.solvers.objective import NEGLIGIBLE, succeeded, was_interrupted
-from fitting.solvers.ordered import each_fit, x_of, z_of
+from fitting.solvers.ordered import put_in_order
 from fitting.solvers.problem import Problem
 from fitting.solvers.runs import Runs
 from fitting.solvers.search import random_starts
@@ -110,8 +110,7 @@ def _starts(problem, key, decades):
     variables, constants = problem.variables, problem.numbers.constants
     drawn = np.asarray(random_starts(variables, problem.start, key, 1 + _DRAWN, decades))[1:]
     moving = np.broadcast_to(problem.targets.moving, drawn.shape)
-    # Points are moved into the order that the scene requires.
-    drawn = each_fit(x_of, variables, constants, each_fit(z_of, variables, constants, drawn, moving), moving)
+    drawn = put_in_order(variables, constants, drawn, moving)
     costs = costs_at(problem, drawn)
     lowest = np.argsort(costs)[:_FITS]
     return drawn[lowest[np.isfinite(costs[lowest])]]

@@ -101,18 +101,22 @@ class _Bounds(NamedTuple):
     """Lower bound a and upper bound b of the x of an element."""
 
     element: int
-    source: _Bound | None  # the bound below
+    below: list[tuple[_Bound, Any]]  # bounds below, with their values
     a: Any
     b: Any
 
 
 class _Order:
-    """Bounds of the elements of x that must be in order, for solver variables or start values `values`."""
+    """Bounds of the elements of x that must be in order, for solver variables or start values `values`.
+
+    `values` and `moving` have the shape (size,). As NumPy arrays of several fits, they have the shape
+    (fits, size), and the bounds and x of each element have the shape (fits,).
+    """
 
     def __init__(self, variables: Variables, constants: Constants, values: Array, moving: Array):
         self.xp: Any = np if isinstance(values, np.ndarray) else jnp
         self.constants = jax.tree.map(np.asarray, constants) if self.xp is np else constants
-        self.values, self.moving = values, moving
+        self.values, self.moving = (self.xp.asarray(a).T.copy() for a in (values, moving))
         self.steps, self.kinds = _steps(variables), variables.kinds
         self.margin = _ROUNDING * float(jnp.finfo(values.dtype).eps)
         # Bounds from above are fixed numbers, and the upper bounds of free neighbours above.
@@ -122,12 +126,12 @@ class _Order:
         for step in reversed(self.steps):
             limits = [self._range(step.element)[1]]
             for bound in step.above:
-                value = self._value(bound, values)
+                value = self._value(bound, self.values)
                 if bound.element is not None and bound.element in self.top:
                     chain = max(self.above.get(step.element, 0), 1 + self.above[bound.element])
                     self.above[step.element] = chain
                     value = self.times(bound, self.top[bound.element])
-                    value = self.xp.where(moving[bound.element], value, self._value(bound, values))
+                    value = self.xp.where(self.moving[bound.element], value, self._value(bound, self.values))
                 limits.append(value)
             self.above.setdefault(step.element, 0)
             self.top[step.element] = functools.reduce(self.xp.minimum, limits)
@@ -139,25 +143,20 @@ class _Order:
         of an element and the x so far.
         """
         x: dict[int, Any] = {}
-        for step in self.steps:
-            bounds, own = self._bounds(step, x), self.values[step.element]
-            if self.xp is jnp:
-                x[step.element] = jnp.where(self.moving[step.element], place(bounds, x), own)
-            else:
-                x[step.element] = place(bounds, x) if self.moving[step.element] else own
+        # The place of an element that does not move may not be a number, and is not used.
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            for step in self.steps:
+                i = step.element
+                x[i] = self.xp.where(self.moving[i], place(self._bounds(step, x), x), self.values[i])
         return x
 
     def _bounds(self, step, x):
-        xp, i, source, low = self.xp, step.element, None, None
-        for bound in step.below:
-            value = self._value(bound, x)
-            if xp is np and (low is None or value > low):
-                source = bound
-            low = value if low is None else xp.maximum(low, value)
-        a = -np.inf if low is None else self._inverse(i, low)
+        xp, i = self.xp, step.element
+        below = [(bound, self._value(bound, x)) for bound in step.below]
+        a = self._inverse(i, functools.reduce(xp.maximum, [v for _, v in below])) if below else -np.inf
         b = self._inverse(i, self.top[i])
         # A margin for rounding, so that no value crosses its bound.
-        return _Bounds(i, source, a + self._clear(a), b - (1 + 2 * self.above[i]) * self._clear(b))
+        return _Bounds(i, below, a + self._clear(a), b - (1 + 2 * self.above[i]) * self._clear(b))
 
     def _clear(self, end):
         finite = self.xp.isfinite(end)
@@ -197,84 +196,88 @@ def _between(xp, a, b, z):
 
 
 def x_of(variables: Variables, constants: Constants, z: Array, moving: Array) -> Array:
-    """Return x for the variables z of a solver. `moving` is 0 for fixed elements, and 1 for all others."""
+    """Return x for the variables z of a solver. `moving` is 0 for fixed elements, and 1 for all others.
+
+    As NumPy arrays, z and `moving` may have the shape (fits, size).
+    """
     if not variables.order:
         return z
     order = _Order(variables, constants, z, moving)
-    return _put(z, order.placed(lambda at, _: _between(order.xp, at.a, at.b, z[at.element])))
+    return _put(z, order.placed(lambda at, _: _between(order.xp, at.a, at.b, order.values[at.element])))
 
 
 def z_of(variables: Variables, constants: Constants, x: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """Return z for start values x, computed with NumPy.
+    """Return z for start values x of one or several fits, computed with NumPy.
 
     An element outside a bound is reflected at the bound, and an element on a bound is moved inside.
     """
-    z = x.copy()
+    order, z = _Order(variables, constants, x, moving), {}
 
     def place(at, _):
         i, a, b = at.element, at.a, at.b
-        there, near = float(x[i]), min(INSIDE, 0.25 * float(b - a))
-        if np.isfinite(a):
-            there = a + (abs(there - a) if abs(there - a) > AT_EDGE else near)
-        if np.isfinite(b):
-            there = b - (abs(there - b) if abs(there - b) > AT_EDGE else near)
-        if not a < there < b:
-            there = a + 0.5 * (b - a)
+        there, near = order.values[i], np.minimum(INSIDE, 0.25 * (b - a))
+        for end, sign in ((a, 1), (b, -1)):
+            away = np.abs(there - end)
+            inside = end + sign * np.where(away > AT_EDGE, away, near)
+            there = np.where(np.isfinite(end), inside, there)
+        there = np.where((a < there) & (there < b), there, a + 0.5 * (b - a))
         below, above = (np.log(-np.expm1(_SHARP * t)) for t in (a - there, there - b))
-        z[i] = there + (below - above) / _SHARP
+        z[i] = np.where(order.moving[i], there + (below - above) / _SHARP, order.values[i])
         return there
 
-    _Order(variables, constants, x, moving).placed(place)
-    return z
+    order.placed(place)
+    return _put(x, z)
 
 
-def each_fit(
-    function: Callable[..., Any], variables: Variables, constants: Constants, points: Array, moving: Array
-) -> np.ndarray:
-    """Return the results of `x_of`, `z_of` or `slopes_of_x` for several fits, at points (fits, size)."""
-    if not variables.order:
-        return np.asarray(points)
-    pairs = zip(points, np.asarray(moving), strict=True)
-    return np.stack([function(variables, constants, *pair) for pair in pairs])
+def put_in_order(variables: Variables, constants: Constants, x: np.ndarray, moving: np.ndarray) -> np.ndarray:
+    """Return points x, shape (points, size), with values moved into the order that the scene requires."""
+    return np.asarray(x_of(variables, constants, z_of(variables, constants, x, moving), moving))
 
 
 def slopes_of_x(variables: Variables, constants: Constants, z: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """Return the derivatives dx / dz, computed with NumPy, as an array of shape (size, size)."""
-    slopes, width = np.eye(z.size, dtype=z.dtype), np.asarray(constants.width)
-    order = _Order(variables, constants, z, moving)
+    """Return the derivatives dx / dz, computed with NumPy, as an array of shape (..., size, size)."""
+    order, size = _Order(variables, constants, z, moving), z.shape[-1]
+    kinds, width = order.kinds, np.asarray(order.constants.width)
+    slopes = np.zeros((size, *order.values.shape), z.dtype)
+    slopes[range(size), range(size)] = 1
 
     def place(at, x):
-        i, a, b = at.element, at.a, at.b
-        above, near = (1 / (1 + np.exp(np.clip(_SHARP * t, -700, 700))) for t in (a - z[i], b - z[i]))
-        slopes[i, i] = above - near
-        if at.source is not None and at.source.element is not None and np.isfinite(a):
-            j = at.source.element
-            theirs, own = (slopes_of(order.kinds[k], width[k], there) for k, there in ((j, x[j]), (i, a)))
-            slopes[i] += (1 - above) * order.times(at.source, 1.0) * theirs / own * slopes[j]
-        return _between(np, a, b, z[i])
+        i, a, b, own_z = at.element, at.a, at.b, order.values[at.element]
+        above, near = (1 / (1 + np.exp(np.clip(_SHARP * (end - own_z), -700, 700))) for end in (a, b))
+        row = np.zeros_like(slopes[i])
+        row[i] = above - near
+        for k, (bound, _) in enumerate(at.below):
+            if (j := bound.element) is not None:
+                is_highest = np.argmax(np.broadcast_arrays(*[value for _, value in at.below]), 0) == k
+                theirs, own = (slopes_of(kinds[m], width[m], there) for m, there in ((j, x[j]), (i, a)))
+                along = (1 - above) * order.times(bound, 1.0) * theirs / own
+                row += np.where(is_highest & np.isfinite(a), along, 0.0) * slopes[j]
+        slopes[i] = np.where(order.moving[i], row, slopes[i])
+        return _between(np, a, b, own_z)
 
     order.placed(place)
-    return slopes
+    return np.moveaxis(slopes, (0, 1), (-2, -1))
 
 
 def put_on_bounds(
     variables: Variables, constants: Constants, before: np.ndarray, z: np.ndarray, moving: np.ndarray
 ) -> np.ndarray:
     """Return z with elements moved onto a bound if they are near it and came closer since `before`."""
-    there = z.copy()
-    closer = np.sign(np.floor(_SHARP * z) - np.floor(_SHARP * before))
+    order, there = _Order(variables, constants, z, moving), {}
+    closer = np.sign(np.floor(_SHARP * z) - np.floor(_SHARP * before)).T
 
     def place(at, _):
         i, a, b = at.element, at.a, at.b
-        x = _between(np, a, b, z[i])
-        if x - a < _NEAR and a - _FAR < z[i] and closer[i] < 0:
-            there[i] = a - _FAR
-        elif b - x < _NEAR and z[i] < b + _FAR and closer[i] > 0:
-            there[i] = b + _FAR
+        own = order.values[i]
+        x = _between(np, a, b, own)
+        down = (x - a < _NEAR) & (a - _FAR < own) & (closer[i] < 0)
+        up = (b - x < _NEAR) & (own < b + _FAR) & (closer[i] > 0)
+        moved = np.where(down, a - _FAR, np.where(up, b + _FAR, own))
+        there[i] = np.where(order.moving[i], moved, own)
         return x
 
-    _Order(variables, constants, z, moving).placed(place)
-    return there
+    order.placed(place)
+    return _put(z, there)
 
 
 class Edge(NamedTuple):
@@ -303,10 +306,11 @@ def edges(variables: Variables, constants: Constants, x: np.ndarray) -> list[Edg
 
 
 def _put(x, elements):
+    """Return x with other elements, as an array of the same kind."""
     if isinstance(x, np.ndarray):
         x = x.copy()
         for i, value in elements.items():
-            x[i] = value
+            x[..., i] = value
         return x
     which = np.array(list(elements))
     return x.at[which].set(jnp.stack([jnp.asarray(v, x.dtype) for v in elements.values()]))

@@ -17,7 +17,7 @@ from fitting.parameters.variables import Array
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.objective import INTERRUPTED, OUT_OF_STEPS, RUNNING, Iterate
 from fitting.solvers.options import Solver
-from fitting.solvers.ordered import each_fit, x_of
+from fitting.solvers.ordered import x_of
 from fitting.solvers.problem import Problem, Targets
 from fitting.solvers.steps import Engine, advance, make_engine, start
 
@@ -91,7 +91,7 @@ class Progress:
         """Return the results; fits that run still have the status INTERRUPTED or OUT_OF_STEPS."""
         iterate, late = self.iterate, INTERRUPTED if interrupted else OUT_OF_STEPS
         return Runs(
-            each_fit(x_of, problem.variables, problem.numbers.constants, iterate.x, moving),
+            np.asarray(x_of(problem.variables, problem.numbers.constants, iterate.x, moving)),
             np.where(self.begun, iterate.cost, np.inf),
             np.where(iterate.status == RUNNING, late, iterate.status),
             np.asarray(iterate.nfev),

@@ -34,7 +34,7 @@ from fitting.solvers.objective import (
     was_interrupted,
 )
 from fitting.solvers.options import Solver
-from fitting.solvers.ordered import each_fit, edges, x_of, z_of
+from fitting.solvers.ordered import edges, put_in_order
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows, padded, smooth_slots
 from fitting.solvers.runs import Callback, Runs, run_fits
@@ -226,7 +226,5 @@ def _places_to_try(problem, end):
         places += list(np.asarray(random_starts(variables, x, None, 1 + _DRAWN)))[1:]
     if not places:
         return np.empty((0, x.size)), inner
-    # Points are moved into the order that the scene requires.
     moving = np.broadcast_to(problem.targets.moving, (len(places), x.size))
-    z = each_fit(z_of, variables, constants, np.stack(places), moving)
-    return each_fit(x_of, variables, constants, z, moving), inner
+    return put_in_order(variables, constants, np.stack(places), moving), inner

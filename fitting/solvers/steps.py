@@ -21,7 +21,7 @@ from fitting.solvers.levenberg_marquardt import (
 )
 from fitting.solvers.objective import CONVERGED, NEGLIGIBLE, NOT_FINITE, RUNNING, Iterate
 from fitting.solvers.options import Solver
-from fitting.solvers.ordered import each_fit, put_on_bounds, slopes_of_x, x_of, z_of
+from fitting.solvers.ordered import put_on_bounds, slopes_of_x, x_of, z_of
 from fitting.solvers.problem import FitStructure, Numbers, Problem, Targets
 from fitting.solvers.residuals import (
     cost_of,
@@ -62,7 +62,7 @@ class Engine(NamedTuple):
     def blank(self, targets: Targets, starts: np.ndarray) -> Iterate:
         """Return the iterates of fits before the evaluation of their starts, shape (fits, size)."""
         fits, x = len(starts), np.asarray(starts)
-        z = each_fit(z_of, self.structure.variables, self.numbers.constants, x.copy(), targets.moving)
+        z = z_of(self.structure.variables, self.numbers.constants, x, np.asarray(targets.moving))
         own = jax.tree.map(np.array, self.solver.own(z))
         count = np.zeros(fits, int)
         return Iterate(z, np.full(fits, np.inf, z.dtype), count + RUNNING, count.copy(), count.copy(), own)
@@ -87,10 +87,10 @@ class Engine(NamedTuple):
         which = np.arange(len(z)) if which is None else which
         variables = self.structure.variables
         at = variables, self.numbers.constants, z[which], targets.moving[which]
-        x = each_fit(x_of, *at)
+        x = np.asarray(x_of(*at))
         rows, by_x = evaluate_rows(self.structure, self.placed, x, slopes, self.devices)
         if slopes and variables.order:
-            by_x = by_x @ each_fit(slopes_of_x, *at)
+            by_x = by_x @ slopes_of_x(*at)
         full = [np.zeros((len(z), *part.shape[1:]), part.dtype) for part in (rows, by_x)]
         full[0][which], full[1][which] = rows, by_x
         return full
@@ -114,9 +114,8 @@ class Engine(NamedTuple):
         ever smaller steps.
         """
         after, variables = jax.tree.map(np.array, after), self.structure.variables
-        x = after.x.copy()
-        for i in np.flatnonzero(after.status == RUNNING):
-            x[i] = put_on_bounds(variables, self.numbers.constants, before.x[i], x[i], targets.moving[i])
+        on_bounds = put_on_bounds(variables, self.numbers.constants, before.x, after.x, targets.moving)
+        x = np.where(after.status[:, None] == RUNNING, on_bounds, after.x)
         tried = (x != after.x).any(1)
         if not tried.any():
             return after

@@ -14,7 +14,7 @@ import fitting
 import rubberfric as rf
 from fitting import Bounded, Free, FrictionData, Positive, Tied
 from fitting.parameters.variables import free_parameters, to_scene
-from fitting.solvers.ordered import slopes_of_x, x_of, z_of
+from fitting.solvers.ordered import put_on_bounds, slopes_of_x, x_of, z_of
 from rubberfric.base import POSITIVE, Number, forget, leaf, physical
 from rubberfric.materials.shifts import Shift
 
@@ -58,17 +58,49 @@ def test_whatever_a_solver_does_the_scene_is_one_that_its_constructors_take(name
                 dataclasses.replace(part)
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_slopes_are_those_of_finite_differences(name):
-    variables, constants, x = free_parameters(SCENE, CASES[name])
+# q1 is above the roll-offs of both scenes, of which the solver moves one or the other beyond it.
+TWO_SCENES = {"A": SCENE, "B": SCENE}
+ABOVE_BOTH = {f"*.{Q1}": Positive(), f"A.{QR}": Positive(), f"B.{QR}": Positive()}
+
+
+@pytest.mark.parametrize(
+    ("scenes", "free", "away"),
+    [
+        *((SCENE, free, 0.3) for free in CASES.values()),
+        (TWO_SCENES, ABOVE_BOTH, [-3.0, 2.0, 1.0]),
+        (TWO_SCENES, ABOVE_BOTH, [-3.0, 1.0, 2.0]),
+    ],
+    ids=[*CASES, "below A", "below B"],
+)
+def test_slopes_are_those_of_finite_differences(scenes, free, away):
+    variables, constants, x = free_parameters(scenes, free)
     moving = np.ones(variables.size)
-    z = z_of(variables, constants, x, moving) + 0.3
+    z = z_of(variables, constants, x, moving) + away
     shift = 1e-6 * np.eye(z.size)
     ends = [[x_of(variables, constants, z + sign * s, moving) for s in shift] for sign in (1, -1)]
     expected = (np.array(ends[0]) - np.array(ends[1])).T / 2e-6
     np.testing.assert_allclose(slopes_of_x(variables, constants, z, moving), expected, atol=1e-7)
     traced = jax.jit(jax.jacfwd(lambda z: x_of(variables, constants, z, jnp.asarray(moving))))(jnp.asarray(z))
     np.testing.assert_allclose(traced, expected, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_several_fits_are_each_fit_alone_to_the_last_bit(name):
+    variables, constants, x = free_parameters(SCENE, CASES[name])
+    rng = np.random.default_rng(1)
+    x = x + 0.3 * rng.standard_normal((7, x.size))
+    moving = (rng.random(x.shape) < 0.7).astype(float)
+
+    def computed(x, moving):
+        at = variables, constants
+        z = z_of(*at, x, moving) + 2.0 * moving
+        bounds = put_on_bounds(*at, z + 3.0 * moving, z, moving)
+        return z, x_of(*at, z, moving), slopes_of_x(*at, z, moving), bounds
+
+    together = computed(x, moving)
+    for i in range(len(x)):
+        for several, single in zip(together, computed(x[i], moving[i]), strict=True):
+            np.testing.assert_array_equal(several[i], single)
 
 
 def test_the_ends_of_a_tabulated_spectrum_stay_in_the_table():
