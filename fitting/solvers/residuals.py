@@ -242,11 +242,6 @@ def slopes_in_errors(structure: FitStructure, numbers: Numbers, targets: Targets
     return jnp.concatenate([of_data, slopes[count:]]) * targets.moving
 
 
-def residuals(structure: FitStructure, numbers: Numbers, targets: Targets, x: jax.Array) -> jax.Array:
-    """Return the residuals of data, priors and smoothing at x, in units of the errors."""
-    return in_errors(structure, numbers, targets, rows_of(structure, numbers, x))
-
-
 def _whitened(numbers, rows):
     """Multiply data rows, along the first axis, by the matrix that makes the errors independent."""
     return rows if numbers.whitening is None else numbers.whitening @ rows

@@ -21,7 +21,7 @@ import pytest
 import scipy.optimize
 from support.ensembles.twin import FREE, GUESS, TRUTH, twin
 from support.folders import PYTHONPATH
-from support.jacobians import residuals_and_jacobian
+from support.jacobians import residuals, residuals_and_jacobian
 from support.scenes.curves import numpy_friction
 
 import rubberfric as rf
@@ -30,7 +30,6 @@ from fitting.solvers.first_order import LBFGS, Adam
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.objective import RUNNING
 from fitting.solvers.problem import make_problem
-from fitting.solvers.residuals import residuals
 from fitting.solvers.steps import advance, make_engine, start
 from fitting.uncertainty.covariance import uncertainty
 

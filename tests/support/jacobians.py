@@ -1,6 +1,11 @@
-"""Residuals of a problem with their Jacobian, as one function of x for other programs."""
+"""Residuals of a problem with and without their Jacobian, as functions of x for other programs."""
 
-from fitting.solvers.residuals import in_errors, rows_and_slopes, slopes_in_errors
+from fitting.solvers.residuals import in_errors, rows_and_slopes, rows_of, slopes_in_errors
+
+
+def residuals(structure, numbers, targets, x):
+    """Return the residuals of data, priors and smoothing at x, in units of the errors."""
+    return in_errors(structure, numbers, targets, rows_of(structure, numbers, x))
 
 
 def residuals_and_jacobian(structure, numbers, targets, x):

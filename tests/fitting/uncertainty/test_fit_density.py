@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
+from support.jacobians import residuals
 from support.scenes.fits import E_INF, FAST, HURST, E, maxwell_columns
 from support.scenes.fits import THREE as SCENE
 
@@ -15,7 +16,6 @@ import rubberfric as rf
 from fitting import Bounded, Free, FrictionData, Gaussian, ModulusData, Positive, fit, log_density
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import make_problem
-from fitting.solvers.residuals import residuals
 
 RUBBER = SCENE.upper.material
 OMEGA = np.logspace(-1, 7, 20)

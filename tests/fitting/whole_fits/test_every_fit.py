@@ -9,12 +9,11 @@ import numpy as np
 import optimistix
 import pytest
 from scipy.optimize import least_squares
-from support.jacobians import residuals_and_jacobian
+from support.jacobians import residuals, residuals_and_jacobian
 from support.scenes.fit_problems import FEW, FITS, PARAMETERS, fitted, problem, same
 
 import fitting
 from fitting.results.hdf5 import save
-from fitting.solvers.residuals import residuals
 from rubberfric.io.hdf5 import read_object
 
 _rows = jax.jit(residuals, static_argnums=0)

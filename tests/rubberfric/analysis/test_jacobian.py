@@ -5,12 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from problems import PROBLEMS, RIGID, ROAD, SHEAR, WLF
-from support.jacobians import residuals_and_jacobian
+from support.jacobians import residuals, residuals_and_jacobian
 
 import fitting
 import rubberfric as rf
 from fitting.solvers.problem import make_problem
-from fitting.solvers.residuals import residuals
 from rubberfric.analysis import jacobian as jacobian_module
 from rubberfric.analysis.jacobian import BLOCK, linearise_tree, uses_forward_mode, value_and_jacobian
 from rubberfric.scene.scene import cast

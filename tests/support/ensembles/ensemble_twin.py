@@ -24,11 +24,10 @@ if __name__ == "__main__":
     sys.path[:0] = [str(Path(__file__).resolve().parents[i]) for i in (3, 2)]
 
 from support.ensembles.twin import FREE, TRUTH, twin  # noqa: E402
-from support.jacobians import residuals_and_jacobian  # noqa: E402
+from support.jacobians import residuals, residuals_and_jacobian  # noqa: E402
 
 import fitting  # noqa: E402
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt  # noqa: E402
-from fitting.solvers.residuals import residuals  # noqa: E402
 from fitting.solvers.runs import run_fits  # noqa: E402
 
 
