@@ -121,7 +121,6 @@ RELATIONS = (
         "|v_travel slip_ratio|",
     ),
 )
-DERIVED = tuple(dict.fromkeys(relation.result for relation in RELATIONS))
 
 
 class Plan(NamedTuple):
