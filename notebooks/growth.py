@@ -223,10 +223,7 @@ def measure(parts):
 def page(store):
     """Yield the lines of the Markdown page."""
     yield from ("# Growth of time and memory", "")
-    yield (
-        "`python notebooks/growth.py` generates this page. `python -m pytest -m benchmark -s "
-        "tests/benchmarks/test_growth_benchmarks.py` also generates it, and checks its statements."
-    )
+    yield ("`python notebooks/growth.py` generates this page, and checks its statements.")
     yield ""
     yield (
         "Each row was measured in a new process. Unless stated otherwise, it gives run times and memory for "
@@ -395,11 +392,29 @@ def draw(store, path):
 
 
 def main(parts=PARTS):
-    """Measure parts, write page and figure, and return all measurements."""
+    """Measure parts, write page and figure, and check the statements of the page."""
     store = measure(parts)
     draw(store, FIGURE)
     PAGE.write_text("\n".join(page(store)) + "\n", encoding="utf-8")
-    return store
+    check(store[apart("machine")])
+
+
+def check(parts):
+    """Raise AssertionError unless time grows linearly, and memory and errors stay small."""
+    rows = {count: row for (count,), row in parts["velocities"]}
+    assert rows[10_000_000]["seconds"] < 1.5 * 100 * rows[100_000]["seconds"]
+    # Seven arrays of the length of the velocities.
+    assert max(row["added"] - 56e-6 * count for count, row in rows.items()) < 100
+    assert max(row["peak"] for row in rows.values()) < 1000
+    rows = {count: row for (count,), row in parts["terms"]}
+    assert rows[300]["seconds"] < 1.5 * 10 * rows[30]["seconds"]
+    assert rows[300]["program"] < 64  # [MB]
+    rows = {count: row for (count,), row in parts["members"]}
+    assert rows[100_000]["seconds"] < 1.5 * 100 * rows[1000]["seconds"]
+    assert not any(row["failed"] for row in rows.values())
+    for (shape, setting), row in parts["maps"]:
+        assert row["error"] < 1e-8, (shape, setting)
+        assert row["peak"] < 2000
 
 
 if __name__ == "__main__":

@@ -33,24 +33,20 @@ def pytest(path, mark='""'):
     return f"python -m pytest -q -m {mark} -s tests/{path}"
 
 
-def benchmark(name):
-    return pytest(f"benchmarks/test_{name}.py", "benchmark")
-
-
 LAW = "rubberfric/theory/area/test_law_and_boundary_elements.py"
 MEASUREMENTS = {
-    "curves": benchmark("benchmarks"),
-    "parts": benchmark("part_benchmarks"),
-    "tables": benchmark("tabulated_moduli"),
+    "curves": "python notebooks/benchmarks/curves.py",
+    "parts": "python notebooks/benchmarks/parts.py",
+    "tables": "python notebooks/benchmarks/tables.py",
     "first_fit": "rubberfric-fit data/tread_on_asphalt_fit.toml --no-cache",
-    "fits": f"FIGURE=notebooks/figures/fit_error_over_time.png {benchmark('fit_benchmarks')}",
-    "ensembles": benchmark("ensemble_benchmarks"),
+    "fits": "python notebooks/benchmarks/fits.py",
+    "ensembles": "python notebooks/benchmarks/ensembles.py",
     "twin": pytest("fitting/whole_fits/test_fit_twin.py"),
     "error_over_time": "python notebooks/error_over_time.py",
     "stability": "python notebooks/stability.py",
     "operations": "python notebooks/operations.py",
-    "growth": benchmark("growth_benchmarks"),  # runs notebooks/growth.py
-    "settings": benchmark("settings_table"),
+    "growth": "python notebooks/growth.py",
+    "settings": "python notebooks/benchmarks/settings.py",
     "law": f"TABLE=notebooks/law_table.md {pytest(LAW, 'slow')}",
     "fits_of_boundary_elements": pytest("fitting/uncertainty/test_coverage.py", "slow"),
     "wrong_models": pytest("fitting/budget/test_wrong_models.py", "slow"),

@@ -33,7 +33,7 @@ QUICK = (
 def pytest_configure(config):
     """Let XLA compile the ordinary run quickly: compilation is most of it.
 
-    Slow sets and benchmarks use the options of users.
+    Slow sets use the options of users.
     """
     memory.collect_rarely()
     sys.addaudithook(outside.refuse)
@@ -44,14 +44,12 @@ def pytest_configure(config):
     os.environ.pop("JAX_COMPILATION_CACHE_DIR", None)
     # A script's shell has it ignored in the background, and so would the commands that are tested.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    marks = config.getoption("markexpr")
-    if "not slow" in marks and "XLA_FLAGS" not in os.environ:
+    if "not slow" in config.getoption("markexpr") and "XLA_FLAGS" not in os.environ:
         os.environ["XLA_FLAGS"] = " ".join(QUICK if _known(QUICK) else QUICK[:1])
-    # A quarter of the programs are compiled by several tests. Benchmarks measure compilation.
-    if "benchmark" not in marks.replace("not benchmark", ""):
-        jax.config.update("jax_compilation_cache_dir", f"{caches}/tests")
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-        jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    # A quarter of the programs are compiled by several tests.
+    jax.config.update("jax_compilation_cache_dir", f"{caches}/tests")
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -14,7 +14,7 @@ solid,
 (of a table the largest value within the first e-fold; E_r of a slab includes its factor at q0). P falls from
 1 within :math:`\ln(q/q_0) \sim e^{-2\Lambda}`. The third property is the finest detail of the moduli over the
 frequency. Materials and spectra give these properties by their public methods, so the rule holds for a user's
-own ones. `tests/benchmarks/test_settings_table.py` prints the errors over L and Lambda.
+own ones. `notebooks/benchmarks/settings.py` prints the errors over L and Lambda.
 `tests/rubberfric/scene/test_settings_of_random_scenes.py` tests random scenes of all kinds.
 """
 

@@ -2,6 +2,7 @@
 
 import base64
 import importlib.util
+import json
 import os
 import re
 import sys
@@ -74,21 +75,43 @@ def test_together_they_are_small():
     assert sum(os.path.getsize(path) for path in NOTEBOOKS) < ALL
 
 
-def test_measure_runs_every_command_that_pages_quote():
-    """Each test and script that a page names as the source of its figures."""
-    spec = importlib.util.spec_from_file_location("measure", ROOT / "notebooks" / "measure.py")
-    measure = importlib.util.module_from_spec(spec)
+def script(name):
+    """Import a script of the folder of notebooks."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "notebooks" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
     sys.path.insert(0, str(ROOT / "notebooks"))
     try:
-        spec.loader.exec_module(measure)
+        spec.loader.exec_module(module)
     finally:
         sys.path.pop(0)
+    return module
+
+
+def test_the_page_on_growth_has_the_stored_measurements(tmp_path):
+    """The page belongs to the stored figures, and another device adds lines."""
+    growth = script("growth")
+    store = json.loads(growth.STORE.read_text())
+    lines = list(growth.page(store))
+    assert growth.PAGE.read_text(encoding="utf-8") == "\n".join(lines) + "\n"
+    assert not any("Not measured." in line for line in lines)
+    processors = {device: parts for device, parts in store.items() if "processor" in device}
+    assert any("Not measured." in line for line in growth.page(processors))
+    both = store | {"Another GPU": {k: v for parts in store.values() for k, v in parts.items()}}
+    count = sum("throughput" in parts for parts in both.values())
+    assert sum("| float64 | values |" in x for x in growth.page(both)) == count
+    growth.draw(both, tmp_path / "growth.png")
+    assert (tmp_path / "growth.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_measure_runs_every_command_that_pages_quote():
+    """Each test and script that a page names as the source of its figures."""
+    measure = script("measure")
     pages = {*(ROOT / "notebooks").glob("*.md"), ROOT / "README.md"} - {measure.PAGE}
     texts = "".join(page.read_text(encoding="utf-8") for page in pages)
     # Four scripts measure nothing.
-    quoted = set(re.findall(r"(?:tests/[\w/]+/test_|python notebooks/)\w+\.py", texts))
+    quoted = set(re.findall(r"(?:tests/[\w/]+/test_\w+|python notebooks/[\w/]+)\.py", texts))
     quoted -= {f"python notebooks/{name}.py" for name in ("measure", "formats", "execute", "gallery")}
-    # The growth benchmark runs growth.py. Boundary elements take hours.
-    quoted -= {f"python notebooks/{name}.py" for name in ("growth", "boundary_elements", "law_elements")}
+    # Boundary elements take hours.
+    quoted -= {f"python notebooks/{name}.py" for name in ("boundary_elements", "law_elements")}
     assert len(quoted) > 10
     assert [name for name in sorted(quoted) if name not in str(measure.MEASUREMENTS)] == []

@@ -1,6 +1,6 @@
 """Measure an ensemble of twin fits in a new process, and print a line of JSON:
 
-    python tests/support/ensembles/ensemble_twin.py ensemble|loop|parts MEMBERS [float32]
+    python notebooks/benchmarks/ensemble_process.py ensemble|loop|parts MEMBERS [float32]
 
 The members are bootstrap fits of the twin measurements (240 points, 20 parameters), from the
 minimum. JAX_NUM_CPU_DEVICES in the environment says how many devices a processor is.
@@ -17,11 +17,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-# Before what makes arrays.
+# Before the imports that make arrays.
 SINGLE = "float32" in sys.argv
-if __name__ == "__main__":
-    jax.config.update("jax_enable_x64", not SINGLE)
-    sys.path[:0] = [str(Path(__file__).resolve().parents[i]) for i in (3, 2)]
+jax.config.update("jax_enable_x64", not SINGLE)
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests"))
 
 from support.ensembles.twin import FREE, TRUTH, twin  # noqa: E402
 from support.jacobians import residuals, residuals_and_jacobian  # noqa: E402
@@ -32,7 +31,7 @@ from fitting.solvers.runs import run_fits  # noqa: E402
 
 
 def peak():
-    """Largest memory of this process so far [MB]."""
+    """Return the largest memory of this process so far [MB]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
@@ -41,10 +40,7 @@ def bootstrap(count):
 
 
 def ensemble(count):
-    """The whole ensemble; its seconds are without compilation.
-
-    Memory in excess of a first run, which compiles.
-    """
+    """Measure the whole ensemble without compilation, and its memory in excess of a first run."""
     members = bootstrap(count)
     fitting.run_ensemble(dataclasses.replace(members, max_steps=1))
     before = peak()
@@ -62,13 +58,13 @@ def ensemble(count):
 
 
 def loop(count):
-    """One compiled fit after the other, as Python runs them."""
+    """Measure single fits, one after the other, without compilation."""
     members = bootstrap(count)
     seconds, steps, costs = 0.0, 0, []
     for i in range(-1, count):  # the first compiles
-        one = jax.tree.map(lambda a, i=i: a[min(max(i, 0), len(a) - 1)][None], members.targets)
+        targets = jax.tree.map(lambda a, i=i: a[min(max(i, 0), len(a) - 1)][None], members.targets)
         begin = time.perf_counter()
-        end = run_fits(LevenbergMarquardt(), members.problem, members.starts[:1], one, batch=1)
+        end = run_fits(LevenbergMarquardt(), members.problem, members.starts[:1], targets, batch=1)
         if i >= 0:
             seconds += time.perf_counter() - begin
             steps += int(end.njev[0])
@@ -77,9 +73,10 @@ def loop(count):
 
 
 def parts(count):
-    """Seconds per member of Jacobian, residuals and decomposition, `count` to each device, all devices busy.
+    """Return seconds per member of Jacobian, residuals and decomposition, by name.
 
-    On a CPU one member after the other, otherwise one batch, as in `fitting.solvers.devices`.
+    All devices are busy, each with `count` members. A CPU computes one member after the other, an accelerator
+    one batch, as in `fitting.solvers.devices`.
     """
     members = bootstrap(1)
     problem, devices = members.problem, jax.devices()
@@ -96,18 +93,18 @@ def parts(count):
             np.broadcast_to(np.asarray(rows), (len(devices), count, *rows.shape)),
         ),
     }
-    found = {}
+    seconds = {}
     for name, (function, inputs) in arguments.items():
         program = jax.jit(lambda a, f=function: jax.lax.map(f, a) if serial else jax.vmap(f)(a))
-        inputs = [jax.device_put(one, device) for one, device in zip(inputs, devices, strict=True)]
-        jax.block_until_ready([program(one) for one in inputs])
+        inputs = [jax.device_put(part, device) for part, device in zip(inputs, devices, strict=True)]
+        jax.block_until_ready([program(part) for part in inputs])
         times = []
         for _ in range(3):
             begin = time.perf_counter()
-            jax.block_until_ready([program(one) for one in inputs])
+            jax.block_until_ready([program(part) for part in inputs])
             times.append(time.perf_counter() - begin)
-        found[name] = min(times) / count / len(devices)
-    return found
+        seconds[name] = min(times) / count / len(devices)
+    return seconds
 
 
 if __name__ == "__main__":

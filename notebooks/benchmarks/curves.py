@@ -1,27 +1,27 @@
-"""Error against run time; off by default: python -m pytest -m benchmark -s
+"""Measure error against run time of friction curves, their memory, and maps of a million points.
 
-Vectorised trapezoidal rules in NumPy (200 q x 64 phi, the textbook method) are timed
-in the same run, in turns with ours, so that the ratios survive a noisy machine.
+    python notebooks/benchmarks/curves.py
+
+Vectorised trapezoidal rules in NumPy (200 q x 64 phi, the textbook method) are timed in the same run, in
+turns with rubberfric, so that the ratios survive a noisy machine.
 """
 
-import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
-from support.counting.timing import in_turns
-from support.folders import PYTHONPATH
-from support.scenes.curves import ONE, PRESSURE, TAU, TWO, VELOCITY, E, numpy_friction
+from scenes import ONE, PRESSURE, TAU, TWO, VELOCITY, E, numpy_friction
+from turns import in_turns
 
 import rubberfric as rf
 
-pytestmark = pytest.mark.benchmark
+jax.config.update("jax_enable_x64", True)
 
-
+FOLDER = Path(__file__).resolve().parent
 SETTINGS = {
     "automatic": None,  # as calls have it whose scene is known
     "any scene": rf.Quadrature(),  # as traced scenes have it
@@ -30,8 +30,8 @@ SETTINGS = {
 REFERENCE = rf.Quadrature(order=20, panels=24, graded=12, ratio=4.0, angular_order=24)
 
 
-@pytest.mark.parametrize("name", SETTINGS)
-def test_friction_curve_and_gradient_against_numpy(name):
+def against_numpy(name):
+    """Print times and errors of a friction curve and its gradient, in units of the time of NumPy."""
     settings = [SETTINGS[name] or rf.analysis.default_quadrature(scene, PRESSURE) for scene in (ONE, TWO)]
 
     def compiled(quadrature):
@@ -67,9 +67,8 @@ def test_friction_curve_and_gradient_against_numpy(name):
     assert max(errors.values()) < 1e-8
 
 
-@pytest.mark.parametrize("name", SETTINGS)
-def test_friction_curve_against_its_bound(name):
-    """The closed form cannot do with less than a root and a division for each node, term and velocity."""
+def against_its_bound(name):
+    """Print times in units of a root and a division for each node, term and velocity of the closed form."""
     quadrature = SETTINGS[name] or rf.analysis.default_quadrature(ONE, PRESSURE)
     q = jnp.geomspace(100.0, 3.1e4, quadrature.panels * quadrature.angular_order)
 
@@ -88,10 +87,10 @@ def test_friction_curve_against_its_bound(name):
     print(f"\n{name}: {q.size} nodes x {TAU.size} terms x {VELOCITY.size} velocities")
     for label, seconds in times.items():
         print(f"  {label:10s} {1e3 * seconds:8.3f} ms, bound x {seconds / times['bound']:.2f}")
-    assert times["bound"] < times["curve"] < times["gradient"] < 10 * times["curve"]
 
 
-def test_import_and_first_compiled_call():
+def import_and_first_call():
+    """Print the time of the import and of a first compiled call in a new process."""
     script = (
         "import time; t = time.perf_counter()\n"
         "import jax; jax.config.update('jax_enable_x64', True)\n"
@@ -104,17 +103,16 @@ def test_import_and_first_compiled_call():
         "print(f'import {t1 - t:.2f} s, import + first call {time.perf_counter() - t:.2f} s')\n"
     )
     done = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True)
-    print(f"\n{done.stdout}")
-    assert float(done.stdout.split()[-2]) < 10
+    print(f"\n{done.stdout.rstrip()}")
 
 
-@pytest.mark.parametrize("scene", ["ONE", "TWO"])
-def test_memory_of_a_hundred_thousand_points(scene):
-    # In a new process, because the largest resident set never decreases.
+def memory_of_a_hundred_thousand_points(name):
+    """Print the largest memory of all quantities and their gradient, in a new process."""
     script = (
+        f"import sys; sys.path.insert(0, {str(FOLDER)!r})\n"
         "import resource, jax; jax.config.update('jax_enable_x64', True)\n"
         "import jax.numpy as jnp, numpy as np, rubberfric as rf\n"
-        f"from support.scenes.curves import {scene} as scene\n"
+        f"from scenes import {name} as scene\n"
         "rng = np.random.default_rng(0)\n"
         "v, p = 10.0 ** rng.uniform(-6, 1, 100_000), 10.0 ** rng.uniform(4, 6, 100_000)\n"
         "total = lambda s, v, p: sum(jnp.sum(x) for x in jax.tree.leaves(rf.solve(s, v, p)))\n"
@@ -122,21 +120,14 @@ def test_memory_of_a_hundred_thousand_points(scene):
         "jax.block_until_ready(f(scene, v, p))\n"
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20)\n"
     )
-    result = subprocess.run(
-        [sys.executable, "-c", script],
-        check=True,
-        capture_output=True,
-        text=True,
-        env=os.environ | {"PYTHONPATH": PYTHONPATH},
-    )
-    used = float(result.stdout)
-    print(f"\n{scene}: 1e5 points, all quantities and their gradient: {used:.2f} GiB at most")
+    done = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True)
+    used = float(done.stdout)
+    print(f"\n{name}: 1e5 points, all quantities and their gradient: {used:.2f} GiB at most")
     assert used < 2.0
 
 
-@pytest.mark.parametrize(("velocities", "pressures", "temperatures"), [(1000, 20, 50), (1000, 1, 1000)])
-def test_a_map_of_a_million_points(velocities, pressures, temperatures):
-    """Read off one curve against every point computed, after one call of each."""
+def map_of_a_million_points(velocities, pressures, temperatures):
+    """Print the time of a map read off one curve, against every point computed, after one call of each."""
     at = (
         np.logspace(-8, 2, velocities),
         np.geomspace(1e4, 1e7, pressures),
@@ -152,4 +143,15 @@ def test_a_map_of_a_million_points(velocities, pressures, temperatures):
     error = np.max(np.abs(maps[1].solution.friction / maps[3].solution.friction - 1))
     ratio = seconds[3] / seconds[1]
     print(f"\n{maps[1].interpolation}: {seconds[1]:.3f} s, / {ratio:.0f}, error {error:.1e}")
-    assert error < 1e-9 and seconds[1] < 0.25 and ratio > 10
+    assert error < 1e-9
+
+
+if __name__ == "__main__":
+    for setting in SETTINGS:
+        against_numpy(setting)
+        against_its_bound(setting)
+    import_and_first_call()
+    for scene in ("ONE", "TWO"):
+        memory_of_a_hundred_thousand_points(scene)
+    map_of_a_million_points(1000, 20, 50)
+    map_of_a_million_points(1000, 1, 1000)

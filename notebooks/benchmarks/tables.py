@@ -1,33 +1,32 @@
-"""Cost of a tabulated modulus relative to a Prony series; off by default:
+"""Measure the cost of a tabulated modulus relative to a Prony series.
 
-    python -m pytest -m benchmark -s tests/benchmarks/test_tabulated_moduli.py
+    python notebooks/benchmarks/tables.py
 
-A friction curve of 50 velocities with a table of 100 entries in times the same curve with the 13 Prony terms
-that the table is made of, each the least of many calls in turns; first calls in CPU seconds of processes of
-their own; the error against a finer quadrature.
+A friction curve of 50 velocities with a table of 100 entries is compared with the same curve with the 13
+Prony terms that the table is made of. Times are the least of many calls in turns. First calls are CPU seconds
+of new processes. Errors are against a finer quadrature.
 """
 
-import os
 import subprocess
 import sys
-import time
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
-from support.folders import PYTHONPATH
-from support.scenes.curves import ONE, PRESSURE, ROAD, TREAD, VELOCITY
+from scenes import ONE, PRESSURE, ROAD, TREAD, VELOCITY
+from turns import least
 
 import rubberfric as rf
 
-pytestmark = pytest.mark.benchmark
+jax.config.update("jax_enable_x64", True)
 
+FOLDER = Path(__file__).resolve().parent
 OMEGA = np.geomspace(1e-1, 1e13, 100)
 
 
 def tabulated(series):
-    """Body of the entries of a series."""
+    """Return a body with a table of a series."""
     entries = np.asarray(rf.complex_modulus(series, OMEGA))
     return rf.Body(rf.TabulatedModulus(OMEGA, entries.real, entries.imag, series.poisson))
 
@@ -53,20 +52,8 @@ def calls(scene):
     }
 
 
-def least(functions, rounds=60):
-    """Least times of functions called in turns [s]."""
-    times = dict.fromkeys(functions, np.inf)
-    for function in functions.values():
-        jax.block_until_ready(function())
-    for _ in range(rounds):
-        for name, function in functions.items():
-            begin = time.perf_counter()
-            jax.block_until_ready(function())
-            times[name] = min(times[name], time.perf_counter() - begin)
-    return times
-
-
-def test_curve_and_gradient():
+def curve_and_gradient():
+    """Print the times of curves and gradients of both scenes, and the error with a table."""
     functions = {(name, call): f for name, scene in SCENES.items() for call, f in calls(scene).items()}
     times = least(functions)
     print()
@@ -85,10 +72,11 @@ def test_curve_and_gradient():
 
 FIRST = """
 import sys, time
+sys.path.insert(0, sys.argv[3])
 import jax
 jax.config.update("jax_enable_x64", True)
 import jax.numpy as jnp
-from benchmarks.test_tabulated_moduli import SCENES, calls
+from tables import SCENES, calls
 jax.block_until_ready(jnp.zeros(3) + 1)
 call = calls(SCENES[sys.argv[1]])[sys.argv[2]]
 begin = time.process_time()
@@ -100,17 +88,18 @@ print(time.process_time() - begin)
 def first_call(name, call):
     """Return CPU seconds of the first call in a new process, without the import."""
     done = subprocess.run(
-        [sys.executable, "-c", FIRST, name, call],
-        check=True,
-        capture_output=True,
-        text=True,
-        env=os.environ | {"PYTHONPATH": PYTHONPATH},
+        [sys.executable, "-c", FIRST, name, call, str(FOLDER)], check=True, capture_output=True, text=True
     )
     return float(done.stdout)
 
 
-@pytest.mark.parametrize("call", ["a plain call", "closed over in jit", "gradient by all entries"])
-def test_first_calls(call):
+def first_calls(call):
+    """Print CPU seconds of the first call of both scenes, the least of three processes."""
     series, table = (min(first_call(name, call) for _ in range(3)) for name in SCENES)
     print(f"\nfirst call, {call}: series {series:.2f} s, table {table:.2f} s CPU = {table / series:.2f} x")
-    assert table < 5 * series
+
+
+if __name__ == "__main__":
+    curve_and_gradient()
+    for kind in ("a plain call", "closed over in jit", "gradient by all entries"):
+        first_calls(kind)

@@ -1,25 +1,21 @@
-"""Rates of ensembles of twin fits; off by default:
+"""Measure rates of ensembles of twin fits.
 
-    python -m pytest -m benchmark -s tests/benchmarks/test_ensemble_benchmarks.py
+    python notebooks/benchmarks/ensembles.py
 
-Also runs on a GPU. A CPU is configured as one device for each core and
-runs one fit after the other on each; an accelerator runs them as one batch. MEMBERS in the
-environment is the size of the ensemble, LARGEST the size of the largest one.
+A CPU is configured as one device for each core, and runs one fit after the other on each. An accelerator
+runs them as one batch. MEMBERS in the environment is the size of the ensemble, and LARGEST the size of the
+largest one.
 """
 
 import json
 import os
 import subprocess
 import sys
-
-import pytest
-from support.folders import PYTHONPATH, ROOT
+from pathlib import Path
 
 from rubberfric.base import cores
 
-pytestmark = pytest.mark.benchmark
-
-PROGRAM = ROOT / "tests" / "support" / "ensembles" / "ensemble_twin.py"
+PROGRAM = Path(__file__).resolve().with_name("ensemble_process.py")
 CORES = cores()
 MEMBERS = int(os.environ.get("MEMBERS", 256))
 LARGEST = int(os.environ.get("LARGEST", 1000))
@@ -29,16 +25,16 @@ PARAMETERS = 20  # free parameters of a member
 
 
 def measured(what, members, *options, devices=CORES):
-    """Return the output of `ensemble_twin.py`."""
-    environment = os.environ | {"JAX_NUM_CPU_DEVICES": str(devices), "PYTHONPATH": PYTHONPATH}
+    """Return the output of `ensemble_process.py`."""
+    environment = os.environ | {"JAX_NUM_CPU_DEVICES": str(devices)}
     command = [sys.executable, str(PROGRAM), what, str(members), *options]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 
 
-@pytest.mark.parametrize("precision", ["float64", "float32"])
-def test_rate_against_a_loop_and_the_limit(precision):
+def rate_against_a_loop_and_the_limit(precision):
+    """Print the rates of an ensemble and of a loop of single fits, and what a step consists of."""
     parts = measured("parts", 16, precision)
     loop = measured("loop", LOOP, precision, devices=1)
     ensemble = measured("ensemble", MEMBERS, precision)
@@ -58,10 +54,10 @@ def test_rate_against_a_loop_and_the_limit(precision):
     print(f"  of a step the Jacobian is {100 * jacobian / step:.0f} %, four residuals are ", end="")
     print(f"{400 * residuals / step:.0f} %, decomposition {100 * parts['decomposition'] / step:.1f} %")
     assert ensemble["failed"] <= 0.02 * MEMBERS
-    assert rates[0] / rates[1] >= min(20.0, 0.4 * limit)
 
 
-def test_growth_over_members():
+def growth_over_members():
+    """Print time and memory over the number of members."""
     print(
         f"\n{'members':>8s} {'seconds':>9s} {'fits/s':>8s} {'batch':>6s} {'stated MB':>10s} {'grown MB':>9s}"
     )
@@ -75,3 +71,9 @@ def test_growth_over_members():
         # Members themselves, on the host: starts, data and their copies of a step.
         assert run["grown MB"] <= run["stated MB"] + 50 + 0.02 * size
         size *= 10
+
+
+if __name__ == "__main__":
+    for dtype in ("float64", "float32"):
+        rate_against_a_loop_and_the_limit(dtype)
+    growth_over_members()

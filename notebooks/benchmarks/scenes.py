@@ -1,13 +1,13 @@
-"""Friction curves whose time is measured, and the same by trapezoids in NumPy."""
+"""Scenes whose friction curves are measured, and the same curves by trapezoids in NumPy."""
 
 import numpy as np
 import scipy.integrate
 import scipy.special
-from problems import ROAD
 
 import rubberfric as rf
 from rubberfric.scene.interface import shear_friction
 
+ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
 TAU = 10.0 ** np.arange(-12, 1)
 E = np.array([1.18e9, 8.2e8, 1.82e9, 7.6e8, 1.43e8, 4.5e7, 1.55e7, 6.5e6, 3.6e6, 2.2e6, 1.6e6, 1.1e6, 9.0e5])
 TREAD = rf.Prony(3.6e6, E, TAU, 0.5)
@@ -20,9 +20,9 @@ PRESSURE = 0.15e6  # [Pa]
 
 
 def numpy_friction(scene=ONE, velocity=VELOCITY, pressure=PRESSURE, temperature=None):
-    """Friction of a Prony solid on a self-affine surface by 200 trapezoids in ln q and 64 in phi, vectorised.
+    """Return the friction of a Prony solid on a self-affine surface, by 200 trapezoids in ln q and 64 in phi.
 
-    With the contact shear of the scene, and with the shifts of both if there is a temperature.
+    It includes the contact shear of the scene. With a temperature, the shifts of both are applied.
     """
     rigid_first = isinstance(scene.lower.material, rf.Rigid)
     road, rubber = (scene.lower, scene.upper) if rigid_first else (scene.upper, scene.lower)
