@@ -47,8 +47,9 @@ _LONG_BLOCK = 4
 # Points evaluated at once for the work of separation.
 _WORK_BLOCK = 64
 
-# x = 1 / (2 sqrt G) of light loads, below which the limits above have errors of x^2.
-_LIGHT = 1e-4
+# x = 1 / (2 sqrt G) of light loads, below which the limits above hold. If the attraction is stronger than the
+# load there, W has a relative error of 6e-10, and of 5e-6 with 1e-4.
+_LIGHT = 1e-6
 
 # Exponent m from which the attraction counts as proportional to the load.
 _AS_THE_LOAD = 0.999
