@@ -198,7 +198,7 @@ def _between(xp, a, b, z):
 def x_of(variables: Variables, constants: Constants, z: Array, moving: Array) -> Array:
     """Return x for the variables z of a solver. `moving` is 0 for fixed elements, and 1 for all others.
 
-    As NumPy arrays, z and `moving` may have the shape (fits, size).
+    NumPy arrays z and `moving` may have the shape (fits, size).
     """
     if not variables.order:
         return z

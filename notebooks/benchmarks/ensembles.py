@@ -2,9 +2,8 @@
 
     python notebooks/benchmarks/ensembles.py
 
-A CPU is configured as one device for each core, and runs one fit after the other on each. An accelerator
-runs them as one batch. MEMBERS in the environment is the size of the ensemble, and LARGEST the size of the
-largest one.
+Each core of a CPU is a device, which runs one fit after the other. An accelerator runs all fits in one batch.
+MEMBERS in the environment sets the size of the ensemble, and LARGEST the size of the largest ensemble.
 """
 
 import json
@@ -34,7 +33,7 @@ def measured(what, members, *options, devices=CORES):
 
 
 def rate_against_a_loop_and_the_limit(precision):
-    """Print the rates of an ensemble and of a loop of single fits, and what a step consists of."""
+    """Print the rates of an ensemble and of a loop of single fits, and the parts of a step."""
     parts = measured("parts", 16, precision)
     loop = measured("loop", LOOP, precision, devices=1)
     ensemble = measured("ensemble", MEMBERS, precision)

@@ -100,7 +100,7 @@ def test_devices_change_friction_by_rounding_at_most(tmp_path):
 @pytest.mark.slow
 def test_full_batches_on_two_devices_end():
     """Batches of 32 members with 20 parameters, in which both devices once waited for each other."""
-    program = ROOT / "tests" / "support" / "ensembles" / "ensemble_twin.py"
+    program = ROOT / "notebooks" / "benchmarks" / "ensemble_process.py"
     environment = os.environ | {"JAX_NUM_CPU_DEVICES": "2", "JAX_PLATFORMS": "cpu", "PYTHONPATH": PYTHONPATH}
     command = [sys.executable, str(program), "ensemble", "64", "float64"]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=200, check=True)
