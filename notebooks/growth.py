@@ -223,7 +223,7 @@ def measure(parts):
 def page(store):
     """Yield the lines of the Markdown page."""
     yield from ("# Growth of time and memory", "")
-    yield ("`python notebooks/growth.py` generates this page, and checks its statements.")
+    yield "`python notebooks/growth.py` generates this page, and checks its statements."
     yield ""
     yield (
         "Each row was measured in a new process. Unless stated otherwise, it gives run times and memory for "

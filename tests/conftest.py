@@ -38,7 +38,7 @@ def pytest_configure(config):
     memory.collect_rarely()
     sys.addaudithook(outside.refuse)
     config.stash[PEAKS] = []
-    # Compiled programs are nobody's but this run's.
+    # Commands that are tested find no compiled functions of other runs.
     config.stash[CACHES] = caches = _folder_of_caches(config)
     os.environ["XDG_CACHE_HOME"] = caches
     os.environ.pop("JAX_COMPILATION_CACHE_DIR", None)
@@ -46,7 +46,7 @@ def pytest_configure(config):
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if "not slow" in config.getoption("markexpr") and "XLA_FLAGS" not in os.environ:
         os.environ["XLA_FLAGS"] = " ".join(QUICK if _known(QUICK) else QUICK[:1])
-    # A quarter of the programs are compiled by several tests.
+    # Several tests compile the same functions: a quarter of all.
     jax.config.update("jax_compilation_cache_dir", f"{caches}/tests")
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
@@ -59,7 +59,7 @@ def pytest_configure_node(node):
 
 
 def _folder_of_caches(config):
-    """Return the folder for compiled programs, which all processes of a run share."""
+    """Return the folder of compiled functions, which all processes of a run share."""
     if hasattr(config, "workerinput"):
         return config.workerinput["caches"]
     folder = tempfile.TemporaryDirectory(prefix="rubberfric-caches-")

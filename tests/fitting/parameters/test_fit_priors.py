@@ -6,6 +6,7 @@ import itertools
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.jacobians import residuals
 from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
@@ -14,7 +15,7 @@ from fitting.parameters.priors import prior_residuals, prior_size, read_priors
 from fitting.parameters.variables import free_parameters, to_scene
 from fitting.solvers.objective import LOSS_WIDTHS
 from fitting.solvers.problem import make_problem
-from fitting.solvers.residuals import loss_of, residuals
+from fitting.solvers.residuals import loss_of
 from rubberfric.scene.scene import cast
 
 TAU = np.array([1e-7, 1e-4, 1e-5, 1e-1])  # neither in order nor evenly spaced

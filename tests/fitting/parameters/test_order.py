@@ -58,7 +58,7 @@ def test_whatever_a_solver_does_the_scene_is_one_that_its_constructors_take(name
                 dataclasses.replace(part)
 
 
-# q1 is above the roll-offs of both scenes, of which the solver moves one or the other beyond it.
+# Both scenes share q1, which both roll-offs bound from below. The solver moves one or the other above q1.
 TWO_SCENES = {"A": SCENE, "B": SCENE}
 ABOVE_BOTH = {f"*.{Q1}": Positive(), f"A.{QR}": Positive(), f"B.{QR}": Positive()}
 

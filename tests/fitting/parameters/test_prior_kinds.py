@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.special
 from scipy import stats
+from support.jacobians import residuals
 from support.scenes.fits import E_INF, ROAD, E
 
 import fitting
@@ -17,7 +18,6 @@ from fitting.parameters.scenes import path_over, scene_paths
 from fitting.parameters.variables import free_parameters, to_scene
 from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.problem import make_problem
-from fitting.solvers.residuals import residuals
 from rubberfric.scene.scene import cast
 
 OMEGA = np.logspace(0, 4, 5)  # [rad/s]

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from support.jacobians import residuals_and_jacobian
+from support.jacobians import residuals, residuals_and_jacobian
 from support.scenes import fits
 from support.scenes.fits import E_INF, E
 from support.scenes.fits import FOUR as SCENE
@@ -19,7 +19,6 @@ from fitting.solvers.first_order import LBFGS, Adam
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.objective import CONVERGED, INTERRUPTED, LOSS_WIDTHS, OUT_OF_STEPS, PERFECT
 from fitting.solvers.problem import make_problem
-from fitting.solvers.residuals import residuals
 from fitting.solvers.runs import run_fits
 
 LM = LevenbergMarquardt()
