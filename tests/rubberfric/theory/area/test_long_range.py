@@ -254,7 +254,7 @@ def test_limits_of_the_work_of_separation():
     for work in (4e-3, 1e-2, 1.0):
         left = _work_left(work, 1e-7)
         full = 1 - float(rf.analysis.full_contact_energy(_scene(work, 1e-7))) / work
-        assert full - 2e-6 <= left < 1  # near full contact <e^-u/r> is 1e-6 off
+        assert full - 1e-9 <= left < 1
     # If the range exceeds all gaps, only the range determines the separation.
     assert _work_left(1e-2, 1e-3) == pytest.approx(1.0, abs=1e-3)
 
