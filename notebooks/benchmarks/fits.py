@@ -158,7 +158,7 @@ def draw(errors):
             markersize=4,
         )
     ax.axhline(1.0, color="0.6", linewidth=0.8)
-    ax.annotate("one standard error", (0.2, 0.55), color="0.4", fontsize="small")
+    ax.annotate("one standard error", (0.6, 1.2), color="0.4", fontsize="small")
     ax.set_xlabel("seconds after compilation")
     ax.set_ylabel("distance from the minimum\n[standard errors]")
     ax.set_ylim(1e-6, None)

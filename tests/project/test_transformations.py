@@ -106,7 +106,7 @@ ANSWERS = {
 
 
 CASES = {name: (given, *ANSWERS[name]) for name, given in EXAMPLES.items() if name in ANSWERS}
-LONG = ("Body", "Scene", "Heating", "SelfAffine", "TabulatedAnisotropic", "Adhesion")
+LONG = ("Body", "Scene", "ContactShear", "Heating", "SelfAffine", "TabulatedAnisotropic", "Adhesion")
 LONG += ("Anisotropic", "Coating", "Correlation", "Softening", "TabulatedSpectrum", "TabulatedModulus")
 LONG += ("TabulatedShift", "TabulatedVertical", "Patch")
 PARAMETERS = slow_if(lambda name: name in LONG, {name: name for name in CASES})
