@@ -87,6 +87,7 @@ def against_its_bound(name):
     print(f"\n{name}: {q.size} nodes x {TAU.size} terms x {VELOCITY.size} velocities")
     for label, seconds in times.items():
         print(f"  {label:10s} {1e3 * seconds:8.3f} ms, bound x {seconds / times['bound']:.2f}")
+    assert times["bound"] < times["curve"] < times["gradient"] < 10 * times["curve"]
 
 
 def import_and_first_call():
@@ -104,6 +105,7 @@ def import_and_first_call():
     )
     done = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True)
     print(f"\n{done.stdout.rstrip()}")
+    assert float(done.stdout.split()[-2]) < 10
 
 
 def memory_of_a_hundred_thousand_points(name):
@@ -143,7 +145,7 @@ def map_of_a_million_points(velocities, pressures, temperatures):
     error = np.max(np.abs(maps[1].solution.friction / maps[3].solution.friction - 1))
     ratio = seconds[3] / seconds[1]
     print(f"\n{maps[1].interpolation}: {seconds[1]:.3f} s, / {ratio:.0f}, error {error:.1e}")
-    assert error < 1e-9
+    assert error < 1e-9 and seconds[1] < 0.25 and ratio > 10
 
 
 if __name__ == "__main__":

@@ -53,6 +53,7 @@ def rate_against_a_loop_and_the_limit(precision):
     print(f"  of a step the Jacobian is {100 * jacobian / step:.0f} %, four residuals are ", end="")
     print(f"{400 * residuals / step:.0f} %, decomposition {100 * parts['decomposition'] / step:.1f} %")
     assert ensemble["failed"] <= 0.02 * MEMBERS
+    assert rates[0] / rates[1] >= min(20.0, 0.4 * limit)
 
 
 def growth_over_members():

@@ -136,6 +136,8 @@ def error_against_run_time(begin):
         textbook = end["scipy, differences of NumPy"][0]
         print(f"lm {lm:.3f} s; scipy with differences of NumPy takes {textbook / lm:.0f} times as long")
         draw(errors)
+        assert textbook > 100 * lm
+    assert lm <= 1.0
 
 
 def draw(errors):
@@ -190,6 +192,7 @@ print(time.perf_counter() - began[0], time.process_time() - began[1])
     runs = [subprocess.check_output([sys.executable, "-c", code]) for _ in range(3)]
     wall, own = np.min([np.array(run.split(), float) for run in runs], axis=0)
     print(f"fit_prony in a new process: {wall:.3f} s, of the processor {own:.3f} s")
+    assert own < 0.3
 
 
 if __name__ == "__main__":

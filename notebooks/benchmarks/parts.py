@@ -95,6 +95,7 @@ def area_with_adhesion(name, limit):
         f"\n{limit:5s} range, {name:28s} {1e3 * times['with']:8.2f} ms = "
         f"{times['with'] / times['without']:6.1f} x without, gradient {1e3 * times['gradient']:8.2f} ms"
     )
+    assert times["gradient"] < 5 * times["with"]
 
 
 def part(name):

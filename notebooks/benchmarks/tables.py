@@ -97,6 +97,7 @@ def first_calls(call):
     """Print CPU seconds of the first call of both scenes, the least of three processes."""
     series, table = (min(first_call(name, call) for _ in range(3)) for name in SCENES)
     print(f"\nfirst call, {call}: series {series:.2f} s, table {table:.2f} s CPU = {table / series:.2f} x")
+    assert table < 5 * series
 
 
 if __name__ == "__main__":
