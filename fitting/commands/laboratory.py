@@ -36,7 +36,7 @@ from fitting.data.kinds import (
 from fitting.parameters.constraints import Positive
 from fitting.results.result import FitResult, friction_table
 from fitting.solvers.problem import CURVE_QUANTITIES, make_problem
-from rubberfric.base import Progress, StrPath, as_path, check_writable, write_durably
+from rubberfric.base import POSITIVE, Progress, StrPath, as_path, check_values, check_writable, write_durably
 from rubberfric.commands import Interrupts
 from rubberfric.io import COLUMNS, read_names, toml
 from rubberfric.plot import plot_spectrum, save_figure
@@ -191,8 +191,8 @@ def _check_end(arguments):
         raise ValueError(
             f"--q1 {arguments.q1:g}: must be > 0 and <= {largest:.2g} 1/m, the distance of atoms"
         )
-    if arguments.rms_slope is not None and not arguments.rms_slope > 0:
-        raise ValueError(f"--slope {arguments.rms_slope:g}: must be > 0, 1.3 is usual")
+    if arguments.rms_slope is not None:
+        check_values("rms_slope", arguments.rms_slope, POSITIVE)
 
 
 def _reason_of_cutoff(arguments, measured):

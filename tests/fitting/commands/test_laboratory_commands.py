@@ -124,7 +124,7 @@ def test_the_commands_of_the_page(run):
         (("mastercurve", "dma_isothermen.csv", "--out", "x.png"), "must be .toml or .h5 or .csv"),
         (("spectrum", "stylus.csv", "--map"), "must have x, y and z, or be a grid"),
         (("spectrum", "stylus.csv", "--map", "--spacing", "1e-5", "--unit", "inch"), "unit 'inch'"),
-        (("spectrum", "stylus.csv", "--slope", "-1"), "--slope -1: must be > 0"),
+        (("spectrum", "stylus.csv", "--slope", "-1"), "--slope -1.0: must be > 0"),
         (("job", "dma_isothermen.csv", "linear_tester.csv", "--out", "job.toml"), "must be .toml or .h5"),
         (
             ("table", "scene.toml", "--velocity", "1", "2", "3", "--pressure", "1e5", "--out", "a.k"),
