@@ -96,7 +96,7 @@ class _Side:
     Attributes
     ----------
     places : values of the element that are left, nearest first
-    points : solutions so far, with their rises of chi-square; the first is that of the fit
+    points : solutions so far, with their rises of chi-square; the first is the solution of the fit
     complete : True if the rise passed the threshold, or if no place is left
     """
 
