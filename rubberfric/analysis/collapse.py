@@ -117,9 +117,9 @@ class Interpolant(NamedTuple):
         flat = log_speed.reshape(-1)
         x = np.maximum(flat, self.edges[0])
         panel = np.clip(np.searchsorted(self.edges, x, "right") - 1, 0, self.edges.size - 2)
-        place = 2 * (x - self.edges[panel]) / np.diff(self.edges)[panel] - 1
-        order = np.argsort(panel.astype(np.int16), kind="stable")  # short integers are sorted faster
-        ends = np.searchsorted(panel[order], np.arange(self.edges.size))
+        panel = panel.astype(np.int16)  # short integers take less memory and are sorted faster
+        order = np.argsort(panel, kind="stable")
+        ends = np.searchsorted(panel[order], np.arange(self.edges.size, dtype=np.int16))
         values = {name: series.at(log_pressure) for name, series in self.values.items()}
         coefficients = {
             name: table[:, :-1].reshape(log_pressure.size, -1, _NODES) @ chebyshev_transform(_NODES).T
@@ -129,7 +129,8 @@ class Interpolant(NamedTuple):
         for k, (first, last) in enumerate(itertools.pairwise(ends)):
             for begin in range(first, last, _AT_ONCE):
                 some = order[begin : min(begin + _AT_ONCE, last)]
-                basis = chebvander(place[some], _NODES - 1).T
+                place = 2 * (x[some] - self.edges[k]) / (self.edges[k + 1] - self.edges[k]) - 1
+                basis = chebvander(place, _NODES - 1).T
                 for name, array in arrays.items():
                     array[:, some] = coefficients[name][:, k] @ basis
         for name, array in arrays.items():
