@@ -84,20 +84,25 @@ def splines(values: jax.Array) -> jax.Array:
     return jnp.tensordot(typed(polynomials.T, values), beside, 1)
 
 
-def at(cells: jax.Array, position: jax.Array) -> jax.Array:
+def at(cells: jax.Array, position: jax.Array, functions: jax.Array | None = None) -> jax.Array:
     """Evaluate `splines` at positions, counted in cells from the beginning of the first cell.
 
-    The result has the shape (functions, *position.shape).
+    The result has the shape (functions, *position.shape). If `functions` are indices of functions that
+    broadcast with the positions, only these functions are evaluated. The result then has the common shape.
     """
     index = jnp.floor(jax.lax.stop_gradient(position))
     t, index = position - index - 0.5, index.astype(int)
 
     def horner(total, column):
-        taken = column.at[:, index].get(mode="promise_in_bounds", wrap_negative_indices=False)
+        taken = column.at[which].get(mode="promise_in_bounds", wrap_negative_indices=False)
         return total * t + taken, None
 
     # A loop over the coefficients, because the look-ups of all coefficients compile several times as long.
-    start = jnp.zeros((cells.shape[1], *position.shape), cells.dtype)
+    which = (slice(None) if functions is None else functions, index)
+    shape = (cells.shape[1], *position.shape)
+    if functions is not None:
+        shape = jnp.broadcast_shapes(functions.shape, position.shape)
+    start = jnp.zeros(shape, cells.dtype)
     return jax.lax.scan(horner, start, cells[::-1])[0]
 
 

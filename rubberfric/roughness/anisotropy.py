@@ -152,6 +152,10 @@ class TabulatedAnisotropic(Table):
         """Return the number of harmonics of the table."""
         return (self.C.shape[1] - 1) // 2
 
+    def harmonic_knots(self) -> jax.Array:
+        """Return the wavevectors of the table [1/m]."""
+        return self.q
+
     def harmonics_at(self, q: jax.Array) -> tuple[jax.Array, jax.Array]:
         """Return c_m and s_m at wavevectors q [1/m] of any shape.
 

@@ -88,6 +88,10 @@ class Spectrum(Kind):
         """
         raise NotImplementedError(f"{type(self).__name__}.harmonics_at")
 
+    def harmonic_knots(self) -> jax.Array:
+        """Return wavevectors between which the harmonics are linear in ln q, if the harmonics depend on q."""
+        raise NotImplementedError(f"{type(self).__name__}.harmonic_knots")
+
     def harmonics_left_out(self) -> jax.Array:
         """Return the share of the roughness in the harmonics that are left out [-]."""
         return jnp.zeros(())

@@ -40,7 +40,7 @@ def means_of(rest, weight, tau, qv, shares):
     given = {"E_inf": rest, "E": weight, "tau": tau}
     surface = rough_surfaces_of(SOLID.replace({f"upper.material.{k}": v for k, v in given.items()}))[0]
     table = means_table(surface, jnp.ones(()), NEEDS, False, shares)
-    found = table.means(jnp.ones(()), qv, None, NEEDS, harmonics=shares)
+    found = table.means(jnp.ones(()), qv, None, NEEDS, grooved=True)
     return jnp.stack([found[kind][0] for kind in NEEDS.kinds])
 
 

@@ -12,6 +12,7 @@ the means at a node:
 
 import functools
 import math
+import operator
 from collections.abc import Callable
 
 import jax
@@ -21,7 +22,7 @@ import numpy as np
 from rubberfric.base.quadrature import typed
 from rubberfric.theory.stiffness.circle import LEAD, circle_rule, full_weights, harmonic
 from rubberfric.theory.stiffness.closed_form import Harmonics, Means
-from rubberfric.theory.stiffness.kinds import MeanKind, constant_shares, mixed
+from rubberfric.theory.stiffness.kinds import MeanKind
 
 # Step of y for a relaxation spectrum, whose singularities are pi/2 from the real axis: error 2e-12.
 _STEP = 0.1
@@ -120,7 +121,8 @@ def on_grid(
     q : [1/m], shape (panels, order)
     y : ln(|v| a_T), shape (points,)
     kinds : means that are needed
-    harmonics : as in `MeansTable.means`; coefficients that depend on q: (harmonics, panels, order)
+    harmonics : coefficients (c_m, s_m) of anisotropic roughness, or None. Each has the shape (harmonics,),
+        or (harmonics, panels, order) if it depends on q. The means then include the harmonics.
     detail : finest detail of F over ln omega; None for relaxation spectra
     span : largest y minus smallest y, static; None: unknown. The means of a larger span are NaN.
 
@@ -134,7 +136,7 @@ def on_grid(
     cell = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)), 0, count - 1)
     powers = (position - cell - 0.5)[:, None] ** typed(np.arange(_POINTS), y)
     powers = jnp.where((position <= count)[:, None], powers, jnp.nan)
-    count_of_harmonics, mix = constant_shares(harmonics)
+    count_of_harmonics, mix = _constant_shares(harmonics)
     tables = [typed(rows, y) for rows in _interpolated(step, count_of_harmonics)]
     band = tables[0].shape[1]
     size = count + band - 1
@@ -186,7 +188,7 @@ def at_points(
     -------
     Means, arrays (panels, points, order)
     """
-    count, mix = constant_shares(harmonics)
+    count, mix = _constant_shares(harmonics)
     psi, weight = angular_rule(detail, count)
     higher = (np.stack(harmonic(m, psi)) for m in range(1, count + 1))
     kernels = np.stack([np.ones((2, psi.size)), *higher], 1)
@@ -212,6 +214,16 @@ def at_points(
     return _over_panels(panel, (q, *arrays), harmonics)
 
 
+def _constant_shares(harmonics: Harmonics | None) -> tuple[int, Harmonics | None]:
+    """Return the number of harmonics, and the shares of the harmonics.
+
+    The shares are None if they depend on q, or if there are no harmonics.
+    """
+    if harmonics is None:
+        return 0, None
+    return harmonics[0].shape[0], None if harmonics[0].ndim > 1 else harmonics
+
+
 def _with_harmonics(rows, shares):
     """Return the means of a panel from rows of shape (1 + harmonics, points, order), or (1, ...) if mixed."""
     means: Means = {}
@@ -220,8 +232,19 @@ def _with_harmonics(rows, shares):
             means[kind.name] = (values[0],)
         else:
             start = values[1:] if kind.name == "mean_sin_loss" else values
-            means[kind.name] = (mixed(shares[kind.name == "mean_sin_loss"], tuple(start)),)
+            means[kind.name] = (_mixed(shares[kind.name == "mean_sin_loss"], tuple(start)),)
     return means
+
+
+def _mixed(shares: jax.Array, means: tuple[jax.Array, ...]) -> jax.Array:
+    """Return a mean plus the sum of its harmonics times their shares.
+
+    The harmonics are the last entries of `means`, as many as there are shares. A transverse mean has only
+    harmonics.
+    """
+    first = len(means) - len(shares)
+    terms = (share * mean for share, mean in zip(shares, means[first:], strict=True))
+    return functools.reduce(operator.add, (*means[:first], *terms))
 
 
 def _over_panels(panel, arrays, harmonics):

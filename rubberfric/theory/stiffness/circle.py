@@ -53,8 +53,11 @@ class Weights(NamedTuple):
     parity: np.ndarray  # 1 or 2
 
     def mixed(self, shares: jax.Array) -> "Weights":
-        """Return weights with a single row: the first row plus the sum of `shares` times the other rows."""
-        near, far = ((rows[0] + shares @ rows[1:])[None] for rows in self[:2])
+        """Return weights of the first row plus sums of the other rows times shares.
+
+        `shares` has the shape (rows - 1, sums), and the result has a row for each sum.
+        """
+        near, far = (rows[0] + shares.T @ rows[1:] for rows in self[:2])
         return Weights(near, far, self.parity)
 
 

@@ -1,15 +1,12 @@
 """Functions of the complex stiffness F whose means over the direction of sliding are needed."""
 
-import functools
 import math
-import operator
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from rubberfric.base.logarithms import floored_log
-from rubberfric.theory.stiffness.closed_form import Harmonics
 from rubberfric.theory.structure import RequiredMeans
 
 
@@ -55,27 +52,6 @@ def kinds_of(needs: RequiredMeans, split: bool, loss_beyond: str) -> list[MeanKi
         MeanKind("mean_sin_loss", "loss", 2),
     ]
     return [kind for kind in (*squares, *others) if kind.name in needs.kinds]
-
-
-def constant_shares(harmonics: Harmonics | None) -> tuple[int, Harmonics | None]:
-    """Return the number of harmonics, and the shares of the harmonics.
-
-    The shares are None if they depend on q, or if there are no harmonics.
-    """
-    if harmonics is None:
-        return 0, None
-    return harmonics[0].shape[0], None if harmonics[0].ndim > 1 else harmonics
-
-
-def mixed(shares: jax.Array, means: tuple[jax.Array, ...]) -> jax.Array:
-    """Return a mean plus the sum of its harmonics times their shares.
-
-    The harmonics are the last entries of `means`, as many as there are shares. A transverse mean has only
-    harmonics.
-    """
-    first = len(means) - len(shares)
-    terms = (share * mean for share, mean in zip(shares, means[first:], strict=True))
-    return functools.reduce(operator.add, (*means[:first], *terms))
 
 
 class Passing(NamedTuple):

@@ -17,6 +17,7 @@ from rubberfric.base.checks import is_concrete
 from rubberfric.base.compilation import exact_products, quick_options
 from rubberfric.materials.material import series_of
 from rubberfric.materials.shifts import Shift, log_vertical
+from rubberfric.roughness.spectra import log_ratio
 from rubberfric.scene.scene import Scene, temperature_by_scale
 from rubberfric.theory.stiffness.by_node import at_points, grid_is_cheaper, on_grid
 from rubberfric.theory.stiffness.closed_form import Harmonics, Means, PronyStiffness
@@ -28,7 +29,7 @@ from rubberfric.theory.stiffness.complex_stiffness import (
     quick,
 )
 from rubberfric.theory.stiffness.kinds import kinds_of, passing
-from rubberfric.theory.stiffness.table import MeansTable, means_table
+from rubberfric.theory.stiffness.table import BetweenKnots, MeansTable, means_table
 from rubberfric.theory.structure import (
     AT_REFERENCE,
     MeansMethod,
@@ -91,7 +92,8 @@ class StiffnessMeans(NamedTuple):
     surface: RoughSurface
     scale: jax.Array  # [Pa]
     prepared: PronyStiffness | MeansTable | None  # None: F is evaluated at the nodes
-    harmonics: Harmonics | None  # at the wavevectors of the means
+    harmonics: Harmonics | None  # of a stiffness by node, at the wavevectors of the means
+    knots: BetweenKnots | None  # position of the wavevectors, if a table has harmonics that depend on q
     needs: RequiredMeans
     span: float | None  # of ln(v a_T) over the points, static; None: unknown
 
@@ -117,14 +119,11 @@ class StiffnessMeans(NamedTuple):
             means = self._by_node(q, velocity, temperatures)
         else:
             log_shift = _log_shift(shift, T)
-            harmonics = self.harmonics
-            if harmonics is not None and harmonics[0].ndim > 1:
-                harmonics = harmonics[0][:, :, None], harmonics[1][:, :, None]
             if isinstance(self.prepared, MeansTable):
                 log_shift = None if log_shift is None else _by_points(log_shift)
-                split = self.surface.separate_storage_loss
+                split, grooved = self.surface.separate_storage_loss, self.surface.harmonics > 0
                 means = self.prepared.means(
-                    q[:, None], velocity[:, None], log_shift, self.needs, split, harmonics
+                    q[:, None], velocity[:, None], log_shift, self.needs, split, grooved, self.knots
                 )
             else:
                 speed = velocity if log_shift is None else _times(velocity, jnp.exp(log_shift))
@@ -212,7 +211,13 @@ def stiffness_means(
     table : MeansTable of the surface if already built, or None
     span : of ln(v a_T) over the points, or None
     """
-    harmonics = surface.spectrum.harmonics_at(q) if surface.harmonics else None
+    spectrum, harmonics, knots = surface.spectrum, None, None
+    if surface.harmonics:
+        at = q
+        if surface.method is MeansMethod.TABLE and spectrum.harmonics_vary:
+            at = spectrum.harmonic_knots()
+            knots = BetweenKnots.of(log_ratio(at, at[0]), log_ratio(q, at[0])[:, None])
+        harmonics = spectrum.harmonics_at(at)
     prepared: PronyStiffness | MeansTable | None = None
     if surface.method is MeansMethod.CLOSED_FORM:
         prepared = PronyStiffness.of(*series_of(surface.strained.material, scale))
@@ -220,7 +225,7 @@ def stiffness_means(
         prepared = table
         if table is None:
             prepared = means_table(surface, scale, needs, surface.separate_storage_loss, harmonics)
-    return StiffnessMeans(surface, scale, prepared, harmonics, needs, span)
+    return StiffnessMeans(surface, scale, prepared, harmonics, knots, needs, span)
 
 
 def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> Tables | None:

@@ -27,7 +27,7 @@ from rubberfric.theory.stiffness.complex_stiffness import (
     facing,
     frequency_range,
 )
-from rubberfric.theory.stiffness.kinds import constant_shares, kinds_of, mixed, passing
+from rubberfric.theory.stiffness.kinds import MeanKind, kinds_of, passing
 from rubberfric.theory.structure import RequiredMeans, RoughSurface
 
 # Steps of the grid per finest detail of E over ln omega.
@@ -54,8 +54,30 @@ _LARGEST = 60.0
 _FAR = 40.0
 
 
+class BetweenKnots(NamedTuple):
+    """Position of wavevectors between the knots of the harmonics."""
+
+    knot: jax.Array  # index of the knot below
+    share: jax.Array  # of the knot above, 0 ... 1
+
+    @classmethod
+    def of(cls, log_knots: jax.Array, log_q: jax.Array) -> "BetweenKnots":
+        """Return the position of ln q between ascending knots.
+
+        Beyond the first and the last knot, the position is at the nearest knot.
+        """
+        knot = jnp.searchsorted(log_knots, jax.lax.stop_gradient(log_q), side="right") - 1
+        knot = jnp.clip(knot, 0, log_knots.size - 2)
+        left, right = log_knots[knot], log_knots[knot + 1]
+        return cls(knot, jnp.clip((log_q - left) / (right - left), 0.0, 1.0))
+
+
 class MeansTable(NamedTuple):
-    """Splines of the means over a uniform grid of ln(q v), with one or several rows for each kind."""
+    """Splines of the means over a uniform grid of ln(q v).
+
+    If the harmonics of the roughness depend on q, each kind has a row for every knot between which the
+    harmonics are linear. Otherwise it has one row.
+    """
 
     material: Material  # of the strained solid
     first: jax.Array  # the first cell begins at step * first
@@ -71,7 +93,8 @@ class MeansTable(NamedTuple):
         log_shift: jax.Array | None,
         needs: RequiredMeans,
         split: bool = False,
-        harmonics: Harmonics | None = None,
+        grooved: bool = False,
+        knots: BetweenKnots | None = None,
     ) -> Means:
         """Return the means of F for roughness of wavevectors q that passes with a velocity.
 
@@ -81,18 +104,13 @@ class MeansTable(NamedTuple):
         log_shift : ln a_T, broadcastable with q and velocity; None: 0
         needs : RequiredMeans
         split : True if <F'^2> and <F''^2> are needed separately
-        harmonics : coefficients (c_m, s_m) of anisotropic roughness, or None. Each has the shape
-            (harmonics,), or (harmonics, ...) broadcastable with q v if it depends on q. The means then
-            include the harmonics. `needs`, `split` and constant coefficients are those of the table.
+        grooved : True if the table has harmonics
+        knots : BetweenKnots of q if the harmonics depend on q, broadcastable with q v, or None
+
+        `needs` and `split` are those of the table.
         """
         position, sign = _position(self, jnp.log(q), velocity, log_shift)
-        means = _by_table(self, position, needs, split, harmonics)
-        if harmonics is not None and harmonics[0].ndim > 1:
-            cosine, sine = harmonics
-            means = {
-                kind: (mixed(sine if kind == "mean_sin_loss" else cosine, values),)
-                for kind, values in means.items()
-            }
+        means = _by_table(self, position, needs, split, grooved, knots)
         odd = {kind: means[kind] for kind in ("mean_cos_loss", "mean_sin_loss") if kind in means}
         return means | {kind: tuple(x * sign for x in values) for kind, values in odd.items()}
 
@@ -111,12 +129,16 @@ def means_table(
 ) -> MeansTable:
     """Return a table of the means of F of two half-spaces in units of `scale` [Pa].
 
+    The coefficients of the harmonics have the shape (harmonics,), or (harmonics, knots) if they depend on q.
     The other arguments are as in `MeansTable.means`.
     """
     surface = bare(surface)
-    material, (count_of_harmonics, mix) = surface.strained.material, constant_shares(harmonics)
-    step = step_of(material)
-    kinds, before = kinds_of(needs, split, material.loss_beyond), lead_in(step, count_of_harmonics)
+    material, step = surface.strained.material, step_of(surface.strained.material)
+    if harmonics is not None:
+        harmonics = harmonics[0].reshape(len(harmonics[0]), -1), harmonics[1].reshape(len(harmonics[1]), -1)
+    count_of_harmonics = 0 if harmonics is None else len(harmonics[0])
+    kinds = _kinds(material, needs, split, harmonics is not None)
+    before = lead_in(step, count_of_harmonics)
     extent = frequency_range(surface)
     ends, length = jnp.stack([extent.low, extent.high]), _LONGEST
     if material.detail is not None:
@@ -133,7 +155,7 @@ def means_table(
         return facing(surface, jnp.ones_like(scale), times(1 / scale, E_r), unit=scale)
 
     F = F_of(material.reduced_on_grid(first - before, step, before + count + LEAD))
-    weights = _mixed_weights(circle_weights(step, count_of_harmonics), mix)
+    weights = _mixed_weights(circle_weights(step, count_of_harmonics), harmonics)
     of_kinds = [weights[kind.weights] for kind in kinds]
     weights = Weights(
         _stack([of_kind.near for of_kind in of_kinds]),
@@ -142,10 +164,7 @@ def means_table(
     )
     begin = np.array([1.0 if material.loss_beyond == "fall" and kind.odd else 0.0 for kind in kinds])
     rows = circle_means(jnp.stack([kind.of(F) for kind in kinds]), weights, step, begin, before)
-    # Only the first row of a kind has one sign.
-    positive = np.zeros(rows.shape[:2], bool)
-    positive[:, 0] = [kind.positive for kind in kinds]
-    positive = positive[..., None]
+    positive = np.array([kind.positive for kind in kinds])[:, None, None]
     rows = jnp.where(positive, _root(jnp.where(positive, rows, 1.0)), rows)
     rows = jnp.where(ends[1] - ends[0] <= length, rows, jnp.nan).reshape(-1, rows.shape[-1])
     # Beyond the ends E' is constant, and E'' is a power.
@@ -153,16 +172,22 @@ def means_table(
     storage = jnp.stack([material.static_reduced(), jnp.real(E_r)[1]])
     far = math.exp(-_FAR) if material.loss_beyond == "fall" else 1.0
     F_far = F_of(jax.lax.complex(storage, far * jnp.imag(E_r)))
-    limits = _limits(F_far, far, kinds, material.loss_beyond, count_of_harmonics, mix)
+    limits = _limits(F_far, far, kinds, material.loss_beyond, harmonics)
     return MeansTable(material, first + MARGIN + BESIDE, ends, extent.rest, splines(rows), limits)
 
 
-def _mixed_weights(weights, mix):
-    """Join all rows of each result of `circle_weights` into one row, if the shares `mix` are given."""
-    if mix is None:
+def _kinds(material: Material, needs: RequiredMeans, split: bool, grooved: bool) -> list[MeanKind]:
+    """Return the kinds of means in a table. Only harmonics give a transverse mean."""
+    kinds = kinds_of(needs, split, material.loss_beyond)
+    return [kind for kind in kinds if grooved or kind.name != "mean_sin_loss"]
+
+
+def _mixed_weights(weights, harmonics):
+    """Join the rows of each result of `circle_weights` into one row for each knot of the harmonics."""
+    if harmonics is None:
         return weights
-    even, along, across = weights
-    return even.mixed(mix[0]), along.mixed(mix[0]), across.mixed(mix[1])
+    (even, along, across), (cosine, sine) = weights, harmonics
+    return even.mixed(cosine), along.mixed(cosine), across.mixed(sine)
 
 
 def _root(power):
@@ -176,16 +201,19 @@ def _stack(arrays):
     return np.stack(arrays) if isinstance(arrays[0], np.ndarray) else jnp.stack(arrays)
 
 
-def _limits(F, far, kinds, outside, harmonics, mix):
+def _limits(F, far, kinds, outside, harmonics):
     """Return the limits of the rows below and above the table, of shape (rows, 2).
 
     A row may vanish like e^x below the table and like e^-x above the table. The limits of such a row are the
     factors of e^x and e^-x. F is the stiffness below and above, where E'' is smaller by the factor `far`.
     """
-    moments = [typed(m, jnp.real(F)) for m in _moments(harmonics, outside)]  # NumPy's would widen float32
-    if mix is not None:
-        shares = mix[0], mix[0], mix[1]
-        moments = [m[:, :1] + m[:, 1:] @ c[:, None] for m, c in zip(moments, shares, strict=True)]
+    # NumPy arrays would widen float32.
+    moments = [
+        typed(m, jnp.real(F)) for m in _moments(0 if harmonics is None else len(harmonics[0]), outside)
+    ]
+    if harmonics is not None:
+        cosine, sine = harmonics
+        moments = [m[:, :1] + m[:, 1:] @ c for m, c in zip(moments, (cosine, cosine, sine), strict=True)]
     rows = [(kind.of(F) / (far if kind.odd else 1.0))[:, None] * moments[kind.weights] for kind in kinds]
     return jnp.concatenate(rows, 1).T
 
@@ -241,7 +269,7 @@ def _position(table, log_q, velocity, log_shift):
     return _Position(inside, lower, jnp.where(lower, product(1.0, low), above)), sign
 
 
-def _by_table(table, position, needs, split, harmonics):
+def _by_table(table, position, needs, split, grooved, knots):
     r"""Return means from the splines of a table, and from powers of e^x beyond the table.
 
     With x = ln(q v) and vanishing E'', the means below the table are even or odd in e^x,
@@ -250,10 +278,16 @@ def _by_table(table, position, needs, split, harmonics):
 
     and above it, where the share e^-x of the circle lies within the table, P + P' e^-x and D e^-x + D' e^-2x.
     """
-    outside, (count, mix) = table.material.loss_beyond, constant_shares(harmonics)
-    step = step_of(table.material)
+    outside, kinds = table.material.loss_beyond, _kinds(table.material, needs, split, grooved)
     inside, lower, away = position
-    rows = at(table.cells, inside * (1 / step) - table.first)
+    cell = inside * (1 / step_of(table.material)) - table.first
+    if knots is None:
+        rows, limits = at(table.cells, cell), table.limits
+    else:
+        # The rows of each kind at the knots below and above, (kinds, 2, ...).
+        first = np.arange(len(kinds)) * (len(table.limits) // len(kinds))
+        which = jnp.add.outer(first, jnp.stack([knots.knot, knots.knot + 1]))
+        rows, limits = at(table.cells, cell, which), jnp.moveaxis(table.limits[which], -1, 1)
     up = jnp.where(lower, 1.0, away)
 
     def part(value, limit, share):
@@ -276,16 +310,13 @@ def _by_table(table, position, needs, split, harmonics):
         return part(value, leading, jnp.where(lower, away * away, away)) * away
 
     means: Means = {kind: () for kind in needs.kinds}
-    size = 1 if mix is not None else 1 + count
-    for k, kind in enumerate(kinds_of(needs, split, outside)):
-        rule = odd if kind.odd else even
-        # The transverse mean has no term without sin 2 m phi.
-        begin = 1 if kind.name == "mean_sin_loss" and mix is None else 0
-        for i in range(begin, size):
-            row = k * size + i
-            value = rows[row] ** 2 if kind.positive and i == 0 else rows[row]
-            if kind.name == "mean_cos_loss" and outside == "none" and mix is None and i == 0:
-                # Where E'' vanishes, a spline oscillates about 0 by 1e-60 of its maximum.
-                value = jnp.where(value < 0, 0.0, value)
-            means[kind.name] += (rule(value, table.limits[row]),)
+    for kind, row, ends in zip(kinds, rows, limits, strict=True):
+        value = row**2 if kind.positive else row
+        if kind.name == "mean_cos_loss" and outside == "none" and not grooved:
+            # Where E'' vanishes, a spline oscillates about 0 by 1e-60 of its maximum.
+            value = jnp.where(value < 0, 0.0, value)
+        mean = (odd if kind.odd else even)(value, ends)
+        if knots is not None:
+            mean = (1 - knots.share) * mean[0] + knots.share * mean[1]
+        means[kind.name] += (mean,)
     return means
