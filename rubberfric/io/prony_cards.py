@@ -116,7 +116,9 @@ def read_prony(
     try:
         if program is None:
             programs = [name for name, form in FORMATS.items() if re.search(form.sign, text, re.I | re.M)]
-            need(programs, f"is not recognised: must have a Prony series of {', '.join(FORMATS)}")
+            known = f"must have a Prony series of {', '.join(FORMATS)}"
+            other = "for another program, such as Marc, pass the numbers to rubberfric.Prony"
+            need(programs, f"is not recognised: {known}; {other}")
             message = f"has keywords of {' and '.join(programs)}: program must be given"
             need(len(programs) == 1 or programs[1:] == ["pyvisco"], message)
             program = programs[0]
