@@ -1,12 +1,18 @@
 """Spectra of measured heights as data of a fit: which wavevectors are used, and up to which one."""
 
 import numpy as np
+import scipy.optimize
+import scipy.special
 
 from fitting.data.kinds import SpectrumData
 from rubberfric.roughness import ArealSpectrum, MeasuredSpectrum, bins_before_cliff
 
 # Wavevectors below which a fit of three parameters says little.
 _LEAST_FITTED = 4
+# Fewest independent modes of a bin. Half a mode means a factor of 9, and fewer say nothing more.
+_FEWEST_MODES = 0.5
+# Steepest slope d ln C / d ln q of a rough surface, H = 1.
+_STEEPEST = 4.0
 # Standard error of ln C from which on C is not used, because it is unknown by a factor of e.
 _UNKNOWN = 1.0
 
@@ -14,9 +20,15 @@ _UNKNOWN = 1.0
 def spectrum_data(measured: MeasuredSpectrum | ArealSpectrum) -> SpectrumData:
     """Return C with standard errors from the spectrum of measured heights.
 
-    The bins of a map are unchanged. The bins of profiles become the spectrum of an isotropic surface
-    (`MeasuredSpectrum.areal`). Its first entry is left out, because it also contains waves longer than the
-    profiles, and so are entries whose standard error of ln C is 1 or more, and the extrapolated end.
+    A bin of a map with n independent modes has the logarithm digamma(n) - ln n below ln C on average, and
+    the mean of a falling C in a bin is above C at the bin's wavevector. C is corrected for both. A window
+    also correlates the modes of neighbouring bins. The errors contain this correlation, as if all correlated
+    modes were in the same bin.
+
+    The bins of profiles become the spectrum of an isotropic surface (`MeasuredSpectrum.areal`). Its errors
+    contain the correlation of neighbouring entries. Its first entry is left out, because it also contains
+    waves longer than the profiles, and so are entries whose standard error of ln C is 1 or more, and the
+    extrapolated end.
 
     Parameters
     ----------
@@ -36,7 +48,7 @@ def spectrum_data(measured: MeasuredSpectrum | ArealSpectrum) -> SpectrumData:
     (True, True)
     """
     if isinstance(measured, MeasuredSpectrum) and measured.dimensions == 2:
-        return SpectrumData(measured.q, measured.C, relative=measured.relative)
+        return _of_map(measured)
     if isinstance(measured, MeasuredSpectrum):
         first, count, areal = 1, measured.q.size, measured.areal()
     elif isinstance(measured, ArealSpectrum):
@@ -47,11 +59,41 @@ def spectrum_data(measured: MeasuredSpectrum | ArealSpectrum) -> SpectrumData:
         )
     q, C, relative = (np.asarray(x)[first:count] for x in (areal.q, areal.C, areal.relative))
     known = relative < _UNKNOWN
+    covariance = np.asarray(areal.covariance)[first:count, first:count][np.ix_(known, known)]
     if not known.any():
         raise ValueError(
             "measured: all standard errors of ln C are 1 or more; measure more or longer profiles"
         )
-    return SpectrumData(q[known], C[known], relative=relative[known])
+    # The variance of a mean of several entries contains the sums of the rows.
+    together = np.sqrt(np.maximum(covariance.sum(1), np.diagonal(covariance)))
+    return SpectrumData(q[known], C[known], relative=together)
+
+
+def _of_map(measured):
+    """Return the bins of a map with corrected C, and with errors for correlated modes of all bins."""
+    independent = np.array([_independent_modes(error) for error in measured.relative])
+    log_C = np.log(measured.C) + np.log(independent) - scipy.special.digamma(independent)
+    if measured.q.size > 2:
+        # The mean of q^-s over a bin of the width d in ln q is larger by the factor 1 + (s d)^2 / 24.
+        log_q = np.log(measured.q)
+        slope = np.clip(np.gradient(log_C, log_q), -_STEEPEST, 0.0)
+        log_C -= (slope * np.gradient(log_q)) ** 2 / 24
+    pairs = measured.modes / 2
+    # In the largest bins, all correlated modes are in the same bin.
+    correlated = np.max(pairs / independent)
+    relative = np.sqrt(scipy.special.polygamma(1, np.maximum(pairs / correlated, _FEWEST_MODES)))
+    return SpectrumData(measured.q, np.exp(log_C), relative=relative)
+
+
+def _independent_modes(error):
+    """Return n, for which ln C has the standard error trigamma(n)^(1/2)."""
+
+    def miss(log_n):
+        return np.log(scipy.special.polygamma(1, np.exp(log_n))) - 2 * np.log(error)
+
+    # trigamma(n) is between 1/n and 1/n + 1/n^2.
+    low, high = -2 * np.log(error) - 1e-9, np.log(error**-2 + 1 + 1 / error) + 1e-9
+    return np.exp(scipy.optimize.brentq(miss, low, high, xtol=1e-12))
 
 
 def resolved_ends(measured: MeasuredSpectrum | ArealSpectrum) -> tuple[float | None, float | None]:

@@ -21,6 +21,8 @@ _SAMPLES = 8
 _PER_DECADE = 60
 # No surface has a spectrum that falls as steeply, C ~ q^-20.
 _CLIFF = 20
+# Fall of C within two bins behind which rounding errors of the transforms are all that is left.
+_ROUNDING = 1e-6
 # Steps between bins below which a fit of three parameters says little.
 _LEAST_BINS = 4
 # Squared correlation of modes at these distances along an axis, from the transform of the squared window.
@@ -70,7 +72,8 @@ def correlated_pairs(bins: np.ndarray, window: str) -> np.ndarray:
 def bins_before_cliff(q: np.ndarray, C: np.ndarray) -> int:
     """Return the number of bins before the spectrum ends within the bins, as behind a low-pass filter.
 
-    A bin is behind the end if C falls to it more steeply than q^-20. At least four bins are kept.
+    A bin is behind the end if C falls to it more steeply than q^-20. Bins behind a fall by 1e-6 within two
+    bins hold rounding errors. At least four bins are kept.
 
     Examples
     --------
@@ -81,7 +84,9 @@ def bins_before_cliff(q: np.ndarray, C: np.ndarray) -> int:
     (31, 31623)
     """
     falls = -np.diff(np.log(np.maximum(C, np.finfo(float).tiny))) / np.diff(np.log(q))
-    last = len(falls)
+    largest_behind = np.maximum.accumulate(C[::-1])[::-1]
+    lost = largest_behind[2:] < np.minimum(_ROUNDING, (q[2:] / q[:-2]) ** -_CLIFF) * C[:-2]
+    last = max(int(np.argmax(lost)) + 1, _LEAST_BINS) if lost.any() else len(falls)
     while last > _LEAST_BINS and falls[last - 1] > _CLIFF:
         last -= 1
     return last + 1

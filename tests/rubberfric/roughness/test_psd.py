@@ -296,3 +296,15 @@ def test_measured_data_in_another_normalisation(tmp_path):
     path.write_text("v,mu,p\nm/s,-,Pa\n1,1,1e5\n")
     with pytest.raises(ValueError, match="normalisation = 'C': must not be given; it is for CSV spectra"):
         fitting.read(path, normalisation="C")
+
+
+def test_rounding_errors_behind_the_end_of_a_spectrum_are_left_out():
+    """As in a window of a surface whose spectrum ends within the bins."""
+    q = np.geomspace(1e3, 2e5, 24)
+    C = 1e-14 * (q / 1e3) ** -3.6
+    C[20:] = C[19] * np.array([5e-3, 1e-11, 5e-12, 4e-12])
+    assert rf.roughness.bins_before_cliff(q, C) == 20
+    # Noise of a few modes, which C exceeds again, is no end.
+    C = 1e-14 * (q / 1e3) ** -3.6
+    C[3] *= 1e-4
+    assert rf.roughness.bins_before_cliff(q, C) == q.size
