@@ -8,6 +8,8 @@ import tempfile
 
 # Threads of OpenBLAS that wait for each other take several times the processor time of one.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# As the commands do: on some processors every compiled function that is read from a file logs two lines.
+os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
 
 import jax
 import pytest
