@@ -41,6 +41,7 @@ MEASUREMENTS = {
     "first_fit": "rubberfric-fit data/tread_on_asphalt_fit.toml --no-cache",
     "fits": "python notebooks/benchmarks/fits.py",
     "ensembles": "python notebooks/benchmarks/ensembles.py",
+    "laboratories": "python notebooks/benchmarks/laboratories.py",
     "twin": pytest("fitting/whole_fits/test_fit_twin.py"),
     "error_over_time": "python notebooks/error_over_time.py",
     "stability": "python notebooks/stability.py",
