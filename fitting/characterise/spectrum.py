@@ -113,8 +113,9 @@ class SpectrumFit:
         percent = round(100 * change, 1) + 0.0  # no -0.0
         text = f"rms height: fit {fitted:.4g} m, data {self.rms_height:.4g} m, {percent:+.1f} %"
         if abs(change) > max(_OTHER_HEIGHT, 2 * np.nan_to_num(error)):
-            text += f", more than {_OTHER_HEIGHT:.0%} and two standard errors: the surface has waves outside"
-            text += " q0 ... q1, or is not self-affine: use a TabulatedSpectrum (--table)"
+            text += f", more than {_OTHER_HEIGHT:.0%} and two standard errors: C below qr is uncertain, or"
+            text += " the surface has waves outside q0 ... q1 or is not self-affine:"
+            text += " use a TabulatedSpectrum (--table)"
         return (text,)
 
     def _repr_html_(self) -> str:
