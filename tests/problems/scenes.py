@@ -39,7 +39,10 @@ RELAXING_SHEAR = rf.PronyShear(1e6, [1e8, 1e7], [1e-6, 1e-3], 2e9, WLF)
 HOT = rf.Prony(2e6, [2e8, 2e7], [1e-6, 1e-4], 0.49, rf.Arrhenius(1.0, 293.15, vertical=rf.Entropic()))
 MELT = TREAD.replace(E_inf=0.0)
 PLATE = rf.TabulatedSpectrum(Q, C)
-DIRECTIONS = rf.TabulatedAnisotropic(Q, C[:, None] * np.array([1.0, 2.0, 1.5, 1.2]))
+# The waves turn from one direction to others over q.
+DIRECTIONS = rf.TabulatedAnisotropic(
+    Q, C[:, None] * np.array([1.0, 2.0, 1.5, 1.2]) ** np.linspace(1.0, -0.5, 6)[:, None]
+)
 TREAD_ON_SOFT = TREAD, None, rf.Coating(1e-3, SOFT)
 # Gentle roughness, within the limits of the law.
 GENTLE = rf.SelfAffine(100.0, 400.0, 1e4, 0.8, 2e-4)

@@ -36,7 +36,9 @@ HEATING = rf.Heating(1.2e3, 1.6e3, 0.23, 1e-3, 0.05, 0.4)
 SHIFT = rf.TabulatedShift(
     [280.0, 300.0, 320.0], [10.0, 0.5, 0.1], 293.0, vertical=rf.TabulatedVertical([280.0, 320.0], [1.2, 0.7])
 )
-DIRECTIONS = rf.TabulatedAnisotropic(Q, C[:, None] * np.array([1.0, 2.0, 1.5, 1.2]))
+DIRECTIONS = rf.TabulatedAnisotropic(
+    Q, C[:, None] * np.array([1.0, 2.0, 1.5, 1.2]) ** np.linspace(1.0, -0.5, 4)[:, None]
+)
 
 
 def _on(spectrum, material=RUBBER, layer=None, **options):

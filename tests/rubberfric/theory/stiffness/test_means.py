@@ -110,20 +110,33 @@ def test_table_of_a_softened_solid(name):
     np.testing.assert_allclose(found, exact_means(modulus_of(name, f, g), QV)[:3], rtol=2e-10)
 
 
-@pytest.mark.parametrize("name", ["four terms", "one term", "thirty decades"])
-def test_table_with_grooves(name):
-    scene = facing(rubber(name), spectrum=GROOVES)
-    shares = [np.asarray(x) for x in GROOVES.harmonics_at(jnp.asarray(1e3))]
-    found = means_at(scene, MeansMethod.TABLE, 1.0, QV, ALL)
+# The directions of its waves differ between the entries.
+TURNING = rf.TabulatedAnisotropic(
+    [100.0, 2e3, 2e4],
+    np.array([[4e-11], [1e-12], [1e-15]])
+    * (1 + np.array([0.0, 0.2, 0.5, 0.1, 0.3]) * np.array([[1.0], [-0.8], [2.0]])),
+    0.3,
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "spectrum", "q"),
+    [
+        *((name, GROOVES, 1e3) for name in ("four terms", "one term", "thirty decades")),
+        # Within the table, at an entry, at the ends and beyond them.
+        *(("one term", TURNING, q) for q in (50.0, 100.0, 300.0, 2e3, 1e4, 2e4, 3e4)),
+    ],
+)
+def test_table_with_grooves(name, spectrum, q):
+    scene = facing(rubber(name), spectrum=spectrum)
+    shares = [np.asarray(x) for x in spectrum.harmonics_at(jnp.asarray(q))]
+    found = means_at(scene, MeansMethod.TABLE, q, QV / q, ALL)
     exact = exact_means(modulus_of(name), QV, harmonics=shares)
     # The transverse mean may cancel.
     exact_scale = np.abs(exact) + np.abs(exact[1]) * np.array([0, 0, 0, 1.0])[:, None]
     assert (np.abs(found - exact) <= 2e-10 * exact_scale).all()
 
 
-TURNING = rf.TabulatedAnisotropic(
-    [100.0, 2e3, 2e4], np.array([[4e-11], [1e-12], [1e-15]]) * (1 + np.array([0.0, 0.2, 0.5, 0.1, 0.3])), 0.3
-)
 FEW = np.array([-20.0, 1e-3, 5.0])
 MANY = np.logspace(-4, 3, 40)
 
