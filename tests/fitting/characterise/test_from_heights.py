@@ -58,6 +58,8 @@ def test_logarithms_of_bins_of_maps_are_right_on_average():
     error = np.std(change, 0) / np.sqrt(len(data))
     assert away.sum() >= 10
     assert np.all(np.abs(np.mean(change, 0))[away] < 3 * error[away] + 2e-3)
+    plateau = (q > 2.5 * Q0) & (q < 7.5 * Q0)
+    assert abs(np.mean(change, 0)[plateau].sum()) < 3 * np.sqrt(np.sum(error[plateau] ** 2))
     # The errors contain the correlation with neighbouring bins, so they are not below the scatter.
     assert np.all(np.std(change, 0)[away] < 1.3 * data[0].relative[away])
 
