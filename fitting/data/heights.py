@@ -1,7 +1,6 @@
 """Spectra of measured heights as data of a fit: which wavevectors are used, and up to which one."""
 
 import numpy as np
-import scipy.optimize
 import scipy.special
 
 from fitting.data.kinds import SpectrumData
@@ -71,29 +70,18 @@ def spectrum_data(measured: MeasuredSpectrum | ArealSpectrum) -> SpectrumData:
 
 def _of_map(measured):
     """Return the bins of a map with corrected C, and with errors for correlated modes of all bins."""
-    independent = np.array([_independent_modes(error) for error in measured.relative])
-    log_C = np.log(measured.C) + np.log(independent) - scipy.special.digamma(independent)
-    if measured.q.size > 2:
-        # The mean of q^-s over a bin of the width d in ln q is larger by the factor 1 + (s d)^2 / 24.
-        log_q = np.log(measured.q)
-        slope = np.clip(np.gradient(log_C, log_q), -_STEEPEST, 0.0)
-        log_C -= (slope * np.gradient(log_q)) ** 2 / 24
+    n = measured.independent
+    change = np.log(n) - scipy.special.digamma(n)
+    if measured.q.size > 1:
+        # The spread of ln q enlarges the mean of C ~ q^-s.
+        log_C = np.log(np.maximum(measured.C, np.finfo(float).tiny))
+        slope = np.clip(np.gradient(log_C, np.log(measured.q)), -_STEEPEST, 0.0)
+        change -= (slope * measured.spread) ** 2 / 2
     pairs = measured.modes / 2
     # In the largest bins, all correlated modes are in the same bin.
-    correlated = np.max(pairs / independent)
+    correlated = np.max(pairs / n)
     relative = np.sqrt(scipy.special.polygamma(1, np.maximum(pairs / correlated, _FEWEST_MODES)))
-    return SpectrumData(measured.q, np.exp(log_C), relative=relative)
-
-
-def _independent_modes(error):
-    """Return n, for which ln C has the standard error trigamma(n)^(1/2)."""
-
-    def miss(log_n):
-        return np.log(scipy.special.polygamma(1, np.exp(log_n))) - 2 * np.log(error)
-
-    # trigamma(n) is between 1/n and 1/n + 1/n^2.
-    low, high = -2 * np.log(error) - 1e-9, np.log(error**-2 + 1 + 1 / error) + 1e-9
-    return np.exp(scipy.optimize.brentq(miss, low, high, xtol=1e-12))
+    return SpectrumData(measured.q, measured.C * np.exp(change), relative=relative)
 
 
 def resolved_ends(measured: MeasuredSpectrum | ArealSpectrum) -> tuple[float | None, float | None]:

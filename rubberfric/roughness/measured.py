@@ -96,11 +96,14 @@ class MeasuredSpectrum(NamedTuple):
     ----------
     q : geometric mean of the modes' wavevectors [1/m]
     C : mean over the modes of a bin: C of a map [m^4], C_1D of a profile [m^3] (h_rms^2 = 2 int C_1D dq)
+        For C ~ q^-s, the mean is larger than C(q) by the factor 1 + (s spread)^2 / 2.
     modes : number of modes, counting q and -q
+    independent : number n of independent modes of one map or profile; modes / 2 without a window
+    spread : standard deviation of ln q of the modes in a bin [-]
     relative : standard error of ln C for a Gaussian surface [-], for `fitting.SpectrumData`
-        C has a chi-squared distribution with 2 n degrees of freedom, where n is the number of independent
-        modes in the bin. The variance of its logarithm is trigamma(n), which is 1/n for many modes and 1.64
-        for one. For several profiles, the error is at least the scatter between the profiles.
+        C has a chi-squared distribution with 2 n degrees of freedom. The variance of its logarithm is
+        trigamma(n), which is 1/n for many modes and 1.64 for one. For several profiles, n counts the modes of
+        all profiles, and the error is at least the scatter between the profiles.
     cell : area dq_x dq_y of a mode [1/m^2], or length dq of a mode in a profile [1/m]
     left_out : mean square height [m^2] of the modes outside all bins, in the corners of a map
     h_rms : rms of the detrended heights in the window [m]; h_rms^2 = cell sum(modes C) + left_out
@@ -125,6 +128,8 @@ class MeasuredSpectrum(NamedTuple):
     rms_height: float
     rms_slope: float
     sampling: Sampling | None
+    independent: np.ndarray
+    spread: np.ndarray
     limits: InstrumentLimits = InstrumentLimits()
     remarks: tuple[str, ...] = ()
 

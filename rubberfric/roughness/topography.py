@@ -235,11 +235,15 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
     independent = count**2 / correlated_pairs(bins, window)[kept]
     # C is distributed as chi^2 with two degrees of freedom for each independent mode.
     relative = np.sqrt(scipy.special.polygamma(1, independent * samples))
+    log_q = np.log(np.where(q > 0, q, 1.0))
+    center = mean(log_q)
+    # Rounding may make the variance of equal wavevectors negative.
+    spread = np.sqrt(np.maximum(mean(log_q**2) - center**2, 0.0))
     if samples > 1:
         scatter = each.std(0, ddof=1) / np.sqrt(samples)
         relative = np.maximum(relative, scatter / np.where(C > 0, C, 1.0))
     return MeasuredSpectrum(
-        q=np.exp(mean(np.log(np.where(q > 0, q, 1.0)))),
+        q=np.exp(center),
         C=C,
         modes=count,
         relative=relative,
@@ -254,6 +258,8 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
             )
         ),
         sampling=Sampling(w, trends(grid, detrend)) if len(grid) == 1 else None,
+        independent=independent,
+        spread=spread,
     )
 
 
