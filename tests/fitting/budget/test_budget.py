@@ -14,6 +14,7 @@ import rubberfric as rf
 from fitting.budget.changes import Sizes, changes
 from fitting.budget.contact_model import law_scene
 from fitting.budget.contributions import Contribution, largest_error
+from fitting.solvers.problem import make_problem
 
 # Velocities of the data, over the rise and fall of the friction [m/s].
 V = np.geomspace(1e-5, 1e0, 9)
@@ -249,6 +250,16 @@ def test_equal_bodies_of_several_scenes_change_together():
     assert ("roughness", "q1 of a.lower and b.lower x 1.1") in found
     assert ("moduli", "E_inf, E of a.upper x 1.1") in found
     assert ("moduli", "E_inf, E of b.upper x 1.1") in found
+
+
+def test_a_table_of_a_spectrum_changes_by_its_values():
+    """The wavevectors of a table do not change, and its C changes like the square of the heights."""
+    q = np.geomspace(1e2, 1e4, 5)
+    table = rf.TabulatedSpectrum(q, 1e-12 * (q / 1e2) ** -3.6)
+    scene = SCENE.replace("lower.spectrum", table)
+    problem = make_problem(scene, [data_of()], {f"{E}[0]": fitting.Positive()})
+    texts = [change.text for change in changes(problem, Sizes(), {}) if change.source == "roughness"]
+    assert texts == ["C of lower x 1.21"]
 
 
 def test_fixed_numbers_with_an_error(fit):
