@@ -58,11 +58,11 @@ def spectrum_data(measured: MeasuredSpectrum | ArealSpectrum) -> SpectrumData:
         )
     q, C, relative = (np.asarray(x)[first:count] for x in (areal.q, areal.C, areal.relative))
     known = relative < _UNKNOWN
-    covariance = np.asarray(areal.covariance)[first:count, first:count][np.ix_(known, known)]
     if not known.any():
         raise ValueError(
             "measured: all standard errors of ln C are 1 or more; measure more or longer profiles"
         )
+    covariance = np.asarray(areal.covariance)[first:count, first:count][np.ix_(known, known)]
     # The variance of a mean of several entries contains the sums of the rows.
     together = np.sqrt(np.maximum(covariance.sum(1), np.diagonal(covariance)))
     return SpectrumData(q[known], C[known], relative=together)

@@ -205,6 +205,16 @@ def chebyshev_fit(
     return _frozen(chebyshev.cheb2poly(coefficients))
 
 
+def between_nodes(nodes: jax.Array, targets: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Return the index of the node before each target, and the share of the node after it, 0 ... 1.
+
+    Targets before the first and after the last of the ascending nodes are at these nodes.
+    """
+    index = jnp.clip(jnp.searchsorted(nodes, targets) - 1, 0, nodes.shape[0] - 2)
+    before, after = nodes[index], nodes[index + 1]
+    return index, jnp.clip((targets - before) / (after - before), 0.0, 1.0)
+
+
 def _frozen(array):
     array.setflags(write=False)
     return array

@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeVar
 import jax
 import jax.numpy as jnp
 
-from rubberfric.base.quadrature import Quadrature
+from rubberfric.base.quadrature import Quadrature, between_nodes
 from rubberfric.roughness.mesh.nodes import Mesh
 from rubberfric.scene.heating import (
     Diffusion,
@@ -276,9 +276,8 @@ def _linear(nodes, targets):
 
     Beyond the first and the last node the interpolant is constant.
     """
-    index = jnp.clip(jnp.searchsorted(nodes, targets) - 1, 0, nodes.shape[0] - 2)
-    share = jnp.clip((targets - nodes[index]) / (nodes[index + 1] - nodes[index]), 0.0, 1.0)[:, None]
-    chosen = jax.nn.one_hot(index, nodes.shape[0], dtype=nodes.dtype)
+    index, share = between_nodes(nodes, targets)
+    share, chosen = share[:, None], jax.nn.one_hot(index, nodes.shape[0], dtype=nodes.dtype)
     return chosen * (1 - share) + jnp.roll(chosen, 1, 1) * share
 
 

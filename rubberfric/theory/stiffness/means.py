@@ -15,6 +15,7 @@ import numpy as np
 
 from rubberfric.base.checks import is_concrete
 from rubberfric.base.compilation import exact_products, quick_options
+from rubberfric.base.quadrature import between_nodes
 from rubberfric.materials.material import series_of
 from rubberfric.materials.shifts import Shift, log_vertical
 from rubberfric.roughness.spectra import log_ratio
@@ -92,7 +93,7 @@ class StiffnessMeans(NamedTuple):
     surface: RoughSurface
     scale: jax.Array  # [Pa]
     prepared: PronyStiffness | MeansTable | None  # None: F is evaluated at the nodes
-    harmonics: Harmonics | None  # of a stiffness by node, at the wavevectors of the means
+    harmonics: Harmonics | None  # at the wavevectors of the means, or at the knots of a table
     knots: BetweenKnots | None  # position of the wavevectors, if a table has harmonics that depend on q
     needs: RequiredMeans
     span: float | None  # of ln(v a_T) over the points, static; None: unknown
@@ -216,7 +217,7 @@ def stiffness_means(
         at = q
         if surface.method is MeansMethod.TABLE and spectrum.harmonics_vary:
             at = spectrum.harmonic_knots()
-            knots = BetweenKnots.of(log_ratio(at, at[0]), log_ratio(q, at[0])[:, None])
+            knots = BetweenKnots(*between_nodes(log_ratio(at, at[0]), log_ratio(q, at[0])[:, None]))
         harmonics = spectrum.harmonics_at(at)
     prepared: PronyStiffness | MeansTable | None = None
     if surface.method is MeansMethod.CLOSED_FORM:

@@ -55,21 +55,10 @@ _FAR = 40.0
 
 
 class BetweenKnots(NamedTuple):
-    """Position of wavevectors between the knots of the harmonics."""
+    """Position of wavevectors between the knots of the harmonics, as from `between_nodes`."""
 
     knot: jax.Array  # index of the knot below
     share: jax.Array  # of the knot above, 0 ... 1
-
-    @classmethod
-    def of(cls, log_knots: jax.Array, log_q: jax.Array) -> "BetweenKnots":
-        """Return the position of ln q between ascending knots.
-
-        Beyond the first and the last knot, the position is at the nearest knot.
-        """
-        knot = jnp.searchsorted(log_knots, jax.lax.stop_gradient(log_q), side="right") - 1
-        knot = jnp.clip(knot, 0, log_knots.size - 2)
-        left, right = log_knots[knot], log_knots[knot + 1]
-        return cls(knot, jnp.clip((log_q - left) / (right - left), 0.0, 1.0))
 
 
 class MeansTable(NamedTuple):
