@@ -398,10 +398,7 @@ def _falls(log_q, log_C, weight, width):
 
 def _log_mean_square(log_q, log_C, dimensions):
     """Return ln(2 pi int q C dq) of a log-log linear C, or ln(2 int C dq) if `dimensions` is 1."""
-    width, log_term = np.diff(log_q), log_C + dimensions * log_q
-    growth = np.diff(log_term)
-    near = np.abs(growth) < 1e-8  # (e^x - 1)/x is 0/0 at x = 0
-    mean = np.where(near, 1 + growth / 2, np.expm1(growth) / np.where(near, 1.0, growth))
-    top = log_term.max()
-    total = np.sum(np.exp(log_term[:-1] - top) * mean * width)
-    return top + np.log((2 * np.pi if dimensions == 2 else 2.0) * total)
+    log_term = log_C + dimensions * log_q
+    widths = scipy.special.exprel(np.diff(log_term)) * np.diff(log_q)
+    factor = 2 * np.pi if dimensions == 2 else 2.0
+    return np.log(factor) + scipy.special.logsumexp(log_term[:-1], b=widths)
