@@ -153,7 +153,7 @@ class Interrupts:
         while not self._ended.wait(wait):
             with self._lock:
                 if not self._loads:  # `loading` raises at its end
-                    _raise_in(main, KeyboardInterrupt)
+                    _raise_in(main)
             wait = _AGAIN
             if not said and time.monotonic() > arrival + _PATIENCE:
                 say(self.program, WAIT)
@@ -226,15 +226,15 @@ class Interrupts:
         """Raise no exception from now on, because the work is done."""
         if self._ended is None:
             return
-        import threading
-
         stopped = False
         while not stopped:
             with contextlib.suppress(KeyboardInterrupt):
                 self._ended.set()
                 if self._thread is not None:
                     self._thread.join()
-                    _raise_in(threading.get_ident(), None)  # drops an exception that was raised last
+                    # Python raises what waits after a call. An exception that is dropped instead leaves a mark
+                    # in Python 3.11, with which a debugger waits forever.
+                    time.sleep(0)
                 stopped = True
 
     def check(self) -> None:
@@ -244,9 +244,9 @@ class Interrupts:
             raise KeyboardInterrupt
 
 
-def _raise_in(thread: int, error: type[BaseException] | None) -> None:
-    """Raise an exception before the next instruction of a thread, or drop the exception that waits there."""
+def _raise_in(thread: int) -> None:
+    """Raise KeyboardInterrupt before the next instruction of a thread."""
     import ctypes
 
-    raised = None if error is None else ctypes.py_object(error)
-    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), raised)
+    interrupt = ctypes.py_object(KeyboardInterrupt)
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), interrupt)
