@@ -1,17 +1,12 @@
 """Spectra of measured heights as data of a fit: which wavevectors are used, and up to which one."""
 
 import numpy as np
-import scipy.special
 
 from fitting.data.kinds import SpectrumData
 from rubberfric.roughness import ArealSpectrum, MeasuredSpectrum, bins_before_cliff
 
 # Wavevectors below which a fit of three parameters says little.
 _LEAST_FITTED = 4
-# Fewest independent modes of a bin. Half a mode means a factor of 9, and fewer say nothing more.
-_FEWEST_MODES = 0.5
-# Steepest slope d ln C / d ln q of a rough surface, H = 1.
-_STEEPEST = 4.0
 # Standard error of ln C from which on C is not used, because it is unknown by a factor of e.
 _UNKNOWN = 1.0
 
@@ -19,10 +14,7 @@ _UNKNOWN = 1.0
 def spectrum_data(measured: MeasuredSpectrum | ArealSpectrum) -> SpectrumData:
     """Return C with standard errors from the spectrum of measured heights.
 
-    A bin of a map with n independent modes has the logarithm digamma(n) - ln n below ln C on average, and
-    the mean of a falling C in a bin is above C at the bin's wavevector. C is corrected for both. A window
-    also correlates the modes of neighbouring bins. The errors contain this correlation, as if all correlated
-    modes were in the same bin.
+    The data of a map are `MeasuredSpectrum.unbiased` and its errors for a fit to all bins.
 
     The bins of profiles become the spectrum of an isotropic surface (`MeasuredSpectrum.areal`). Its errors
     contain the correlation of neighbouring entries. Its first entry is left out, because it also contains
@@ -47,7 +39,7 @@ def spectrum_data(measured: MeasuredSpectrum | ArealSpectrum) -> SpectrumData:
     (True, True)
     """
     if isinstance(measured, MeasuredSpectrum) and measured.dimensions == 2:
-        return _of_map(measured)
+        return SpectrumData(measured.q, measured.unbiased, relative=measured.together)
     if isinstance(measured, MeasuredSpectrum):
         first, count, areal = 1, measured.q.size, measured.areal()
     elif isinstance(measured, ArealSpectrum):
@@ -66,22 +58,6 @@ def spectrum_data(measured: MeasuredSpectrum | ArealSpectrum) -> SpectrumData:
     # The variance of a mean of several entries contains the sums of the rows.
     together = np.sqrt(np.maximum(covariance.sum(1), np.diagonal(covariance)))
     return SpectrumData(q[known], C[known], relative=together)
-
-
-def _of_map(measured):
-    """Return the bins of a map with corrected C, and with errors for correlated modes of all bins."""
-    n = measured.independent
-    change = np.log(n) - scipy.special.digamma(n)
-    if measured.q.size > 1:
-        # The spread of ln q enlarges the mean of C ~ q^-s.
-        log_C = np.log(np.maximum(measured.C, np.finfo(float).tiny))
-        slope = np.clip(np.gradient(log_C, np.log(measured.q)), -_STEEPEST, 0.0)
-        change -= (slope * measured.spread) ** 2 / 2
-    pairs = measured.modes / 2
-    # In the largest bins, all correlated modes are in the same bin.
-    correlated = np.max(pairs / n)
-    relative = np.sqrt(scipy.special.polygamma(1, np.maximum(pairs / correlated, _FEWEST_MODES)))
-    return SpectrumData(measured.q, measured.C * np.exp(change), relative=relative)
 
 
 def resolved_ends(measured: MeasuredSpectrum | ArealSpectrum) -> tuple[float | None, float | None]:

@@ -232,8 +232,8 @@ class Interrupts:
                 self._ended.set()
                 if self._thread is not None:
                     self._thread.join()
-                    # Python raises what waits after a call. An exception that is dropped instead leaves a mark
-                    # in Python 3.11, with which a debugger waits forever.
+                    # Python raises what waits after a call. Dropping it instead leaves a mark in Python 3.11,
+                    # with which a debugger waits forever.
                     time.sleep(0)
                 stopped = True
 

@@ -96,14 +96,13 @@ class MeasuredSpectrum(NamedTuple):
     ----------
     q : geometric mean of the modes' wavevectors [1/m]
     C : mean over the modes of a bin: C of a map [m^4], C_1D of a profile [m^3] (h_rms^2 = 2 int C_1D dq)
-        For C ~ q^-s, the mean is larger than C(q) by the factor 1 + (s spread)^2 / 2.
     modes : number of modes, counting q and -q
-    independent : number n of independent modes of one map or profile; modes / 2 without a window
-    spread : standard deviation of ln q of the modes in a bin [-]
-    relative : standard error of ln C for a Gaussian surface [-], for `fitting.SpectrumData`
+    relative : standard error of ln C for a Gaussian surface [-]
         C has a chi-squared distribution with 2 n degrees of freedom. The variance of its logarithm is
-        trigamma(n), which is 1/n for many modes and 1.64 for one. For several profiles, n counts the modes of
-        all profiles, and the error is at least the scatter between the profiles.
+        trigamma(n), which is 1/n for many modes and 1.64 for one. The number n of independent modes is
+        modes / 2 without a window. It is smaller with a window, and if C of a map differs between directions.
+        For several profiles, n counts the modes of all profiles, and the error is at least the scatter
+        between the profiles.
     cell : area dq_x dq_y of a mode [1/m^2], or length dq of a mode in a profile [1/m]
     left_out : mean square height [m^2] of the modes outside all bins, in the corners of a map
     h_rms : rms of the detrended heights in the window [m]; h_rms^2 = cell sum(modes C) + left_out
@@ -113,6 +112,10 @@ class MeasuredSpectrum(NamedTuple):
         heights of neighbouring points (Sdq, Rdq). It includes noise. An isotropic surface has sqrt(2) times
         the rms slope of its profiles.
     sampling : window and detrending of a profile; None for a map
+    unbiased : C(q) of a map [m^4] whose logarithm is right on average. C of few modes has a small logarithm,
+        and the mean of a falling C is above C(q). For a profile, it is C_1D.
+    together : standard error of its logarithm in a fit to all bins [-]; a window also correlates the modes
+        of neighbouring bins of a map
     limits : limits of the instrument, as stated
     remarks : texts of the report on changes of the heights
     """
@@ -128,16 +131,17 @@ class MeasuredSpectrum(NamedTuple):
     rms_height: float
     rms_slope: float
     sampling: Sampling | None
-    independent: np.ndarray
-    spread: np.ndarray
+    unbiased: np.ndarray
+    together: np.ndarray
     limits: InstrumentLimits = InstrumentLimits()
     remarks: tuple[str, ...] = ()
 
     def to_dataframe(self) -> Any:
         """Return the bins as a pandas.DataFrame: q, C or C_1D, relative_sigma and modes, with units.
 
-        `fitting.read(frame, normalisation="C")` reads it, or "C_1D" of a profile. The numbers of the surface
-        are in `attrs`. Raise ImportError if pandas is not installed.
+        The columns hold `unbiased` and `together`. `fitting.read(frame, normalisation="C")` reads the frame,
+        or "C_1D" of a profile. The numbers of the surface are in `attrs`. Raise ImportError if pandas is not
+        installed.
         """
         return self._labelled().to_dataframe()
 
@@ -146,13 +150,13 @@ class MeasuredSpectrum(NamedTuple):
         return self._labelled().to_xarray()
 
     def _labelled(self) -> LabelledArrays:
-        density = Labelled(self.C, "m^4") if self.dimensions == 2 else Labelled(self.C, "m^3")
+        density = Labelled(self.unbiased, "m^4" if self.dimensions == 2 else "m^3")
         numbers = ("cell", "left_out", "h_rms", "dimensions", "rms_height", "rms_slope")
         return LabelledArrays(
             {"q": Labelled(self.q, "1/m")},
             {
                 "C" if self.dimensions == 2 else "C_1D": density,
-                "relative_sigma": Labelled(self.relative, "-"),
+                "relative_sigma": Labelled(self.together, "-"),
                 "modes": Labelled(self.modes, "-"),
             },
             ("q",),

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 # Wavevectors per mode at which C_1D is sampled; C_1D is straight between them except next to a cutoff.
 _SAMPLES = 8
@@ -25,6 +26,12 @@ _CLIFF = 20
 _ROUNDING = 1e-6
 # Steps between bins below which a fit of three parameters says little.
 _LEAST_BINS = 4
+# Half of the range in ln q over which the directions of C are taken as equal, an octave.
+_DIRECTIONS = np.log(2)
+# Steepest slope d ln C / d ln q of a rough surface, H = 1.
+_STEEPEST = 4.0
+# Fewest independent modes of a bin. Half a mode means a factor of 9, and fewer say nothing more.
+_FEWEST_MODES = 0.5
 # Squared correlation of modes at these distances along an axis, from the transform of the squared window.
 _NEIGHBOURS = {"none": {0: 1.0}, "hann": {-2: 1 / 36, -1: 4 / 9, 0: 1.0, 1: 4 / 9, 2: 1 / 36}}
 
@@ -54,19 +61,67 @@ def bins_of_modes(q: np.ndarray, highest: float, per_decade: float | None) -> tu
     return np.floor(place + 1e-9).astype(int), inside
 
 
-def correlated_pairs(bins: np.ndarray, window: str) -> np.ndarray:
-    """Return sum |r(k, k')|^2 over all pairs of modes in each bin, where r is their correlation.
+def independent_modes(
+    log_q: np.ndarray, bins: np.ndarray, power: np.ndarray, window: str
+) -> tuple[np.ndarray, np.ndarray]:
+    r"""Return the numbers n of independent modes of all bins: of a bin alone, and in a fit to all bins.
 
-    A window correlates neighbouring modes. Modes k and -k of a real field are equal, which counts every pair
-    twice because a bin contains both. `bins` has the bin number of each mode, or -1.
+    The mean of a bin has the relative variance
+
+    .. math:: \frac1n = \frac{\sum r^2 C C'}{(\sum C)^2}
+
+    over all pairs of modes with the correlation r. A window correlates neighbouring modes. In a fit to all
+    bins, the neighbours in other bins count, too. If C differs between directions, few modes hold most of
+    the power. The ratio of the means of C C' and C, squared, is the mean over an octave on each side,
+    because a bin alone says little about it.
+
+    Parameters
+    ----------
+    log_q : mean ln q of every bin
+    bins : number of the bin of every mode, or -1
+    power : squared amplitude of every mode, whose mean is C
+    window : "hann" or "none"
     """
-    pairs = np.zeros(bins.max() + 1)
+    inside, axes = bins >= 0, tuple(range(bins.ndim))
+    count = np.bincount(bins[inside])
+    pairs, products, all_pairs = np.zeros(count.size), np.zeros(count.size), 0.0
     for step in itertools.product(*[_NEIGHBOURS[window]] * bins.ndim):
-        shifted = np.roll(bins, step, tuple(range(bins.ndim)))
-        together = bins[(bins == shifted) & (bins >= 0)]
-        weight = np.prod([_NEIGHBOURS[window][k] for k in step])
-        pairs += 2 * weight * np.bincount(together, minlength=pairs.size)
-    return pairs
+        r2 = float(np.prod([_NEIGHBOURS[window][k] for k in step]))
+        together = inside & (bins == np.roll(bins, step, axes))
+        # The mean product of the powers of two modes is C C' (1 + r^2).
+        product = (power * np.roll(power, step, axes))[together] / (1 + r2)
+        # Modes k and -k of a real field are equal, which counts every pair twice.
+        pairs += 2 * r2 * np.bincount(bins[together], minlength=count.size)
+        products += 2 * r2 * np.bincount(bins[together], product, minlength=count.size)
+        all_pairs += 2 * r2
+    kept = count > 0
+    count, pairs, products = count[kept], pairs[kept], products[kept]
+    alone = count**2 / pairs
+    square = (np.bincount(bins[inside], power[inside])[kept] / count) ** 2
+    ratio = products / pairs / np.where(square > 0, square, 1.0)
+    # The square of a mean of n modes is too large by the factor 1 + 1/n.
+    ratio /= np.maximum(1 - ratio / alone, 0.5)
+    first = np.searchsorted(log_q, log_q - _DIRECTIONS)
+    end = np.searchsorted(log_q, log_q + _DIRECTIONS, side="right")
+    sums = np.cumsum(np.pad([alone * ratio, alone], ((0, 0), (1, 0))), axis=1)
+    weighted, weight = sums[:, end] - sums[:, first]
+    ratio = np.maximum(weighted / weight, 1.0)
+    return alone / ratio, count / all_pairs / ratio
+
+
+def unbiased(
+    log_q: np.ndarray, C: np.ndarray, spread: np.ndarray, alone: np.ndarray, in_fit: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return C(q) of bins whose logarithm is right on average, and its standard error in a fit to all bins.
+
+    The logarithm of a mean of n modes is digamma(n) - ln n too small on average. The mean of a falling C in a
+    bin is larger than C at the mean of ln q, by the standard deviation `spread` of ln q.
+    """
+    change = np.log(alone) - scipy.special.digamma(alone)
+    if C.size > 1:
+        slope = np.gradient(np.log(np.maximum(C, np.finfo(float).tiny)), log_q)
+        change -= (np.clip(slope, -_STEEPEST, 0.0) * spread) ** 2 / 2
+    return C * np.exp(change), np.sqrt(scipy.special.polygamma(1, np.maximum(in_fit, _FEWEST_MODES)))
 
 
 def bins_before_cliff(q: np.ndarray, C: np.ndarray) -> int:

@@ -34,7 +34,7 @@ from rubberfric.base.checks import (
 )
 from rubberfric.roughness.heights import detrended, fill_cavities, tip_cutoff, top_heights, trends
 from rubberfric.roughness.measured import InstrumentLimits, MeasuredSpectrum
-from rubberfric.roughness.periodograms import Sampling, bins_of_modes, correlated_pairs
+from rubberfric.roughness.periodograms import Sampling, bins_of_modes, independent_modes, unbiased
 
 WINDOWS = ("hann", "none")
 # Highest degree of detrending polynomials in x (and y). More would remove roughness.
@@ -230,18 +230,23 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
 
     each = np.stack([mean(sample) for sample in mean_square]) / cell
     C = each.mean(0)
-    bins = np.full(q.shape, -1)
-    bins[inside] = index
-    independent = count**2 / correlated_pairs(bins, window)[kept]
-    # C is distributed as chi^2 with two degrees of freedom for each independent mode.
-    relative = np.sqrt(scipy.special.polygamma(1, independent * samples))
     log_q = np.log(np.where(q > 0, q, 1.0))
     center = mean(log_q)
-    # Rounding may make the variance of equal wavevectors negative.
-    spread = np.sqrt(np.maximum(mean(log_q**2) - center**2, 0.0))
+    bins = np.full(q.shape, -1)
+    bins[inside] = index
+    # The modes of a profile have no other directions.
+    power = mean_square[0] if len(grid) == 2 else np.ones(grid)
+    alone, in_fit = independent_modes(center, bins, power, window)
+    # C is distributed as chi^2 with two degrees of freedom for each independent mode.
+    relative = np.sqrt(scipy.special.polygamma(1, alone * samples))
     if samples > 1:
         scatter = each.std(0, ddof=1) / np.sqrt(samples)
         relative = np.maximum(relative, scatter / np.where(C > 0, C, 1.0))
+    corrected, together = C, relative
+    if len(grid) == 2:
+        # Rounding may make the variance of equal wavevectors negative.
+        spread = np.sqrt(np.maximum(mean(log_q**2) - center**2, 0.0))
+        corrected, together = unbiased(center, C, spread, alone, in_fit)
     return MeasuredSpectrum(
         q=np.exp(center),
         C=C,
@@ -258,8 +263,8 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
             )
         ),
         sampling=Sampling(w, trends(grid, detrend)) if len(grid) == 1 else None,
-        independent=independent,
-        spread=spread,
+        unbiased=corrected,
+        together=together,
     )
 
 
