@@ -196,9 +196,10 @@ def fit_spectrum(
     H = 1, H is fixed at this limit. `SpectrumFit.remarks` names the parameters that were fixed.
 
     The standard errors are those of Gaussian surfaces. For maps of one longest wave, deviations of h_rms, H
-    and q_r from the truth were 1.1, 1.0 and 1.0 standard errors (rms of 60 random surfaces), and 0.9, 1.1 and
-    1.0 for a steeper roll-off (40). For 12 profiles of 1.6 longest waves they were 1.3, 1.3 and 1.8, and 1.0,
-    1.2 and 1.3 for 6 profiles of two (40). Standard errors of few short profiles are therefore too small.
+    and q_r from the truth were 1.1, 0.9 and 0.9 standard errors (rms of 60 random surfaces), and up to 1.3
+    and 1.6 if the directions of the surface differ by axes of 3 and 6 to one (40). For 12 profiles of 1.6
+    longest waves they were 1.3, 1.3 and 1.8, and 1.0, 1.2 and 1.3 for 6 profiles of two (40). Standard errors
+    of few short profiles are therefore too small.
 
     Examples
     --------

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fitting.data.kinds import SpectrumData
-from rubberfric.roughness import ArealSpectrum, MeasuredSpectrum, bins_before_cliff
+from rubberfric.roughness import ArealSpectrum, MeasuredSpectrum, whole_bins
 
 # Wavevectors below which a fit of three parameters says little.
 _LEAST_FITTED = 4
@@ -64,8 +64,8 @@ def resolved_ends(measured: MeasuredSpectrum | ArealSpectrum) -> tuple[float | N
     """Return the first and last wavevector to fit [1/m]. None stands for the end of the data."""
     if isinstance(measured, ArealSpectrum):
         return float(measured.q[0]), None
-    # A spectrum that ends within the last bins, as of a synthetic surface, has no resolved slope there.
-    last = bins_before_cliff(measured.q, measured.C) - 1
-    q1 = min(measured.resolved().q1, float(measured.q[last]))
-    enough = np.sum(measured.q <= q1) > _LEAST_FITTED + (measured.dimensions == 1)
-    return float(measured.q[0]) if measured.dimensions == 1 else None, q1 if enough else None
+    begin, end = whole_bins(measured.q, measured.C)
+    q1 = min(measured.resolved().q1, float(measured.q[end - 1]))
+    enough = np.sum((measured.q >= measured.q[begin]) & (measured.q <= q1))
+    q0 = float(measured.q[begin]) if measured.dimensions == 1 or begin > 0 else None
+    return q0, q1 if enough > _LEAST_FITTED + (measured.dimensions == 1) else None

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from rubberfric.roughness.normalisation import heights_by_normalisation as heights_by_normalisation
     from rubberfric.roughness.normalisation import spectrum_as as spectrum_as
     from rubberfric.roughness.normalisation import spectrum_from as spectrum_from
-    from rubberfric.roughness.periodograms import bins_before_cliff as bins_before_cliff
+    from rubberfric.roughness.periodograms import whole_bins as whole_bins
     from rubberfric.roughness.projections import line_spectrum as line_spectrum
     from rubberfric.roughness.spectra import SelfAffine as SelfAffine
     from rubberfric.roughness.spectra import log_power_spectrum as log_power_spectrum

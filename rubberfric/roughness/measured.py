@@ -14,19 +14,20 @@ import scipy
 from rubberfric.base.objects.labelled import Labelled, LabelledArrays
 from rubberfric.roughness.lines import ArealSpectrum, areal_of_bins
 from rubberfric.roughness.moments import cutoff, rms_slope
-from rubberfric.roughness.periodograms import Sampling, bins_before_cliff
+from rubberfric.roughness.periodograms import (
+    FEWEST_BINS,
+    OCTAVE,
+    SMOOTHED,
+    STEEPEST_HURST,
+    Sampling,
+    bins_before_cliff,
+    falls,
+    last_rough,
+    states_of_bins,
+    whole_bins,
+)
 from rubberfric.roughness.tabulated import TabulatedSpectrum
 
-# Width of an octave in ln q, the narrowest range of a fit of the slope d ln C / d ln q.
-_OCTAVE = np.log(2)
-# Widest range of such a fit in octaves. Wider ones find smaller differences of slope, but blur their border.
-_MOST_OCTAVES = 4
-# Fewest bins of such a fit. A line has two parameters, and the other bins give the scatter about it.
-_FEWEST_BINS = 5
-# C decreases more steeply than for this H where short waves were removed.
-_STEEPEST = 1.1
-# Standard errors by which a slope must differ.
-_SIGNIFICANT = 2.0
 # Noise begins to flatten C where it is about half of C. At q1, C is this factor larger.
 _ABOVE_NOISE = 2.5
 # Smallest ratio of C to the stated noise up to q1.
@@ -44,8 +45,8 @@ Limit = Literal["grid", "noise", "smoothing", "no surface", "tip", "noise floor"
 _TEXT = {
     "grid": "C falls like the C of a rough surface (0 < H < 1) up to the spacing of the points",
     "noise": "noise above q1: C falls more slowly than for H = 0 (at q1, noise is about a fifth of C)",
-    "smoothing": f"short waves are smoothed by a tip or filter above q1: C falls more steeply than for"
-    f" H = {_STEEPEST:g}",
+    "smoothing": f"short waves are smoothed by a tip or filter, or missing, above q1: C falls more steeply"
+    f" than for H = {STEEPEST_HURST:g}",
     "tip": "the tip does not follow sharper peaks above q1",
     "noise floor": "the stated noise is more than a fifth of C above q1",
     "no surface": "C does not fall like the C of a rough surface (0 < H < 1) in any range",
@@ -74,9 +75,9 @@ class ResolvedRange(NamedTuple):
     q1 : proposed cutoff [1/m]; nan if no range is resolved
     limit : reason for the end
         "grid": the spacing of the points. "noise": above, C is noise. "smoothing": above, a tip or filter has
-        removed short waves. "no surface": C never falls like the C of a rough surface, or has fewer than five
-        bins. "tip": above, peaks are sharper than the stated tip. "noise floor": above, the stated noise is
-        more than a fifth of C.
+        removed short waves, or the surface has none. "no surface": C never falls like the C of a rough
+        surface, or has fewer than five bins. "tip": above, peaks are sharper than the stated tip. "noise
+        floor": above, the stated noise is more than a fifth of C.
     error : standard error of ln q1 [-]
         "grid": 0. "noise" and "smoothing": the distance of the bins. "tip": the scatter of four parts of the
         surface. "noise floor": the standard error of ln C over its slope, and the width of a bin.
@@ -259,7 +260,8 @@ class MeasuredSpectrum(NamedTuple):
         one octave is not significant. From the largest wavevector downwards, bins are left out while C falls
         significantly more slowly than for H = 0 (noise), or more steeply than for H = 1.1 (smoothing). At the
         border to noise, about half of C is noise. There, q1 is lowered until C is 2.5 times larger, so that
-        noise is about a fifth of C. At the border to smoothing, q1 is half an octave lower.
+        noise is about a fifth of C. At the border to smoothing, q1 is half an octave lower. If C ends within
+        the bins, q1 is the last whole bin.
 
         Coloured noise that falls like a rough surface is not found. With `window="none"`, the edges of
         a surface that is not periodic hide smoothing. If the radius of the tip or the noise was stated
@@ -272,9 +274,9 @@ class MeasuredSpectrum(NamedTuple):
         """Yield the ends of the range that the tip and the noise set."""
         if self.limits.tip is not None and self.limits.tip[0] < self.q[-1]:
             yield ResolvedRange(max(self.limits.tip[0], float(self.q[0])), "tip", self.limits.tip[1])
-        if self.limits.noise is not None and self.q.size >= _FEWEST_BINS:
+        if self.limits.noise is not None and self.q.size >= FEWEST_BINS:
             log_q, log_C = np.log(self.q), np.log(np.maximum(self.C, np.finfo(float).tiny))
-            fall, _, line = _falls(log_q, log_C, self.relative**-2.0, _OCTAVE)
+            fall, _, line = falls(log_q, log_C, self.relative**-2.0, OCTAVE)
             above = line - np.log(self.limits.noise) - np.log(_OVER_FLOOR)
             below = np.flatnonzero(above < 0)
             # A maximum of C may lie above the first bins.
@@ -289,20 +291,24 @@ class MeasuredSpectrum(NamedTuple):
 
     def _range_of_slopes(self):
         """Return the end of the range that the slope of C shows."""
-        if self.q.size < _FEWEST_BINS:
+        begin, end = whole_bins(self.q, self.C) if self.q.size >= FEWEST_BINS else (0, 0)
+        if end - begin < FEWEST_BINS:
             return ResolvedRange(np.nan, "no surface")
-        log_q, log_C = np.log(self.q), np.log(np.maximum(self.C, np.finfo(float).tiny))
-        states, falling, level = _states(log_q, log_C, self.relative**-2.0, self.dimensions)
-        last = _last_rough(states, log_q)
+        q, C, relative = (x[begin:end] for x in (self.q, self.C, self.relative))
+        log_q, log_C = np.log(q), np.log(np.maximum(C, np.finfo(float).tiny))
+        states, falling, level = states_of_bins(log_q, log_C, relative**-2.0, self.dimensions)
+        last = last_rough(states, log_q)
         if last < 0 or not falling[: last + 1].any():
             return ResolvedRange(np.nan, "no surface")
-        if last == self.q.size - 1:
-            return ResolvedRange(float(self.q[-1]), "grid")
+        if last == q.size - 1 and end == self.q.size:
+            return ResolvedRange(float(q[-1]), "grid")
+        if last == q.size - 1:
+            return ResolvedRange(float(q[-1]), "smoothing", float(np.log(self.q[end] / q[-1])))
         step = float(log_q[last + 1] - log_q[last])
-        if states[last + 1] == _SMOOTHED:
-            return ResolvedRange(float(max(self.q[last] / np.sqrt(2), self.q[0])), "smoothing", step)
+        if states[last + 1] == SMOOTHED:
+            return ResolvedRange(float(max(q[last] / np.sqrt(2), q[0])), "smoothing", step)
         above = np.flatnonzero(level[: last + 1] > level[last] + np.log(_ABOVE_NOISE))
-        return ResolvedRange(float(self.q[above[-1] if above.size else 0]), "noise", step)
+        return ResolvedRange(float(q[above[-1] if above.size else 0]), "noise", step)
 
     def report(self) -> str:
         """Return a text with rms height and slope, the range without noise and smoothing, and proposed q1."""
@@ -330,74 +336,6 @@ class MeasuredSpectrum(NamedTuple):
                     f"rms slope {_USUAL_SLOPE:g}, as usual for rubber on roads, up to q = {usual:.4g} 1/m"
                 )
         return "\n    ".join(lines) + "\n"
-
-
-# State of a bin whose C falls like the C of a rough surface.
-_ROUGH = 0
-# State of a bin with noise.
-_NOISE = 1
-# State of a bin in which an instrument removed waves.
-_SMOOTHED = 2
-
-
-def _states(log_q, log_C, weight, dimensions):
-    """Return the states of all bins, a mask of significantly falling bins, and a smoothed ln C.
-
-    A bin whose slope is not significant over four octaves counts as rough.
-    """
-    states = np.full(log_q.size, _ROUGH)
-    falling, undecided = np.zeros(log_q.size, bool), np.ones(log_q.size, bool)
-    level = log_C
-    for octaves in range(1, _MOST_OCTAVES + 1):
-        fall, error, line = _falls(log_q, log_C, weight, octaves * _OCTAVE)
-        low, high = fall - _SIGNIFICANT * error, fall + _SIGNIFICANT * error
-        noise, smoothed = high < dimensions, low > dimensions + 2 * _STEEPEST
-        states = np.where(undecided & noise, _NOISE, np.where(undecided & smoothed, _SMOOTHED, states))
-        falling |= undecided & (low > 0.5 * dimensions)
-        level = np.where(undecided, line, level)
-        undecided &= ~(noise | smoothed | ((low > dimensions) & (high < dimensions + 2 * _STEEPEST)))
-    return states, falling, level
-
-
-def _last_rough(states, log_q):
-    """Return the index of the last rough bin, or -1 without a rough bin.
-
-    C changes gradually from smoothing to noise. Rough bins over less than an octave, with smoothing below,
-    belong to this change.
-    """
-    last = states.size - 1
-    while last >= 0 and states[last] != _ROUGH:
-        last -= 1
-    if last in (-1, states.size - 1):
-        return last
-    below = np.flatnonzero(states[: last + 1] != _ROUGH)
-    if below.size and states[below[-1]] == _SMOOTHED and log_q[last] - log_q[below[-1]] < _OCTAVE:
-        return _last_rough(states[: below[-1] + 1], log_q)
-    return last
-
-
-def _falls(log_q, log_C, weight, width):
-    """Return -d ln C / d ln q about every bin, its error, and the value of a weighted line over `width`.
-
-    The error is the larger of the standard errors from the weights and from the scatter about the line.
-    """
-    n = log_q.size
-    first = np.minimum(np.searchsorted(log_q, log_q - width / 2 - 1e-9), np.arange(n) - _FEWEST_BINS // 2)
-    first = np.clip(first, 0, n - _FEWEST_BINS)
-    end = np.maximum(np.searchsorted(log_q, log_q + width / 2 + 1e-9), first + _FEWEST_BINS)
-    x, y = log_q - log_q.mean(), log_C - log_C.mean()
-
-    def total(values):
-        sums = np.append(0.0, np.cumsum(values))
-        return sums[end] - sums[first]
-
-    w, wx, wy = total(weight), total(weight * x), total(weight * y)
-    xx, xy = total(weight * x * x) - wx**2 / w, total(weight * x * y) - wx * wy / w
-    yy = total(weight * y * y) - wy**2 / w
-    slope = xy / xx
-    scatter = np.maximum(yy - slope * xy, 0) / np.maximum(end - first - 2, 1)
-    line = log_C.mean() + wy / w + slope * (x - wx / w)
-    return -slope, np.sqrt(np.maximum(scatter, 1.0) / xx), line
 
 
 def _log_mean_square(log_q, log_C, dimensions):

@@ -1,4 +1,4 @@
-r"""Bins of modes, and expected periodograms: what a window, detrending and bins make of a spectrum C_1D.
+r"""Bins of modes, and expected periodograms: what a window, detrending and bins make of a spectrum.
 
 A profile of n heights has the covariances R of a random profile with the spectrum C_1D,
 
@@ -16,6 +16,22 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
+# Width of an octave in ln q, the narrowest range of a fit of the slope d ln C / d ln q.
+OCTAVE = np.log(2)
+# Widest range of such a fit in octaves. Wider ones find smaller differences of slope, but blur their border.
+_MOST_OCTAVES = 4
+# Fewest bins of such a fit. A line has two parameters, and the other bins give the scatter about it.
+FEWEST_BINS = 5
+# C decreases more steeply than for this H where short waves were removed.
+STEEPEST_HURST = 1.1
+# Standard errors by which a slope must differ.
+_SIGNIFICANT = 2.0
+# State of a bin whose C falls like the C of a rough surface.
+_ROUGH = 0
+# State of a bin with noise.
+_NOISE = 1
+# State of a bin in which an instrument removed waves.
+SMOOTHED = 2
 # Wavevectors per mode at which C_1D is sampled; C_1D is straight between them except next to a cutoff.
 _SAMPLES = 8
 # Wavevectors per decade at which C_1D is computed; ln C_1D is linear in ln q in between.
@@ -26,10 +42,8 @@ _CLIFF = 20
 _ROUNDING = 1e-6
 # Steps between bins below which a fit of three parameters says little.
 _LEAST_BINS = 4
-# Half of the range in ln q over which the directions of C are taken as equal, an octave.
-_DIRECTIONS = np.log(2)
 # Steepest slope d ln C / d ln q of a rough surface, H = 1.
-_STEEPEST = 4.0
+_STEEPEST_SLOPE = 4.0
 # Fewest independent modes of a bin. Half a mode means a factor of 9, and fewer say nothing more.
 _FEWEST_MODES = 0.5
 # Squared correlation of modes at these distances along an axis, from the transform of the squared window.
@@ -101,8 +115,8 @@ def independent_modes(
     ratio = products / pairs / np.where(square > 0, square, 1.0)
     # The square of a mean of n modes is too large by the factor 1 + 1/n.
     ratio /= np.maximum(1 - ratio / alone, 0.5)
-    first = np.searchsorted(log_q, log_q - _DIRECTIONS)
-    end = np.searchsorted(log_q, log_q + _DIRECTIONS, side="right")
+    first = np.searchsorted(log_q, log_q - OCTAVE)
+    end = np.searchsorted(log_q, log_q + OCTAVE, side="right")
     sums = np.cumsum(np.pad([alone * ratio, alone], ((0, 0), (1, 0))), axis=1)
     weighted, weight = sums[:, end] - sums[:, first]
     ratio = np.maximum(weighted / weight, 1.0)
@@ -120,7 +134,7 @@ def unbiased(
     change = np.log(alone) - scipy.special.digamma(alone)
     if C.size > 1:
         slope = np.gradient(np.log(np.maximum(C, np.finfo(float).tiny)), log_q)
-        change -= (np.clip(slope, -_STEEPEST, 0.0) * spread) ** 2 / 2
+        change -= (np.clip(slope, -_STEEPEST_SLOPE, 0.0) * spread) ** 2 / 2
     return C * np.exp(change), np.sqrt(scipy.special.polygamma(1, np.maximum(in_fit, _FEWEST_MODES)))
 
 
@@ -129,22 +143,97 @@ def bins_before_cliff(q: np.ndarray, C: np.ndarray) -> int:
 
     A bin is behind the end if C falls to it more steeply than q^-20. Bins behind a fall by 1e-6 within two
     bins hold rounding errors. At least four bins are kept.
+    """
+    steepness = -np.diff(np.log(np.maximum(C, np.finfo(float).tiny))) / np.diff(np.log(q))
+    largest_behind = np.maximum.accumulate(C[::-1])[::-1]
+    lost = largest_behind[2:] < np.minimum(_ROUNDING, (q[2:] / q[:-2]) ** -_CLIFF) * C[:-2]
+    last = max(int(np.argmax(lost)) + 1, _LEAST_BINS) if lost.any() else len(steepness)
+    while last > _LEAST_BINS and steepness[last - 1] > _CLIFF:
+        last -= 1
+    return last + 1
+
+
+def whole_bins(q: np.ndarray, C: np.ndarray) -> tuple[int, int]:
+    """Return the range of bins (begin, end) in which all modes have roughness.
+
+    The spectrum of a synthetic surface may begin or end within the bins, and that of a filtered one ends. The
+    bin with the border is partly empty, and is left out with those beyond.
 
     Examples
     --------
     >>> q = np.geomspace(1e3, 1e5, 41)
     >>> C = 1e-14 * (q / 1e3) ** -3.6 * np.minimum(1.0, (3e4 / q) ** 30)  # a filter at 3e4 1/m
-    >>> count = rf.roughness.bins_before_cliff(q, C)
-    >>> count, round(float(q[count - 1]))
-    (31, 31623)
+    >>> begin, end = rf.roughness.whole_bins(q, C)
+    >>> begin, end, round(float(q[end - 1]))
+    (0, 30, 28184)
     """
-    falls = -np.diff(np.log(np.maximum(C, np.finfo(float).tiny))) / np.diff(np.log(q))
-    largest_behind = np.maximum.accumulate(C[::-1])[::-1]
-    lost = largest_behind[2:] < np.minimum(_ROUNDING, (q[2:] / q[:-2]) ** -_CLIFF) * C[:-2]
-    last = max(int(np.argmax(lost)) + 1, _LEAST_BINS) if lost.any() else len(falls)
-    while last > _LEAST_BINS and falls[last - 1] > _CLIFF:
+    end = bins_before_cliff(q, C)
+    empty = np.flatnonzero(np.maximum.accumulate(C)[:-2] < _ROUNDING * C[2:])
+    return int(empty[-1]) + 2 if empty.size else 0, end - (end < q.size)
+
+
+def states_of_bins(
+    log_q: np.ndarray, log_C: np.ndarray, weight: np.ndarray, dimensions: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the states of all bins, a mask of significantly falling bins, and a smoothed ln C.
+
+    A bin whose slope is not significant over four octaves counts as rough.
+    """
+    states = np.full(log_q.size, _ROUGH)
+    falling, undecided = np.zeros(log_q.size, bool), np.ones(log_q.size, bool)
+    level = log_C
+    for octaves in range(1, _MOST_OCTAVES + 1):
+        fall, error, line = falls(log_q, log_C, weight, octaves * OCTAVE)
+        low, high = fall - _SIGNIFICANT * error, fall + _SIGNIFICANT * error
+        noise, smoothed = high < dimensions, low > dimensions + 2 * STEEPEST_HURST
+        states = np.where(undecided & noise, _NOISE, np.where(undecided & smoothed, SMOOTHED, states))
+        falling |= undecided & (low > 0.5 * dimensions)
+        level = np.where(undecided, line, level)
+        undecided &= ~(noise | smoothed | ((low > dimensions) & (high < dimensions + 2 * STEEPEST_HURST)))
+    return states, falling, level
+
+
+def last_rough(states: np.ndarray, log_q: np.ndarray) -> int:
+    """Return the index of the last rough bin, or -1 without a rough bin.
+
+    C changes gradually from smoothing to noise. Rough bins over less than an octave, with smoothing below,
+    belong to this change.
+    """
+    last = states.size - 1
+    while last >= 0 and states[last] != _ROUGH:
         last -= 1
-    return last + 1
+    if last in (-1, states.size - 1):
+        return last
+    below = np.flatnonzero(states[: last + 1] != _ROUGH)
+    if below.size and states[below[-1]] == SMOOTHED and log_q[last] - log_q[below[-1]] < OCTAVE:
+        return last_rough(states[: below[-1] + 1], log_q)
+    return last
+
+
+def falls(
+    log_q: np.ndarray, log_C: np.ndarray, weight: np.ndarray, width: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return -d ln C / d ln q about every bin, its error, and the value of a weighted line over `width`.
+
+    The error is the larger of the standard errors from the weights and from the scatter about the line.
+    """
+    n = log_q.size
+    first = np.minimum(np.searchsorted(log_q, log_q - width / 2 - 1e-9), np.arange(n) - FEWEST_BINS // 2)
+    first = np.clip(first, 0, n - FEWEST_BINS)
+    end = np.maximum(np.searchsorted(log_q, log_q + width / 2 + 1e-9), first + FEWEST_BINS)
+    x, y = log_q - log_q.mean(), log_C - log_C.mean()
+
+    def total(values):
+        sums = np.append(0.0, np.cumsum(values))
+        return sums[end] - sums[first]
+
+    w, wx, wy = total(weight), total(weight * x), total(weight * y)
+    xx, xy = total(weight * x * x) - wx**2 / w, total(weight * x * y) - wx * wy / w
+    yy = total(weight * y * y) - wy**2 / w
+    slope = xy / xx
+    scatter = np.maximum(yy - slope * xy, 0) / np.maximum(end - first - 2, 1)
+    line = log_C.mean() + wy / w + slope * (x - wx / w)
+    return -slope, np.sqrt(np.maximum(scatter, 1.0) / xx), line
 
 
 def expected_bins(

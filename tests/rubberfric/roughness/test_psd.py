@@ -13,6 +13,7 @@ import scipy.integrate
 import fitting
 import rubberfric as rf
 from rubberfric.io.tables import read_table
+from rubberfric.roughness.periodograms import bins_before_cliff
 
 TABLE = rf.TabulatedSpectrum([60.0, 150.0, 2e3, 8e5, 8.1e5], [4e-13, 9e-13, 1e-14, 2e-24, 1e-25])
 ROAD = rf.SelfAffine(100.0, 1000.0, 3e6, 0.8, 5e-4)
@@ -303,8 +304,8 @@ def test_rounding_errors_behind_the_end_of_a_spectrum_are_left_out():
     q = np.geomspace(1e3, 2e5, 24)
     C = 1e-14 * (q / 1e3) ** -3.6
     C[20:] = C[19] * np.array([5e-3, 1e-11, 5e-12, 4e-12])
-    assert rf.roughness.bins_before_cliff(q, C) == 20
+    assert bins_before_cliff(q, C) == 20
     # Noise of a few modes, which C exceeds again, is no end.
     C = 1e-14 * (q / 1e3) ** -3.6
     C[3] *= 1e-4
-    assert rf.roughness.bins_before_cliff(q, C) == q.size
+    assert bins_before_cliff(q, C) == q.size
