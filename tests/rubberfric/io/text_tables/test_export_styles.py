@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from support import exports
 from support.exports import book, put
 from support.refusals import refused
 
@@ -44,10 +43,32 @@ def sheets(folder, *rows):
         ("Storage modulus (E'') [MPa]", None, None),
         ("mu 1", None, None),
         ("Shear modulus (elastic component) (Pa)", "G_stor", "Pa"),
+        ("Shear modulus (viscous component) (Pa)", "G_loss", "Pa"),
+        ("E'' psi", "E_loss", "psi"),
+        ("Temp °F", "T", "°F"),
+        ("Time (s)", "t", "s"),
+        ("Step time [min]", "t_step", "min"),
+        ("time (t) / s", "t", "s"),
+        ("Zeit in h", "t", "h"),
+        ("Relaxation modulus E(t) [MPa]", "E_relax", "MPa"),
+        ("Module de perte G'' (Pa)", "G_loss", "Pa"),
+        ("Loss modulus E' (Pa)", None, None),
+        ("Relaxation modulus (E(t)) [MPa]", "E_relax", "MPa"),
+        ("G(t) [Pa]", "G_relax", "Pa"),
+        ("Relaxationsmodul/MPa", "E_relax", "MPa"),
+        ("Kriechnachgiebigkeit in 1/MPa", "D_creep", "1/MPa"),
+        ("J(t) [1/Pa]", "J_creep", "1/Pa"),
+        ("T min", None, None),
+        ("mu min", None, None),
     ],
 )
 def test_titles(title, name, unit):
     assert known_name(title) == (name, unit)
+
+
+def test_titles_in_shear():
+    assert known_name("Creep compliance [1/Pa]", "G") == ("J_creep", "1/Pa")
+    assert known_name("Relaxation modulus [Pa]", "G") == ("G_relax", "Pa")
 
 
 UNITS = {  # unit row or units in titles: f, E', E'', T of one point in SI
@@ -162,12 +183,19 @@ def test_merged_titles(tmp_path):
 
 def test_a_sheet_for_each_step(tmp_path):
     """The sheet with details of the sample has numbers, too, but no table."""
-    details = [["Diameter", 25], ["Operator", "A. B."]]
-    steps = [[[f"step {n}"], TITLES, [1, 5 + n, 1], [2, 6 + n, 1]] for n in (1, 2)]
+    details = [["Sample", "tread"], ["Length", 17.5, "mm"], ["Width", 6.1, "mm"], ["Operator", "A. B."]]
+    titles = ["Oscillation frequency", "Storage modulus", "Loss modulus", "Tan(delta)", "Temperature"]
+    head = [titles, ["Hz", "MPa", "MPa", None, "°C"]]
+    steps = [
+        [[f"Frequency sweep - {n}"], *head, [1, 5 + n, 1, 0.1, 20 * n], [2, 6 + n, 1, 0.1, 20 * n]]
+        for n in (1, 2)
+    ]
     other = [["A [mm]", "B [mm]"], [1, 2], [3, 4]]
     path = sheets(tmp_path, details, *steps, other)
     with pytest.warns(UserWarning, match="sheet 1, sheet 2 are read as one table, and not sheet 3; delete"):
-        np.testing.assert_allclose(read(path).storage, [6e6, 7e6, 7e6, 8e6])
+        data = read(path)
+    np.testing.assert_allclose(data.storage, [6e6, 7e6, 7e6, 8e6])
+    np.testing.assert_allclose(data.temperature, [ZERO + 20, ZERO + 20, ZERO + 40, ZERO + 40])
     path = sheets(tmp_path, steps[0], other)
     with pytest.warns(UserWarning, match=r"the sheet sheet 0 is read, and not sheet 1; delete sheets"):
         np.testing.assert_allclose(read(path).storage, [6e6, 7e6])
@@ -217,40 +245,29 @@ def test_selected_temperatures():
             data.selected(**ranges)
 
 
-# --- instruments
-
-OPTIONS = {exports.rheocompass: {"poisson": 0.5}, exports.rspace: {"poisson": 0.5}}
-MODULI = (
-    *(exports.trios, exports.trios_workbook, exports.rheocompass, exports.rheoplus, exports.proteus),
-    *(exports.eplexor, exports.stare, exports.rspace, exports.american, exports.wide_workbook),
-)
-
-
-@pytest.mark.parametrize("style", MODULI)
-@pytest.mark.filterwarnings("ignore:.*sheets .* are read as one table")
-def test_moduli_of_instruments(tmp_path, style):
-    pytest.importorskip("openpyxl", reason="needs openpyxl, which is in the test extra")
-    data = read(style(tmp_path), **OPTIONS.get(style, {}))
-    order = np.lexsort((data.omega, data.temperature))
-    found = np.array([data.omega / HZ, data.storage / 1e6, data.loss / 1e6, data.temperature - ZERO])[
-        :, order
-    ]
-    np.testing.assert_allclose(found, np.transpose(exports.sweep()), rtol=1e-7, atol=1e-6)
+# --- friction testers
 
 
 def test_friction_of_a_linear_tester(tmp_path):
-    data = read(exports.linear_tester(tmp_path))
-    np.testing.assert_allclose(data.friction, exports.mu(1e3 * data.velocity, 1e-6 * data.pressure))
-    assert sorted(zip(data.pressure, data.velocity, strict=True)) == [
-        (p, pytest.approx(v)) for p in (2e5, 4e5) for v in (5e-4, 5e-3, 5e-2)
-    ]
+    """German, with a column of the friction coefficient for each pressure."""
+    path = put(
+        tmp_path,
+        "Gleitgeschwindigkeit [mm/s];Reibwert bei 0,2 MPa;Reibwert bei 0,4 MPa;Bemerkung\n"
+        "0,5;0,61;0,57;\n50,0;0,95;0,89;\n",
+    )
+    data = read(path)
+    np.testing.assert_allclose(data.friction, [0.61, 0.95, 0.57, 0.89])
+    np.testing.assert_allclose(data.pressure, [2e5, 2e5, 4e5, 4e5])
+    np.testing.assert_allclose(data.velocity, [5e-4, 0.05] * 2)
 
 
 def test_friction_of_a_wheel_tester_with_the_columns_of_the_message(tmp_path):
-    path = exports.wheel_tester(tmp_path)
+    """The sliding velocity of a LAT 100 has no known title."""
+    text = "LAT 100\nTrack;v slip;Load;p;Coeff\n;mm/s;N;MPa;\n1;0.5;75;0.2;0.61\n2;5;75;0.4;0.75\n"
+    path = put(tmp_path, text)
     columns = json.loads(refused(path, lambda: read(path)).rpartition("columns=")[2])
     assert columns == ["?", "?", "F_n [N]", "p [MPa]", "?"]
     known = iter(["-", "v [mm/s]", "mu [-]"])
     data = read(path, columns=[next(known) if column == "?" else column for column in columns])
-    np.testing.assert_allclose(data.friction, exports.mu(1e3 * data.velocity, 1e-6 * data.pressure))
-    assert len(data) == 6
+    np.testing.assert_allclose([data.friction, data.pressure], [[0.61, 0.75], [2e5, 4e5]])
+    np.testing.assert_allclose(data.velocity, [5e-4, 5e-3])

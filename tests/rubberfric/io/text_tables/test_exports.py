@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from support import exports
 from support.exports import put
+from support.folders import REFERENCE
 from support.refusals import refused
 
 import rubberfric as rf
@@ -11,6 +11,7 @@ from fitting import FrictionData, ModulusData, SpectrumData, read
 from rubberfric.io.tables import read_table
 
 TWO_PI = 2 * np.pi
+STEPS = REFERENCE / "exports" / "steps" / "ta_trios.txt"
 
 
 def holds(data, omega, storage, loss, temperature=None):
@@ -119,12 +120,10 @@ def test_moduli(tmp_path, name, encoding):
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1", "utf-16"])
 @pytest.mark.parametrize("ends", ["\n", "\r\n"])
 def test_decimal_commas_in_any_encoding(tmp_path, encoding, ends):
-    """Tabs, a preamble and several steps; `test_moduli_of_instruments` reads the text with points."""
-    path = exports.trios(tmp_path)
-    lines = path.read_text("utf-16").splitlines()
+    """Tabs, a preamble and two steps; `test_steps_at_several_temperatures` reads the text with points."""
+    lines = STEPS.read_text("utf-8").splitlines()
     commas = ends.join(line.replace(".", ",") if line[:1].isdigit() else line for line in lines) + ends
-    plain, data = read(path), read(put(tmp_path, commas.encode(encoding), "sweep.tsv"))
-    assert len(plain.omega) == 9
+    plain, data = read(STEPS), read(put(tmp_path, commas.encode(encoding), "sweep.tsv"))
     holds(data, plain.omega, plain.storage, plain.loss, plain.temperature)
 
 
@@ -153,10 +152,9 @@ def test_strain_sweeps(tmp_path, title):
     np.testing.assert_allclose([*sweep.values()], [[1e-3, 0.02], [8e6, 6e6], [1e6, 0.9e6]], rtol=1e-15)
 
 
-def test_a_storage_modulus_is_a_shear_modulus_beside_a_poisson_ratio(tmp_path):
+def test_a_storage_modulus_is_a_shear_modulus_beside_a_poisson_ratio():
     """A rheometer and a tension clamp write the same words."""
-    path = exports.trios(tmp_path)
-    plain, data = read(path), read(path, poisson=0.5)
+    plain, data = read(STEPS), read(STEPS, poisson=0.5)
     holds(data, plain.omega, 3 * plain.storage, 3 * plain.loss, plain.temperature)
 
 

@@ -10,7 +10,6 @@ from support.refusals import refused
 import fitting
 import rubberfric as rf
 from rubberfric.io import stated_frequency
-from rubberfric.io.columns import known_name
 
 HZ = 2 * math.pi  # [rad/s]
 ANGLE = math.degrees(math.atan2(3, 4))  # of E' = 4 MPa and E'' = 3 MPa
@@ -63,34 +62,6 @@ def test_shear_compliances_need_the_poisson_ratio(tmp_path):
     path = put(tmp_path, "f [Hz],J' [1/MPa],J'' [1/MPa]\n1,0.48,0.36\n")
     message = refused(path, lambda: fitting.read(path))
     assert "J_stor, J_loss are of shear: poisson must be given" in message
-
-
-@pytest.mark.parametrize(
-    ("title", "name", "unit"),
-    [
-        ("Time (s)", "t", "s"),
-        ("Step time [min]", "t_step", "min"),
-        ("time (t) / s", "t", "s"),
-        ("Zeit in h", "t", "h"),
-        ("Relaxation modulus E(t) [MPa]", "E_relax", "MPa"),
-        ("Module de perte G'' (Pa)", "G_loss", "Pa"),
-        ("Loss modulus E' (Pa)", None, None),
-        ("Relaxation modulus (E(t)) [MPa]", "E_relax", "MPa"),
-        ("G(t) [Pa]", "G_relax", "Pa"),
-        ("Relaxationsmodul/MPa", "E_relax", "MPa"),
-        ("Kriechnachgiebigkeit in 1/MPa", "D_creep", "1/MPa"),
-        ("J(t) [1/Pa]", "J_creep", "1/Pa"),
-        ("T min", None, None),
-        ("mu min", None, None),
-    ],
-)
-def test_titles(title, name, unit):
-    assert known_name(title) == (name, unit)
-
-
-def test_titles_in_shear():
-    assert known_name("Creep compliance [1/Pa]", "G") == ("J_creep", "1/Pa")
-    assert known_name("Relaxation modulus [Pa]", "G") == ("G_relax", "Pa")
 
 
 @pytest.mark.parametrize(
