@@ -146,14 +146,9 @@ def test_brackets_without_a_unit_contradict_nothing(tmp_path):
     np.testing.assert_allclose(fitting.read(put(tmp_path, text)).storage, 5e6)
 
 
-def test_units_of_traces_and_frames_that_contradict_the_titles(tmp_path):
+def test_units_of_traces_that_contradict_the_titles(tmp_path):
     path = put(tmp_path, "x [mm];z [mm]\nmm;um\n0;1\n1;2\n")
     assert "unit 'um' below contradicts the title" in refused(path, lambda: rf.io.read_traces(path))
-    frame = {"v [m/s]": [1.0], "mu": [0.5], "p [Pa]": [1e5]}
-    with pytest.raises(
-        ValueError, match=r"^column 'p \[Pa\]': unit 'MPa' contradicts the title; must be equal$"
-    ):
-        fitting.FrictionData.from_frame(frame, {"p [Pa]": "MPa"})
 
 
 # --- blocks of columns
