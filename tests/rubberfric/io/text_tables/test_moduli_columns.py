@@ -35,6 +35,15 @@ SHEAR = {"poisson": 0.5}
         ),
         ("f [Hz],Storage compliance [1/MPa],Loss compliance [1/MPa]", "1,0.48,0.36", SHEAR),
         ("f [Hz],J* [1/MPa],Phase angle [rad]", f"1,0.6,{math.radians(ANGLE)!r}", SHEAR),
+        ("f [Hz];|E*| [MPa];tan delta", "1;5;0.75", {}),
+        ("f,E_stor,tan_del\nHz,MPa,-", "1,4,0.75", {}),
+        ("f [Hz],|E*| [MPa],delta [rad]", f"1,5,{math.radians(ANGLE)!r}", {}),
+        ("f [Hz],|G*| [MPa],delta [deg]", f"1,{5 / 3!r},{ANGLE!r}", SHEAR),
+        ("f [Hz],E' [MPa],delta [deg]", f"1,4,{ANGLE!r}", {}),
+        ("f [Hz],E'' [MPa],tan delta", "1,3,0.75", {"kind": "modulus"}),
+        # phase angles that are not needed
+        ("f [Hz],E' [MPa],E'' [MPa],delta [deg]", "1,4,3,-2", {}),
+        ("f [Hz],E' [MPa],E'' [MPa],|E*| [MPa],delta [deg]", "1,4,3,n/a,n/a", {}),
         # moduli in other languages
         ("Frequenz [Hz];Komplexer Schubmodul [MPa];Phasenwinkel [°]", f"1;{5 / 3!r};{ANGLE!r}", SHEAR),
         ("Frequenz [Hz];Schubspeichermodul [MPa];Schubverlustmodul [MPa]", f"1;{4 / 3!r};1", SHEAR),
