@@ -6,15 +6,12 @@ import h5py
 import jax
 import numpy as np
 import pytest
-from problems import ROAD, SHIFTED_TREAD
 from support.refusals import refused
 from support.scenes.examples import EXAMPLES
+from support.scenes.results import result
 
 import rubberfric as rf
 from rubberfric.io.files import load_result, read_computable, save_result
-from rubberfric.io.results import Conditions, Result
-
-PRESSURES, COLD = np.array([1e5, 2e5]), np.array([283.0])
 
 
 def test_saving_writes_nothing_wrong(tmp_path):
@@ -37,14 +34,11 @@ def test_saving_writes_nothing_wrong(tmp_path):
 
 
 def saved(path, kind="scene"):
-    """Write a scene, or a result of 3 velocities; return the function that reads it."""
-    scene = EXAMPLES["Scene"]
+    """Write a scene or a result; return the function that reads it."""
     if kind == "scene":
-        rf.save_scene(path, scene)
+        rf.save_scene(path, EXAMPLES["Scene"])
         return rf.load_scene
-    values = np.random.default_rng(0).uniform(size=(5, 1, 2, 3))
-    conditions = Conditions(np.array([1e-3, 0.1, 1.0]), PRESSURES, COLD)
-    save_result(path, Result(scene, conditions, rf.Solution(*values), rf.Quadrature(order=20), "Title"))
+    save_result(path, result(temperature=[283.0]))
     return load_result
 
 
@@ -158,9 +152,11 @@ def test_hdf5_with_data_in_another_file_is_refused(tmp_path, kind):
 
 
 def test_files_have_a_limit_of_conditions(tmp_path):
-    scene = rf.Scene(rf.Body(SHIFTED_TREAD), rf.Body(rf.Rigid(), ROAD))
     path, many = tmp_path / "many.h5", np.linspace(1e-6, 1.0, 100_001)
-    save_result(path, Result(scene, Conditions(many, PRESSURES, COLD), rf.Solution(), rf.Quadrature()))
+    content = result()
+    save_result(
+        path, content._replace(conditions=content.conditions._replace(velocity=many), solution=rf.Solution())
+    )
     message = refused(path, lambda: read_computable(path))
     assert "velocity has 100001 values: must have at most 100000" in message
 
