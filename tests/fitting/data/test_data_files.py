@@ -122,14 +122,12 @@ ABSENT = "must not be given; "
         ("v,mue\nm/s,-\n1,0.5\n", {}, f"columns v, mue: 'mue': did you mean 'mu'? {ALL_KINDS}"),
         ("T,aT\nK,-\n300,1\n", {}, f"columns T, aT: {ALL_KINDS}"),
         ("v,mu,A_over_A0\nm/s,-,-\n1,0.5,0.1\n", {}, f"columns v, mu, A_over_A0: {ALL_KINDS}"),
-        ("v,mu,pp\nm/s,-,Pa\n1,0.5,1e5\n", {}, "line 1: column 'pp': did you mean 'p'? must be one of"),
         ("v,mu,E_loss\nm/s,-,Pa\n1,0.5,1e5\n", {}, "line 1: column 'E_loss': must be one of"),
         ("v,mu,sigma_C\nm/s,-,m^4\n1,0.5,1e5\n", {}, "line 1: column 'sigma_C': did you mean 'sigma'?"),
         ("mu,p\n-,Pa\n0.5,1e5\n", {}, "no column v or log10_v: the table must have one"),
         ("v,mu,p,T\nm/s,-,MPa,K\n1,0.5,1,20\n", {}, "FrictionData.temperature[0] = 20.0: must be >= 100 K"),
         (FRICTION, {}, "no column p: add it to the table, or give pressure=... [Pa]"),
         (FRICTION, {"pressure": 0.1}, "FrictionData.pressure = 0.1: must be >= 1 Pa; is it in MPa"),
-        (FRICTION, {"pressure": [1e5, -1]}, "FrictionData.pressure[1] = -1.0: must be > 0"),
         (FRICTION, {"pressure": 1e5, "body": "upper"}, f"body = 'upper': {ABSENT}friction data have none"),
         (MODULUS, {"pressure": 1e5}, f"pressure = 100000.0: {ABSENT}modulus data have none"),
         (
@@ -142,8 +140,6 @@ ABSENT = "must not be given; "
             {"temperature": np.ones((2, 2)), "normalisation": "C"},
             f"{ABSENT}spectrum data have none",
         ),
-        (SPECTRUM, {"body": "middle", "normalisation": "C"}, "SpectrumData.body = 'middle': must be"),
-        (SPECTRUM, {}, "normalisation is missing: must be"),
         ("v,mu,p\nm/s,-,Pa\n1,0.5,1e5\n", {"pressure": 1e5}, f"pressure = 100000.0: {ABSENT}the file has it"),
         (
             "f,E_stor,E_loss,T\nHz,Pa,Pa,C\n1,1e6,1e5,20\n",
@@ -154,16 +150,6 @@ ABSENT = "must not be given; "
             "q,C,relative_sigma\n1/m,m^4,%\n1e3,1e-12,5\n",
             {"relative": 0.1, "normalisation": "C"},
             f"relative = 0.1: {ABSENT}the file has it",
-        ),
-        (
-            "q,C,sigma_C\n1/m,m^4,m^4\n1e3,1e-12,1e-13\n",
-            {"relative": 0.1, "normalisation": "C"},
-            "SpectrumData: sigma and relative are given: must be one of them",
-        ),
-        (
-            "f,E_stor,E_loss,sigma_stor\nHz,Pa,Pa,Pa\n1,1e6,1e5,1e4\n",
-            {},
-            "ModulusData.sigma_loss is missing: must be given together with sigma_storage",
         ),
     ],
 )
@@ -230,7 +216,6 @@ def dataset(name, values, units):
     ("change", "expected"),
     [
         (lambda f: f.attrs.create("format", "rubberfric scene"), "must be 'rubberfric data'"),
-        (lambda f: f.attrs.create("format_version", 2), "format_version = 2: must be 1"),
         (lambda f: f.__delitem__("data"), "/data: is missing; must be a group"),
         (lambda f: f.create_group("more"), "/more: unknown field; "),
         (lambda f: f["data"].attrs.create("kind", "frictions"), "/data: kind = 'frictions': did you mean"),
@@ -239,14 +224,9 @@ def dataset(name, values, units):
         (lambda f: f["data"].attrs.create("kind", "spectrum"), "/data/friction: unknown field"),
         (lambda f: f["data"].attrs.create("body", "lower"), "/data: attribute 'body' is unknown"),
         (lambda f: f["data"].attrs.create("name", 1), "/data: FrictionData.name = 1: must be text"),
-        (lambda f: f["data"].__delitem__("friction"), "/data/friction: is missing; must be a dataset"),
         (lambda f: f["data"].__delitem__("pressure"), "/data/pressure: is missing; must be a dataset"),
         (dataset("pressure", 0.1, "MPa"), "/data/pressure: units = 'MPa': must be 'Pa'"),
         (dataset("pressure", -0.1, "Pa"), "/data: FrictionData.pressure = -0.1: must be > 0"),
-        (dataset("friction", [1, 2], "-"), "/data/friction: has type int64"),
-        (dataset("friction", [1.0, np.nan], "-"), "/data: FrictionData.friction[1] = nan: must be finite"),
-        (dataset("friction", [1.0, 1.0, 1.0], "-"), "/data: FrictionData: shapes differ"),
-        (dataset("relative", 0.1, "%"), "/data/relative: units = '%': must be '-'"),
         (dataset("sigma_C", 0.1, "m^4"), "/data/sigma_C: unknown field; did you mean 'sigma'?"),
     ],
 )
@@ -264,8 +244,6 @@ def test_what_is_no_data(tmp_path):
         file.attrs.update({"format": "rubberfric data", "format_version": 1})
         file["data"] = 1.0
     assert "/data: must be a group, not a dataset" in refused(path, lambda: read(path))
-    path.write_bytes(b"v,mu\n")
-    assert "must be a whole HDF5 file" in refused(path, lambda: read(path))
 
 
 def save_columns(path, columns):

@@ -83,6 +83,14 @@ SCENE_FAULTS = [
     (attribute("scene", "kind", "Slab"), "/scene"),
     (attribute("scene/lower/material", "kind", "Slab"), "/scene/lower/material/E:"),
     (attribute("scene/lower/material", "kind"), "kind = None: must be one of"),
+    (
+        attribute("scene/upper/material", "kind", np.array(["Prony", "x"], h5py.string_dtype())),
+        "/scene/upper/material: kind = array(['Prony', 'x'], dtype=object): must be one of",
+    ),
+    (
+        lambda f: f["scene/upper"].__setitem__("shift", f["scene"]),
+        "/scene/upper/shift is a link to another group; the data must be in this group",
+    ),
     (remove("scene/lower/material"), "/scene/lower: Body.material = None: must be"),
     (attribute("scene", "area_correction", 1), "Scene.area_correction = 1: must be one"),
     (attribute("scene", "area_correction"), "attribute area_correction is missing"),

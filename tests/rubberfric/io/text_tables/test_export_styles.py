@@ -145,6 +145,12 @@ def test_a_shorter_block_ends_earlier_and_other_labels(tmp_path):
             "or write what differs, such as",
         ),
         ("dry;;wet;\nf [Hz];E' [MPa];f [Hz];E' [MPa]\n1;5;1;4\n", "both hold omega: must be only one"),
+        ("v [mm/s];mu 20 °C;mu 20 °C\n1;.5;.6\n", "both hold mu"),
+        ("v [mm/s];mu -300 °C;mu 20 °C\n1;.5;.6\n", "line 2: label [K] = '-26.85': must be > 0 K"),
+        (
+            "Temperature;20 °C;;\n;f;E';E''\n;Hz;MPa;MPa\n1;1;5;1\n",
+            "column Temperature: unit '-': must be one of K",
+        ),
         ("f [Hz];E' [MPa];E'' [MPa];T run 1 [°C];T run 2 [°C]\n1;5;1;20;21\n", None),
         ("f [Hz];E' 20 °C [MPa];E'' 20 °C [MPa];E' 40 °C [Pa];E'' 40 °C [Pa]\n1;5;1;4;1\n", "the same units"),
     ],

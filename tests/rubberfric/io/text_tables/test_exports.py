@@ -58,6 +58,8 @@ def test_shear_moduli_need_a_poisson_ratio(tmp_path):
         in message
     )
     holds(read(path, poisson=0.45), [TWO_PI, 10 * TWO_PI], [5.8e6, 8.7e6], [1.45e6, 2.03e6])
+    assert "poisson = 50.0: must be between 0.0 and" in refused(path, lambda: read(path, poisson=50))
+    assert "poisson = nan: must be finite" in refused(path, lambda: read(path, poisson=np.nan))
     young = put(tmp_path, "f,E_stor,E_loss\nHz,MPa,MPa\n1,2,0.5\n", "young.csv")
     assert "poisson = 0.5: must not be given" in refused(young, lambda: read(young, poisson=0.5))
 
