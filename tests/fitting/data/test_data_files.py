@@ -246,33 +246,12 @@ def test_what_is_no_data(tmp_path):
     assert "/data: must be a group, not a dataset" in refused(path, lambda: read(path))
 
 
-def save_columns(path, columns):
-    """Write columns under titles and units, as an engineer stores them; return the path."""
-    names, units = zip(*(title.split() for title in columns), strict=True)
-    rows = np.column_stack(list(columns.values()))
-    titles = f"{','.join(names)}\n{','.join(units)}"
-    np.savetxt(path, rows, fmt="%.17g", delimiter=",", header=titles, comments="")
-    return path
-
-
-def test_tables_of_an_engineer(tmp_path):
-    """Tables without pressure and errors, with frequencies in Hz, and with two measured quantities."""
-    v, mu = np.array([1e-4, 4.6e-4, 2e-3, 1e-2]), np.array([0.9, 1.55, 1.7, 2.0])
-    path = save_columns(tmp_path / "friction.csv", {"v m/s": v, "mu -": mu})
-    assert "no column p" in refused(path, lambda: read(path))
-    data = read(path, pressure=0.3e6, temperature=293.15, relative=0.05)
-    equal(data, FrictionData(v, mu, None, 0.3e6, 293.15, relative=0.05))
-    assert data.label == "friction, 4 points, 0.3 MPa, 20 °C"
-    f, storage, loss = np.array([1.5e-5, 1.0, 3e6]), np.array([4.3e6, 2e7, 9e8]), np.array([3e5, 5e6, 2e8])
-    path = save_columns(tmp_path / "curve.csv", {"f Hz": f, "E_stor Pa": storage, "E_loss Pa": loss})
-    equal(read(path, body="upper"), ModulusData(2 * np.pi * f, storage, loss, body="upper"))
-    q, C = np.array([15.5, 300.0, 1e6]), np.array([3.1e-11, 2e-13, 1e-24])
-    path = save_columns(tmp_path / "psd.csv", {"q 1/m": q, "C m^4": C})
-    equal(read(path, normalisation="C"), SpectrumData(q, C))
-    columns = {"log10_v log10(m/s)": np.log10(v), "mu_visc -": mu, "A_over_A0 -": mu / 50}
-    path = save_columns(tmp_path / "program.csv", columns)
+def test_a_table_of_two_measured_quantities(tmp_path):
+    """The text of an established program, of which `kind` selects a quantity."""
+    text = "log10_v,mu_visc,A_over_A0\nlog10(m/s),-,-\n-4,0.9,0.018\n-3,1.55,0.031\n"
+    path = csv(tmp_path, text)
     assert "; or give kind" in refused(path, lambda: read(path, pressure=0.3e6))
-    for kind, title in (("friction", "mu_visc -"), ("area", "A_over_A0 -")):
+    for kind, measured in (("friction", [0.9, 1.55]), ("area", [0.018, 0.031])):
         data = read(path, kind=kind, pressure=3e5)
-        np.testing.assert_allclose(data.velocity, v, rtol=1e-14)
-        np.testing.assert_array_equal(data.measured, columns[title])
+        np.testing.assert_allclose(data.velocity, [1e-4, 1e-3], rtol=1e-14)
+        np.testing.assert_array_equal(data.measured, measured)

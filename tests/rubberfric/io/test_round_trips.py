@@ -57,7 +57,6 @@ def in_scene(thing):
     return scene.replace({path: thing})
 
 
-FINE = rf.SelfAffine(1e5, 1e6, 1e8, 0.8, 2e-9)
 DRAWN = rf.TabulatedAnisotropic([1e2, 1e3, 1e4], 1e-20 * np.arange(1.0, 16.0).reshape(3, 5), 0.3)
 MOVED = rf.TabulatedModulus(
     [1.0, 10.0],

@@ -122,11 +122,21 @@ def test_temperatures_beside_each_other(tmp_path, titles):
     np.testing.assert_allclose([data.omega, data.storage, data.loss, data.temperature], TWO, rtol=1e-12)
 
 
-def test_a_shorter_block_ends_earlier_and_other_labels(tmp_path):
-    path = put(tmp_path, "v [mm/s];mu, 0.2 MPa;mu, 0.4 MPa;Note\n1;0.5;0.4;a\n2;0.6;;b\n")
-    data = read(path)
+@pytest.mark.parametrize(
+    "text",
+    [
+        "v [mm/s];mu, 0.2 MPa;mu, 0.4 MPa;Note\n1;0.5;0.4;a\n2;0.6;;b\n",
+        # a linear friction tester
+        "Gleitgeschwindigkeit [mm/s];Reibwert bei 0,2 MPa;Reibwert bei 0,4 MPa\n1;0,5;0,4\n2;0,6;\n",
+    ],
+)
+def test_a_shorter_block_ends_earlier(tmp_path, text):
+    data = read(put(tmp_path, text))
     np.testing.assert_allclose(data.velocity, [1e-3, 2e-3, 1e-3])
     np.testing.assert_allclose([data.friction, data.pressure], [[0.5, 0.6, 0.4], [2e5, 2e5, 4e5]])
+
+
+def test_labels_of_runs_and_frequencies(tmp_path):
     path = put(tmp_path, "v [mm/s];Reibwert Lauf 1;Reibwert Lauf 2\n1;0.5;0.4\n2;0.6;0.7\n")
     data = read(path, pressure=1e5)
     np.testing.assert_allclose(data.friction, [0.5, 0.6, 0.4, 0.7])
@@ -168,12 +178,15 @@ def test_blocks_that_do_not_say_what_differs(tmp_path, text, message):
 TITLES = ["f [Hz]", "E' [MPa]", "E'' [MPa]"]
 
 
-@pytest.mark.parametrize("bad", [[2, None, 1], [None, 6, 1], [2, "n/a", 1], [2, 6, "=B3*0.2"]])
-def test_empty_cells_and_formulas(tmp_path, bad):
+@pytest.mark.parametrize("column", range(3))
+@pytest.mark.parametrize("cell", [None, "n/a", "#DIV/0!", "#N/A", "x", True, "=B3*0.2"])
+def test_cells_that_are_no_numbers(tmp_path, cell, column):
+    bad = [2, 6, 1]
+    bad[column] = cell
     path = sheets(tmp_path, [TITLES, [1, 5, 1], bad, [3, 7, 1]])
     message = refused(path, lambda: read(path))
-    assert "line 3: " in message and "must be" in message
-    assert ("save the formula's value" in message) == ("=B3*0.2" in bad)
+    assert f"line 3: {TITLES[column]} = " in message and "must be" in message
+    assert ("save the formula's value" in message) == (cell == "=B3*0.2")
     with pytest.warns(UserWarning, match="1 of 3 rows have bad values and are left out: lines 3"):
         np.testing.assert_allclose(read(path, bad_rows="drop").storage, [5e6, 7e6])
 
@@ -253,31 +266,3 @@ def test_selected_temperatures():
     ):
         with pytest.raises(ValueError, match=message):
             data.selected(**ranges)
-
-
-# --- friction testers
-
-
-def test_friction_of_a_linear_tester(tmp_path):
-    """German, with a column of the friction coefficient for each pressure."""
-    path = put(
-        tmp_path,
-        "Gleitgeschwindigkeit [mm/s];Reibwert bei 0,2 MPa;Reibwert bei 0,4 MPa;Bemerkung\n"
-        "0,5;0,61;0,57;\n50,0;0,95;0,89;\n",
-    )
-    data = read(path)
-    np.testing.assert_allclose(data.friction, [0.61, 0.95, 0.57, 0.89])
-    np.testing.assert_allclose(data.pressure, [2e5, 2e5, 4e5, 4e5])
-    np.testing.assert_allclose(data.velocity, [5e-4, 0.05] * 2)
-
-
-def test_friction_of_a_wheel_tester_with_the_columns_of_the_message(tmp_path):
-    """The sliding velocity of a LAT 100 has no known title."""
-    text = "LAT 100\nTrack;v slip;Load;p;Coeff\n;mm/s;N;MPa;\n1;0.5;75;0.2;0.61\n2;5;75;0.4;0.75\n"
-    path = put(tmp_path, text)
-    columns = json.loads(refused(path, lambda: read(path)).rpartition("columns=")[2])
-    assert columns == ["?", "?", "F_n [N]", "p [MPa]", "?"]
-    known = iter(["-", "v [mm/s]", "mu [-]"])
-    data = read(path, columns=[next(known) if column == "?" else column for column in columns])
-    np.testing.assert_allclose([data.friction, data.pressure], [[0.61, 0.75], [2e5, 4e5]])
-    np.testing.assert_allclose(data.velocity, [5e-4, 5e-3])

@@ -244,7 +244,6 @@ def test_what_read_cannot_take(tmp_path):
         path, lambda: read(path)
     )
     path = put(tmp_path, "v,mu\nm/s,-\n1,0.5\n")
-    assert "kind = 'frictoin': did you mean 'friction'?" in refused(path, lambda: read(path, kind="frictoin"))
     assert isinstance(read(path, pressure=1e5, kind="friction"), FrictionData)
     assert "none is known" in refused(path, lambda: rf.io.read_columns(put(tmp_path, "a,b\n-,-\n1,2\n")))
     read(path := put(tmp_path, RAW)).write(tmp_path / "data.h5")
@@ -261,21 +260,19 @@ RUBBING = """Vitesse de glissement [mm·s⁻¹],Coefficient de frottement [-],Pr
 0.5,0.61,2
 5,0.75,2
 """
-ROUGH = "Wellenvektor [µm⁻¹];C [µm⁴]\n0,1;1e-3\n1;1e-7\n"
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "latin-1", "utf-16"])
-def test_other_languages(tmp_path, encoding):
-    for text in (GLIDING, RUBBING):
-        if "⁻" in text and encoding == "latin-1":
-            continue
-        data = read(put(tmp_path, text.encode(encoding)))
-        np.testing.assert_allclose(
-            [data.velocity, data.friction, data.pressure], [[5e-4, 5e-3], [0.61, 0.75], [2e5] * 2]
-        )
-    if encoding != "latin-1":
-        data = read(put(tmp_path, ROUGH.encode(encoding)), normalisation="C")
-        np.testing.assert_allclose([data.q, data.C], [[1e5, 1e6], [1e-27, 1e-31]], rtol=1e-13)
+@pytest.mark.parametrize("text", [GLIDING, RUBBING])
+def test_friction_in_other_languages(tmp_path, text):
+    data = read(put(tmp_path, text))
+    np.testing.assert_allclose([data.velocity, data.friction], [[5e-4, 5e-3], [0.61, 0.75]])
+    np.testing.assert_allclose(data.pressure, [2e5] * 2)
+
+
+def test_a_spectrum_in_german(tmp_path):
+    text = "Wellenvektor [µm⁻¹];C [µm⁴]\n0,1;1e-3\n1;1e-7\n"
+    data = read(put(tmp_path, text), normalisation="C")
+    np.testing.assert_allclose([data.q, data.C], [[1e5, 1e6], [1e-27, 1e-31]], rtol=1e-13)
 
 
 @pytest.mark.parametrize("unit", ["rpm", "U/min", "rev/min"])

@@ -111,21 +111,6 @@ def test_frequency_above_a_temperature_ramp(tmp_path, line, hertz):
     np.testing.assert_allclose(fitting.read(path, frequency=3.0).omega, [3 * HZ] * 2)
 
 
-BESIDE = "#SAMPLE:;mix A;;mix B\n##Temp./°C;E'/MPa(10.0 Hz);E''/MPa(10.0 Hz);{}\n20;4;3;{}\n30;2;1;{}\n"
-
-
-def test_samples_beside_each_other(tmp_path):
-    """Two samples with equal titles, with one or two columns of temperatures."""
-    pair = "E'/MPa(10.0 Hz);E''/MPa(10.0 Hz)"
-    for titles, first, second in ((pair, "8;6", "5;2"), (f"Temp./°C;{pair}", "21;8;6", "31;5;2")):
-        path = put(tmp_path, BESIDE.format(titles, first, second))
-        assert "or choose one with block=1 to 2" in refused(path, lambda path=path: fitting.read(path))
-        data = fitting.read(path, block=2)
-        np.testing.assert_allclose([data.storage, data.loss], [[8e6, 5e6], [6e6, 2e6]])
-        T = [294.15, 304.15] if "21" in first else [293.15, 303.15]
-        np.testing.assert_allclose([*data.temperature, *data.omega], [*T, 10 * HZ, 10 * HZ])
-
-
 def test_scene_and_job_files_say_columns_too(tmp_path):
     put(tmp_path, "-3 6.5 5.4\n-2 6.6 5.5\n", "master.dat")
     put(tmp_path, "f,G_stor,G_loss\nHz,MPa,MPa\n1,2,0.5\n10,3,0.7\n", "shear.csv")
