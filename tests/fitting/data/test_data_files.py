@@ -6,6 +6,7 @@ import os
 import h5py
 import numpy as np
 import pytest
+from support.exports import put
 from support.refusals import one_line, refused
 from support.scenes.measured import GOOD, KINDS, absolute, equal, good
 
@@ -69,20 +70,14 @@ def test_columns_are_in_the_units_of_the_fields():
             assert COLUMNS[about.column].name == about.column
 
 
-def csv(folder, text):
-    path = folder / "data.csv"
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
 def test_units_of_a_table(tmp_path):
-    data = read(csv(tmp_path, "log10_v,mu,relative_sigma,p,T\nlog10(mm/s),-,%,MPa,C\n0,0.5,3,0.15,20\n"))
+    data = read(put(tmp_path, "log10_v,mu,relative_sigma,p,T\nlog10(mm/s),-,%,MPa,C\n0,0.5,3,0.15,20\n"))
     equal(data, FrictionData(1e-3, 0.5, pressure=0.15e6, temperature=293.15, relative=0.03))
-    data = read(csv(tmp_path, "v,A_over_A0,sigma,p\num/s,-,-,kPa\n2,0.5,0.01,150\n2,0.4,0.01,150\n"))
+    data = read(put(tmp_path, "v,A_over_A0,sigma,p\num/s,-,-,kPa\n2,0.5,0.01,150\n2,0.4,0.01,150\n"))
     equal(data, AreaData([2e-6, 2e-6], [0.5, 0.4], 0.01, 0.15e6))
-    data = read(csv(tmp_path, "f,E_stor,E_loss,sigma_stor,sigma_loss\nHz,MPa,MPa,kPa,GPa\n2,4,3,20,0.001\n"))
+    data = read(put(tmp_path, "f,E_stor,E_loss,sigma_stor,sigma_loss\nHz,MPa,MPa,kPa,GPa\n2,4,3,20,0.001\n"))
     equal(data, ModulusData(4 * np.pi, 4e6, 3e6, 2e4, 1e6))
-    data = read(csv(tmp_path, "q,C,sigma_C\n1/mm,um^4,mm^4\n2,4,0.5\n1,3,0.5\n"), normalisation="C")
+    data = read(put(tmp_path, "q,C,sigma_C\n1/mm,um^4,mm^4\n2,4,0.5\n1,3,0.5\n"), normalisation="C")
     equal(data, SpectrumData([2e3, 1e3], np.array([4.0, 3.0]) * 1e-24, 5e-13))
 
 
@@ -96,9 +91,9 @@ SPECTRUM = "q,C\n1/m,m^4\n1e3,1e-12\n"
 
 
 def test_what_a_file_lacks(tmp_path):
-    data = read(csv(tmp_path, FRICTION), pressure=1e5, temperature=300.0, relative=0.1)
+    data = read(put(tmp_path, FRICTION), pressure=1e5, temperature=300.0, relative=0.1)
     equal(data, FrictionData(1.0, 0.5, pressure=1e5, temperature=300.0, relative=0.1))
-    data = read(csv(tmp_path, MODULUS), temperature=300.0, relative=0.1, body="upper")
+    data = read(put(tmp_path, MODULUS), temperature=300.0, relative=0.1, body="upper")
     equal(data, ModulusData(2 * np.pi, 1e6, 1e5, temperature=300.0, relative=0.1, body="upper"))
     data = FrictionData(1.0, 0.5, pressure=1e5)
     data.write(tmp_path / "data.h5")
@@ -154,7 +149,7 @@ ABSENT = "must not be given; "
     ],
 )
 def test_faulty_tables(tmp_path, text, given, expected):
-    path = csv(tmp_path, text)
+    path = put(tmp_path, text)
     assert expected in refused(path, lambda: read(path, **given))
 
 
@@ -249,7 +244,7 @@ def test_what_is_no_data(tmp_path):
 def test_a_table_of_two_measured_quantities(tmp_path):
     """The text of an established program, of which `kind` selects a quantity."""
     text = "log10_v,mu_visc,A_over_A0\nlog10(m/s),-,-\n-4,0.9,0.018\n-3,1.55,0.031\n"
-    path = csv(tmp_path, text)
+    path = put(tmp_path, text)
     assert "; or give kind" in refused(path, lambda: read(path, pressure=0.3e6))
     for kind, measured in (("friction", [0.9, 1.55]), ("area", [0.018, 0.031])):
         data = read(path, kind=kind, pressure=3e5)

@@ -105,16 +105,14 @@ def test_a_frequency_in_rad_per_second_is_angular(tmp_path):
 @pytest.mark.parametrize("column", ["Torque", "Complex viscosity", "Oscillation shear strain"])
 def test_a_storage_modulus_beside_a_quantity_of_shear(tmp_path, column):
     """E' would be a third of the modulus."""
-    path = tmp_path / "sweep.txt"
-    rows = (
-        f"Frequency\tStorage modulus\tLoss modulus\t{column}\nHz\tPa\tPa\t\n1\t2e6\t1e6\t1\n10\t3e6\t2e6\t1\n"
-    )
-    path.write_text(rows)
+    titles = f"Frequency\tStorage modulus\tLoss modulus\t{column}\n"
+    rows = "Hz\tPa\tPa\t\n1\t2e6\t1e6\t1\n10\t3e6\t2e6\t1\n"
+    path = put(tmp_path, titles + rows)
     with pytest.raises(ValueError, match=r"'Storage modulus' may be G'.* pass poisson=0.5") as error:
         fitting.read(path)
     assert "\n" not in str(error.value) and repr(column) in str(error.value)
     np.testing.assert_allclose(fitting.read(path, poisson=0.5).storage, [6e6, 9e6])
     named = ["f [Hz]", "E_stor [Pa]", "E_loss [Pa]", "-"]
     np.testing.assert_allclose(fitting.read(path, columns=named).storage, [2e6, 3e6])
-    path.write_text(rows.replace("Storage modulus", "E'").replace("Loss modulus", 'E"'))
+    path = put(tmp_path, titles.replace("Storage modulus", "E'").replace("Loss modulus", 'E"') + rows)
     np.testing.assert_allclose(fitting.read(path).storage, [2e6, 3e6])
