@@ -69,6 +69,18 @@ def replace(name, value, **attributes):
     return change
 
 
+def huge(name, shape):
+    """Chunks that are not written take no space in a file, and terabytes in memory."""
+
+    def change(file):
+        kept = dict(file[name].attrs)
+        del file[name]
+        chunks = (1000,) + (1,) * (len(shape) - 1)
+        file.create_dataset(name, shape, float, chunks=chunks).attrs.update(kept)
+
+    return change
+
+
 # Changes of a saved scene.
 SCENE_FAULTS = [
     (attribute("/", "format_version", 2), "format_version = 2: must be 1"),
@@ -103,6 +115,13 @@ SCENE_FAULTS = [
     (replace("scene/lower/spectrum/q1", 1.0), "SelfAffine.q1 = 1.0: must be >= qr"),
     (replace("scene/gamma", np.nan), "/scene: Scene.gamma = nan"),
     (replace("scene/gamma", 0.5, units="Pa"), "/scene/gamma: units = 'Pa': must be '-'"),
+    # A table has no E, a Prony series no omega.
+    (lambda f: f.create_dataset("scene/upper/material/E", data=1.0), "/E: unknown field"),
+    (lambda f: f.create_dataset("scene/lower/material/omega", data=1.0), "/omega: unknown field"),
+    (
+        huge("scene/lower/material/tau", (10**12,)),
+        "/scene/lower/material/tau has 1000000000000 values: must have at most 100000000",
+    ),
 ]
 # Changes of a saved result.
 RESULT_FAULTS = [
@@ -116,6 +135,7 @@ RESULT_FAULTS = [
     (replace("friction", np.ones(3)), "/friction has shape (3,): must be (1, 2, 3)"),
     (replace("shear_friction", np.ones((1, 2))), "/shear_friction has shape (1, 2): must be (1, 2, 3)"),
     (replace("area", np.ones((1, 2, 3)), units="m^2"), "/area: units = 'm^2': must be '-'"),
+    (huge("area", (10**12, 2, 3)), "/area has shape (1000000000000, 2, 3): must be (1, 2, 3)"),
 ]
 
 
@@ -169,48 +189,12 @@ def test_files_have_a_limit_of_conditions(tmp_path):
     assert "velocity has 100001 values: must have at most 100000" in message
 
 
-def huge(name, shape):
-    """Chunks that are not written take no space in a file, and terabytes in memory."""
-
-    def change(file):
-        kept = dict(file[name].attrs)
-        del file[name]
-        chunks = (1000,) + (1,) * (len(shape) - 1)
-        file.create_dataset(name, shape, float, chunks=chunks).attrs.update(kept)
-
-    return change
-
-
-@pytest.mark.parametrize(
-    ("kind", "name", "shape", "message"),
-    [
-        (
-            "scene",
-            "scene/lower/material/tau",
-            (10**12,),
-            "/scene/lower/material/tau has 1000000000000 values: must have at most 100000000",
-        ),
-        ("result", "area", (10**12, 2, 3), "/area has shape (1000000000000, 2, 3): must be (1, 2, 3)"),
-    ],
-)
-def test_datasets_have_a_limit_of_values(tmp_path, kind, name, shape, message):
-    assert message in spoil(tmp_path / "file.h5", huge(name, shape), kind)
-
-
 @pytest.mark.parametrize("name", ["lower/material/E", "lower/material/poisson", "upper/material/omega"])
 def test_missing_and_wrong_datasets(tmp_path, name):
     path, name = tmp_path / "s.h5", f"scene/{name}"
     assert f"/{name}: is missing" in spoil(path, remove(name))
     for wrong in (-1.0, np.inf, [[1.0]], "text", np.ones(7)):
         spoil(path, replace(name, wrong))
-
-
-@pytest.mark.parametrize("name", ["upper/material/E", "lower/material/omega"])
-def test_datasets_of_another_kind(tmp_path, name):
-    """A table has no E, a Prony series no omega."""
-    assert "unknown field" in spoil(
-        tmp_path / "s.h5", lambda file: file.create_dataset(f"scene/{name}", data=1.0)
-    )
 
 
 def test_truncated_hdf5(tmp_path):
