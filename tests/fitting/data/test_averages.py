@@ -5,6 +5,7 @@ import math
 import mpmath
 import numpy as np
 import pytest
+from support.exports import put
 
 import fitting
 from fitting.data.averages import student_factor
@@ -72,29 +73,27 @@ def test_conditions_are_told_apart():
     assert "mean of 1 to 3 runs at 4 conditions" in data.history[0]
 
 
-def test_files_and_names(tmp_path):
-    """Runs of three files. What was done to all of them is kept in the history."""
-    for i, force in enumerate((80.0, 82.0, 87.0)):
-        (tmp_path / f"run{i}.csv").write_text(f"v [mm/s],Fn [N],Ft [N]\n5,100,{force}\n")
-    data = fitting.average([fitting.read(tmp_path / f"run{i}.csv", area=4e-4) for i in range(3)])
+def test_the_history_of_all_runs_is_kept():
+    runs = [{"v [mm/s]": [5], "Fn [N]": [100], "Ft [N]": [force]} for force in (80, 82, 87)]
+    data = fitting.average([fitting.read(run, area=4e-4) for run in runs])
     np.testing.assert_allclose(data.friction, [0.83], rtol=1e-14)
     assert data.history[:2] == ("mu = |F_t| / |F_n|", "p = |F_n| / area, area = 0.0004")
 
 
 def test_repeated_rows_of_a_table(tmp_path):
-    path = tmp_path / "runs.csv"
-    path.write_text("v [mm/s];µ, run 1;µ, run 2;µ, run 3\n5;0.80;0.82;0.87\n50;0.90;0.91;0.95\n")
-    data = fitting.read(path, pressure=2e5, average=True)
+    text = "v [mm/s];µ, run 1;µ, run 2;µ, run 3\n5;0.80;0.82;0.87\n50;0.90;0.91;0.95\n"
+    data = fitting.read(put(tmp_path, text), pressure=2e5, average=True)
     np.testing.assert_allclose(data.friction, [0.83, 0.92], rtol=1e-14)
     scatter = math.sqrt((26e-4 / 0.83**2 + 14e-4 / 0.92**2) / 4)
     np.testing.assert_allclose(data.relative, student_factor(4) * scatter / math.sqrt(3), rtol=1e-12)
 
 
-def test_sections_of_records_are_averaged(tmp_path):
+def test_sections_of_records_are_averaged():
     """Rows of a record are no runs: the errors are unknown, because each velocity was measured once."""
-    lines = [f"{0.1 * i},{10 if i < 50 else 20},{0.8 + 0.01 * (-1) ** i},2" for i in range(100)]
-    (tmp_path / "steps.csv").write_text("t [s],v [mm/s],mu [-],p [bar]\n" + "\n".join(lines) + "\n")
-    data = fitting.read(tmp_path / "steps.csv", average=True)
+    i = np.arange(100)
+    mu = 0.8 + 0.01 * (-1) ** i
+    steps = {"t [s]": 0.1 * i, "v [mm/s]": np.where(i < 50, 10, 20), "mu [-]": mu, "p [bar]": 2}
+    data = fitting.read(steps, average=True)
     np.testing.assert_allclose([data.velocity, data.friction], [[0.01, 0.02], [0.8, 0.8]], rtol=1e-12)
     assert data.relative is None and data.sigma is None
     assert data.history[-1] == "mean of 1 run at 2 conditions; no scatter, errors are unknown"

@@ -6,6 +6,7 @@ import os
 import h5py
 import numpy as np
 import pytest
+from support.exports import put
 from support.refusals import one_line, refused
 from support.scenes.measured import GOOD, KINDS, absolute, equal, good
 
@@ -69,20 +70,14 @@ def test_columns_are_in_the_units_of_the_fields():
             assert COLUMNS[about.column].name == about.column
 
 
-def csv(folder, text):
-    path = folder / "data.csv"
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
 def test_units_of_a_table(tmp_path):
-    data = read(csv(tmp_path, "log10_v,mu,relative_sigma,p,T\nlog10(mm/s),-,%,MPa,C\n0,0.5,3,0.15,20\n"))
+    data = read(put(tmp_path, "log10_v,mu,relative_sigma,p,T\nlog10(mm/s),-,%,MPa,C\n0,0.5,3,0.15,20\n"))
     equal(data, FrictionData(1e-3, 0.5, pressure=0.15e6, temperature=293.15, relative=0.03))
-    data = read(csv(tmp_path, "v,A_over_A0,sigma,p\num/s,-,-,kPa\n2,0.5,0.01,150\n2,0.4,0.01,150\n"))
+    data = read(put(tmp_path, "v,A_over_A0,sigma,p\num/s,-,-,kPa\n2,0.5,0.01,150\n2,0.4,0.01,150\n"))
     equal(data, AreaData([2e-6, 2e-6], [0.5, 0.4], 0.01, 0.15e6))
-    data = read(csv(tmp_path, "f,E_stor,E_loss,sigma_stor,sigma_loss\nHz,MPa,MPa,kPa,GPa\n2,4,3,20,0.001\n"))
+    data = read(put(tmp_path, "f,E_stor,E_loss,sigma_stor,sigma_loss\nHz,MPa,MPa,kPa,GPa\n2,4,3,20,0.001\n"))
     equal(data, ModulusData(4 * np.pi, 4e6, 3e6, 2e4, 1e6))
-    data = read(csv(tmp_path, "q,C,sigma_C\n1/mm,um^4,mm^4\n2,4,0.5\n1,3,0.5\n"), normalisation="C")
+    data = read(put(tmp_path, "q,C,sigma_C\n1/mm,um^4,mm^4\n2,4,0.5\n1,3,0.5\n"), normalisation="C")
     equal(data, SpectrumData([2e3, 1e3], np.array([4.0, 3.0]) * 1e-24, 5e-13))
 
 
@@ -96,9 +91,9 @@ SPECTRUM = "q,C\n1/m,m^4\n1e3,1e-12\n"
 
 
 def test_what_a_file_lacks(tmp_path):
-    data = read(csv(tmp_path, FRICTION), pressure=1e5, temperature=300.0, relative=0.1)
+    data = read(put(tmp_path, FRICTION), pressure=1e5, temperature=300.0, relative=0.1)
     equal(data, FrictionData(1.0, 0.5, pressure=1e5, temperature=300.0, relative=0.1))
-    data = read(csv(tmp_path, MODULUS), temperature=300.0, relative=0.1, body="upper")
+    data = read(put(tmp_path, MODULUS), temperature=300.0, relative=0.1, body="upper")
     equal(data, ModulusData(2 * np.pi, 1e6, 1e5, temperature=300.0, relative=0.1, body="upper"))
     data = FrictionData(1.0, 0.5, pressure=1e5)
     data.write(tmp_path / "data.h5")
@@ -122,14 +117,12 @@ ABSENT = "must not be given; "
         ("v,mue\nm/s,-\n1,0.5\n", {}, f"columns v, mue: 'mue': did you mean 'mu'? {ALL_KINDS}"),
         ("T,aT\nK,-\n300,1\n", {}, f"columns T, aT: {ALL_KINDS}"),
         ("v,mu,A_over_A0\nm/s,-,-\n1,0.5,0.1\n", {}, f"columns v, mu, A_over_A0: {ALL_KINDS}"),
-        ("v,mu,pp\nm/s,-,Pa\n1,0.5,1e5\n", {}, "line 1: column 'pp': did you mean 'p'? must be one of"),
         ("v,mu,E_loss\nm/s,-,Pa\n1,0.5,1e5\n", {}, "line 1: column 'E_loss': must be one of"),
         ("v,mu,sigma_C\nm/s,-,m^4\n1,0.5,1e5\n", {}, "line 1: column 'sigma_C': did you mean 'sigma'?"),
         ("mu,p\n-,Pa\n0.5,1e5\n", {}, "no column v or log10_v: the table must have one"),
         ("v,mu,p,T\nm/s,-,MPa,K\n1,0.5,1,20\n", {}, "FrictionData.temperature[0] = 20.0: must be >= 100 K"),
         (FRICTION, {}, "no column p: add it to the table, or give pressure=... [Pa]"),
         (FRICTION, {"pressure": 0.1}, "FrictionData.pressure = 0.1: must be >= 1 Pa; is it in MPa"),
-        (FRICTION, {"pressure": [1e5, -1]}, "FrictionData.pressure[1] = -1.0: must be > 0"),
         (FRICTION, {"pressure": 1e5, "body": "upper"}, f"body = 'upper': {ABSENT}friction data have none"),
         (MODULUS, {"pressure": 1e5}, f"pressure = 100000.0: {ABSENT}modulus data have none"),
         (
@@ -142,8 +135,6 @@ ABSENT = "must not be given; "
             {"temperature": np.ones((2, 2)), "normalisation": "C"},
             f"{ABSENT}spectrum data have none",
         ),
-        (SPECTRUM, {"body": "middle", "normalisation": "C"}, "SpectrumData.body = 'middle': must be"),
-        (SPECTRUM, {}, "normalisation is missing: must be"),
         ("v,mu,p\nm/s,-,Pa\n1,0.5,1e5\n", {"pressure": 1e5}, f"pressure = 100000.0: {ABSENT}the file has it"),
         (
             "f,E_stor,E_loss,T\nHz,Pa,Pa,C\n1,1e6,1e5,20\n",
@@ -155,20 +146,10 @@ ABSENT = "must not be given; "
             {"relative": 0.1, "normalisation": "C"},
             f"relative = 0.1: {ABSENT}the file has it",
         ),
-        (
-            "q,C,sigma_C\n1/m,m^4,m^4\n1e3,1e-12,1e-13\n",
-            {"relative": 0.1, "normalisation": "C"},
-            "SpectrumData: sigma and relative are given: must be one of them",
-        ),
-        (
-            "f,E_stor,E_loss,sigma_stor\nHz,Pa,Pa,Pa\n1,1e6,1e5,1e4\n",
-            {},
-            "ModulusData.sigma_loss is missing: must be given together with sigma_storage",
-        ),
     ],
 )
 def test_faulty_tables(tmp_path, text, given, expected):
-    path = csv(tmp_path, text)
+    path = put(tmp_path, text)
     assert expected in refused(path, lambda: read(path, **given))
 
 
@@ -230,7 +211,6 @@ def dataset(name, values, units):
     ("change", "expected"),
     [
         (lambda f: f.attrs.create("format", "rubberfric scene"), "must be 'rubberfric data'"),
-        (lambda f: f.attrs.create("format_version", 2), "format_version = 2: must be 1"),
         (lambda f: f.__delitem__("data"), "/data: is missing; must be a group"),
         (lambda f: f.create_group("more"), "/more: unknown field; "),
         (lambda f: f["data"].attrs.create("kind", "frictions"), "/data: kind = 'frictions': did you mean"),
@@ -239,14 +219,9 @@ def dataset(name, values, units):
         (lambda f: f["data"].attrs.create("kind", "spectrum"), "/data/friction: unknown field"),
         (lambda f: f["data"].attrs.create("body", "lower"), "/data: attribute 'body' is unknown"),
         (lambda f: f["data"].attrs.create("name", 1), "/data: FrictionData.name = 1: must be text"),
-        (lambda f: f["data"].__delitem__("friction"), "/data/friction: is missing; must be a dataset"),
         (lambda f: f["data"].__delitem__("pressure"), "/data/pressure: is missing; must be a dataset"),
         (dataset("pressure", 0.1, "MPa"), "/data/pressure: units = 'MPa': must be 'Pa'"),
         (dataset("pressure", -0.1, "Pa"), "/data: FrictionData.pressure = -0.1: must be > 0"),
-        (dataset("friction", [1, 2], "-"), "/data/friction: has type int64"),
-        (dataset("friction", [1.0, np.nan], "-"), "/data: FrictionData.friction[1] = nan: must be finite"),
-        (dataset("friction", [1.0, 1.0, 1.0], "-"), "/data: FrictionData: shapes differ"),
-        (dataset("relative", 0.1, "%"), "/data/relative: units = '%': must be '-'"),
         (dataset("sigma_C", 0.1, "m^4"), "/data/sigma_C: unknown field; did you mean 'sigma'?"),
     ],
 )
@@ -264,37 +239,14 @@ def test_what_is_no_data(tmp_path):
         file.attrs.update({"format": "rubberfric data", "format_version": 1})
         file["data"] = 1.0
     assert "/data: must be a group, not a dataset" in refused(path, lambda: read(path))
-    path.write_bytes(b"v,mu\n")
-    assert "must be a whole HDF5 file" in refused(path, lambda: read(path))
 
 
-def save_columns(path, columns):
-    """Write columns under titles and units, as an engineer stores them; return the path."""
-    names, units = zip(*(title.split() for title in columns), strict=True)
-    rows = np.column_stack(list(columns.values()))
-    titles = f"{','.join(names)}\n{','.join(units)}"
-    np.savetxt(path, rows, fmt="%.17g", delimiter=",", header=titles, comments="")
-    return path
-
-
-def test_tables_of_an_engineer(tmp_path):
-    """Tables without pressure and errors, with frequencies in Hz, and with two measured quantities."""
-    v, mu = np.array([1e-4, 4.6e-4, 2e-3, 1e-2]), np.array([0.9, 1.55, 1.7, 2.0])
-    path = save_columns(tmp_path / "friction.csv", {"v m/s": v, "mu -": mu})
-    assert "no column p" in refused(path, lambda: read(path))
-    data = read(path, pressure=0.3e6, temperature=293.15, relative=0.05)
-    equal(data, FrictionData(v, mu, None, 0.3e6, 293.15, relative=0.05))
-    assert data.label == "friction, 4 points, 0.3 MPa, 20 °C"
-    f, storage, loss = np.array([1.5e-5, 1.0, 3e6]), np.array([4.3e6, 2e7, 9e8]), np.array([3e5, 5e6, 2e8])
-    path = save_columns(tmp_path / "curve.csv", {"f Hz": f, "E_stor Pa": storage, "E_loss Pa": loss})
-    equal(read(path, body="upper"), ModulusData(2 * np.pi * f, storage, loss, body="upper"))
-    q, C = np.array([15.5, 300.0, 1e6]), np.array([3.1e-11, 2e-13, 1e-24])
-    path = save_columns(tmp_path / "psd.csv", {"q 1/m": q, "C m^4": C})
-    equal(read(path, normalisation="C"), SpectrumData(q, C))
-    columns = {"log10_v log10(m/s)": np.log10(v), "mu_visc -": mu, "A_over_A0 -": mu / 50}
-    path = save_columns(tmp_path / "program.csv", columns)
+def test_a_table_of_two_measured_quantities(tmp_path):
+    """The text of an established program, of which `kind` selects a quantity."""
+    text = "log10_v,mu_visc,A_over_A0\nlog10(m/s),-,-\n-4,0.9,0.018\n-3,1.55,0.031\n"
+    path = put(tmp_path, text)
     assert "; or give kind" in refused(path, lambda: read(path, pressure=0.3e6))
-    for kind, title in (("friction", "mu_visc -"), ("area", "A_over_A0 -")):
+    for kind, measured in (("friction", [0.9, 1.55]), ("area", [0.018, 0.031])):
         data = read(path, kind=kind, pressure=3e5)
-        np.testing.assert_allclose(data.velocity, v, rtol=1e-14)
-        np.testing.assert_array_equal(data.measured, columns[title])
+        np.testing.assert_allclose(data.velocity, [1e-4, 1e-3], rtol=1e-14)
+        np.testing.assert_array_equal(data.measured, measured)

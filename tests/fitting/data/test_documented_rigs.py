@@ -27,6 +27,13 @@ def snippets(text, language):
     return re.findall(rf"```{language}\n(.*?)```", text, re.S)
 
 
+def names_of(snippet):
+    """Return the names that a snippet defines."""
+    names = {"fitting": fitting, "pandas": pandas}
+    exec(snippet, names)
+    return names
+
+
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     """Files of a reciprocating run with 100 N, 2 deg of misalignment and drift, and of three runs."""
@@ -47,12 +54,11 @@ def folder(tmp_path, monkeypatch):
 
 def test_a_reciprocating_run(capsys):
     first, *_ = snippets(RIGS, "python")
-    names = {"fitting": fitting}
-    exec(first, names)
+    run = names_of(first)["run"]
     # 3 s of a stroke are 30 mm. The first 10 mm are 20 rows, after which the start-up part is below 4e-4.
-    np.testing.assert_allclose(names["run"].friction, [0.8], rtol=1e-4)
-    np.testing.assert_allclose(names["run"].pressure, [100 * math.cos(math.radians(2.0)) / 4e-4], rtol=1e-4)
-    np.testing.assert_allclose(names["run"].relative, [1.3213 * 0.0125 / math.sqrt(3)], rtol=1e-3)
+    np.testing.assert_allclose(run.friction, [0.8], rtol=1e-4)
+    np.testing.assert_allclose(run.pressure, [100 * math.cos(math.radians(2.0)) / 4e-4], rtol=1e-4)
+    np.testing.assert_allclose(run.relative, [1.3213 * 0.0125 / math.sqrt(3)], rtol=1e-3)
     lines = capsys.readouterr().out.splitlines()
     assert any("misalignment of +2 deg" in line for line in lines)
     assert any("120 of 360 rows" in line for line in lines)
@@ -66,8 +72,7 @@ def test_sinusoidal_strokes():
     ]
     Path("srv.csv").write_text("\n".join(["t [s],Fn [N],Ft [N]", *lines]) + "\n")
     _, sinusoidal, _ = snippets(RIGS, "python")
-    names = {"fitting": fitting}
-    exec(sinusoidal, names)
+    names = names_of(sinusoidal)
     for data, count in ((names["speeds"], 5), (names["middle"], 1)):
         np.testing.assert_allclose(data.friction, [0.8] * count, rtol=1e-12)
     np.testing.assert_allclose(names["middle"].velocity, 0.01 * math.pi * 0.2 / math.asin(0.2), rtol=1e-3)
@@ -75,12 +80,9 @@ def test_sinusoidal_strokes():
 
 def test_three_runs():
     *_, second = snippets(RIGS, "python")
-    names = {"fitting": fitting}
-    exec(second, names)
+    mean = names_of(second)["mean"]
     expected = 1.3213 * math.sqrt(13e-4 / 3) / 0.83
-    np.testing.assert_allclose(
-        [names["mean"].friction, names["mean"].relative], [[0.83], [expected]], rtol=1e-4
-    )
+    np.testing.assert_allclose([mean.friction, mean.relative], [[0.83], [expected]], rtol=1e-4)
     (toml,) = snippets(RIGS, "toml")
     Path("scene.toml").write_text(SCENE)
     Path("job.toml").write_text(f"scene = 'scene.toml'\n{toml}[free]\n'upper.material.young' = 'positive'\n")
@@ -98,7 +100,5 @@ def test_a_wheel():
 
 def test_a_frame():
     (snippet,) = snippets(FRAMES, "python")
-    names = {"fitting": fitting, "pandas": pandas}
-    exec(snippet, names)
-    np.testing.assert_allclose(names["data"].velocity, [1e-3, 1e-2])
-    np.testing.assert_allclose(names["data"].friction, [0.5, 0.7])
+    data = names_of(snippet)["data"]
+    np.testing.assert_allclose([data.velocity, data.friction], [[1e-3, 1e-2], [0.5, 0.7]])

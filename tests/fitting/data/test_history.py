@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from support.exports import put
 
 import fitting
 
@@ -12,8 +13,7 @@ LINES = ("mu = |F_t| / |F_n|", "p = |F_n| / area, area = 0.0004")
 
 @pytest.fixture
 def data(tmp_path):
-    (tmp_path / "run.csv").write_text("v [mm/s],Fn [N],Ft [N]\n5,100,80\n50,100,90\n")
-    return fitting.read(tmp_path / "run.csv", area=4e-4)
+    return fitting.read(put(tmp_path, "v [mm/s],Fn [N],Ft [N]\n5,100,80\n50,100,90\n"), area=4e-4)
 
 
 def test_what_was_done(data):
@@ -35,9 +35,9 @@ def test_files_keep_the_history(data, tmp_path):
 
 
 def test_a_selection_and_rows_left_out(tmp_path):
-    (tmp_path / "run.csv").write_text("v [mm/s];mu;p [bar]\n5;0.8;2\n50;;2\n500;0.9;2\n")
+    path = put(tmp_path, "v [mm/s];mu;p [bar]\n5;0.8;2\n50;;2\n500;0.9;2\n")
     with pytest.warns(UserWarning, match="left out: lines 3"):
-        data = fitting.read(tmp_path / "run.csv", bad_rows="drop")
+        data = fitting.read(path, bad_rows="drop")
     assert data.history == ("1 of 3 rows have bad values and are left out: lines 3",)
     chosen = data.selected(velocity=(0.1, None))
     assert chosen.history[1:] == ("1 of 2 points selected: velocity = (0.1, None)",)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.exports import put
 from support.published import PUBLISHED
 
 import fitting
@@ -24,9 +25,7 @@ Mw_kg_mol,T_C,omega_rad_s,G_storage_Pa,G_loss_Pa
 
 
 def test_columns_with_units_behind_underscores(tmp_path):
-    path = tmp_path / "sweep.csv"
-    path.write_text(UNITS_BEHIND_UNDERSCORES)
-    data = fitting.read(path, poisson=0.5)
+    data = fitting.read(put(tmp_path, UNITS_BEHIND_UNDERSCORES), poisson=0.5)
     np.testing.assert_allclose(data.omega, 2 * np.pi * np.array([1.0, 1.39, 100.0, 1.0]), rtol=1e-14)
     np.testing.assert_allclose(data.temperature, [263.18, 263.14, 263.15, 273.17], rtol=1e-14)
     np.testing.assert_allclose(data.storage, 3e6 * np.array([7.2, 7.4, 9.1, 5.6]), rtol=1e-14)
@@ -81,7 +80,5 @@ def test_files_that_state_the_temperature_in_their_names(tmp_path):
 
 def test_a_melt_of_low_modulus_is_no_unit_slip(tmp_path):
     """G' of an unvulcanised rubber may be as low as 20 Pa."""
-    path = tmp_path / "melt.csv"
-    path.write_text(MELT)
-    data = fitting.read(path, poisson=0.5)
+    data = fitting.read(put(tmp_path, MELT), poisson=0.5)
     assert data.storage.min() == pytest.approx(3 * 22.5)

@@ -7,7 +7,7 @@ import pandas
 import pytest
 
 import fitting
-from fitting import FrictionData, MomentData, SlipData
+from fitting import MomentData, SlipData
 
 ANGLE = np.radians([1.0, 2.0, 4.0])
 FORCE = [400.0, 800.0, 1400.0]
@@ -36,14 +36,6 @@ def test_a_wheel_tester(table):
     """Side forces that are negative at positive angles are reversed, in kN, degrees and km/h."""
     equal(fitting.read(table), SlipData(angle=ANGLE, force=FORCE, **CONDITIONS))
     equal(fitting.read(table, kind="moment"), MomentData(angle=ANGLE, moment=[5.0, 9.0, 12.0], **CONDITIONS))
-
-
-def test_a_known_area_gives_friction(table):
-    data = fitting.read(table, area=1.5e-2)
-    assert isinstance(data, FrictionData)
-    np.testing.assert_allclose(data.friction, np.array(FORCE) / 3e3, rtol=1e-14)
-    np.testing.assert_allclose(data.velocity, 10 * np.sin(ANGLE), rtol=1e-14)
-    np.testing.assert_allclose(data.pressure, 2e5, rtol=1e-14)
 
 
 def test_mixed_signs_stay(table):

@@ -6,15 +6,12 @@ import h5py
 import jax
 import numpy as np
 import pytest
-from problems import ROAD, SHIFTED_TREAD
 from support.refusals import refused
 from support.scenes.examples import EXAMPLES
+from support.scenes.results import result
 
 import rubberfric as rf
 from rubberfric.io.files import load_result, read_computable, save_result
-from rubberfric.io.results import Conditions, Result
-
-PRESSURES, COLD = np.array([1e5, 2e5]), np.array([283.0])
 
 
 def test_saving_writes_nothing_wrong(tmp_path):
@@ -37,14 +34,11 @@ def test_saving_writes_nothing_wrong(tmp_path):
 
 
 def saved(path, kind="scene"):
-    """Write a scene, or a result of 3 velocities; return the function that reads it."""
-    scene = EXAMPLES["Scene"]
+    """Write a scene or a result; return the function that reads it."""
     if kind == "scene":
-        rf.save_scene(path, scene)
+        rf.save_scene(path, EXAMPLES["Scene"])
         return rf.load_scene
-    values = np.random.default_rng(0).uniform(size=(5, 1, 2, 3))
-    conditions = Conditions(np.array([1e-3, 0.1, 1.0]), PRESSURES, COLD)
-    save_result(path, Result(scene, conditions, rf.Solution(*values), rf.Quadrature(order=20), "Title"))
+    save_result(path, result(temperature=[283.0]))
     return load_result
 
 
@@ -75,6 +69,18 @@ def replace(name, value, **attributes):
     return change
 
 
+def huge(name, shape):
+    """Chunks that are not written take no space in a file, and terabytes in memory."""
+
+    def change(file):
+        kept = dict(file[name].attrs)
+        del file[name]
+        chunks = (1000,) + (1,) * (len(shape) - 1)
+        file.create_dataset(name, shape, float, chunks=chunks).attrs.update(kept)
+
+    return change
+
+
 # Changes of a saved scene.
 SCENE_FAULTS = [
     (attribute("/", "format_version", 2), "format_version = 2: must be 1"),
@@ -89,6 +95,14 @@ SCENE_FAULTS = [
     (attribute("scene", "kind", "Slab"), "/scene"),
     (attribute("scene/lower/material", "kind", "Slab"), "/scene/lower/material/E:"),
     (attribute("scene/lower/material", "kind"), "kind = None: must be one of"),
+    (
+        attribute("scene/upper/material", "kind", np.array(["Prony", "x"], h5py.string_dtype())),
+        "/scene/upper/material: kind = array(['Prony', 'x'], dtype=object): must be one of",
+    ),
+    (
+        lambda f: f["scene/upper"].__setitem__("shift", f["scene"]),
+        "/scene/upper/shift is a link to another group; the data must be in this group",
+    ),
     (remove("scene/lower/material"), "/scene/lower: Body.material = None: must be"),
     (attribute("scene", "area_correction", 1), "Scene.area_correction = 1: must be one"),
     (attribute("scene", "area_correction"), "attribute area_correction is missing"),
@@ -101,6 +115,13 @@ SCENE_FAULTS = [
     (replace("scene/lower/spectrum/q1", 1.0), "SelfAffine.q1 = 1.0: must be >= qr"),
     (replace("scene/gamma", np.nan), "/scene: Scene.gamma = nan"),
     (replace("scene/gamma", 0.5, units="Pa"), "/scene/gamma: units = 'Pa': must be '-'"),
+    # A table has no E, a Prony series no omega.
+    (lambda f: f.create_dataset("scene/upper/material/E", data=1.0), "/E: unknown field"),
+    (lambda f: f.create_dataset("scene/lower/material/omega", data=1.0), "/omega: unknown field"),
+    (
+        huge("scene/lower/material/tau", (10**12,)),
+        "/scene/lower/material/tau has 1000000000000 values: must have at most 100000000",
+    ),
 ]
 # Changes of a saved result.
 RESULT_FAULTS = [
@@ -114,6 +135,7 @@ RESULT_FAULTS = [
     (replace("friction", np.ones(3)), "/friction has shape (3,): must be (1, 2, 3)"),
     (replace("shear_friction", np.ones((1, 2))), "/shear_friction has shape (1, 2): must be (1, 2, 3)"),
     (replace("area", np.ones((1, 2, 3)), units="m^2"), "/area: units = 'm^2': must be '-'"),
+    (huge("area", (10**12, 2, 3)), "/area has shape (1000000000000, 2, 3): must be (1, 2, 3)"),
 ]
 
 
@@ -158,39 +180,13 @@ def test_hdf5_with_data_in_another_file_is_refused(tmp_path, kind):
 
 
 def test_files_have_a_limit_of_conditions(tmp_path):
-    scene = rf.Scene(rf.Body(SHIFTED_TREAD), rf.Body(rf.Rigid(), ROAD))
     path, many = tmp_path / "many.h5", np.linspace(1e-6, 1.0, 100_001)
-    save_result(path, Result(scene, Conditions(many, PRESSURES, COLD), rf.Solution(), rf.Quadrature()))
+    content = result()
+    save_result(
+        path, content._replace(conditions=content.conditions._replace(velocity=many), solution=rf.Solution())
+    )
     message = refused(path, lambda: read_computable(path))
     assert "velocity has 100001 values: must have at most 100000" in message
-
-
-def huge(name, shape):
-    """Chunks that are not written take no space in a file, and terabytes in memory."""
-
-    def change(file):
-        kept = dict(file[name].attrs)
-        del file[name]
-        chunks = (1000,) + (1,) * (len(shape) - 1)
-        file.create_dataset(name, shape, float, chunks=chunks).attrs.update(kept)
-
-    return change
-
-
-@pytest.mark.parametrize(
-    ("kind", "name", "shape", "message"),
-    [
-        (
-            "scene",
-            "scene/lower/material/tau",
-            (10**12,),
-            "/scene/lower/material/tau has 1000000000000 values: must have at most 100000000",
-        ),
-        ("result", "area", (10**12, 2, 3), "/area has shape (1000000000000, 2, 3): must be (1, 2, 3)"),
-    ],
-)
-def test_datasets_have_a_limit_of_values(tmp_path, kind, name, shape, message):
-    assert message in spoil(tmp_path / "file.h5", huge(name, shape), kind)
 
 
 @pytest.mark.parametrize("name", ["lower/material/E", "lower/material/poisson", "upper/material/omega"])
@@ -199,14 +195,6 @@ def test_missing_and_wrong_datasets(tmp_path, name):
     assert f"/{name}: is missing" in spoil(path, remove(name))
     for wrong in (-1.0, np.inf, [[1.0]], "text", np.ones(7)):
         spoil(path, replace(name, wrong))
-
-
-@pytest.mark.parametrize("name", ["upper/material/E", "lower/material/omega"])
-def test_datasets_of_another_kind(tmp_path, name):
-    """A table has no E, a Prony series no omega."""
-    assert "unknown field" in spoil(
-        tmp_path / "s.h5", lambda file: file.create_dataset(f"scene/{name}", data=1.0)
-    )
 
 
 def test_truncated_hdf5(tmp_path):

@@ -119,6 +119,8 @@ def test_missing_rows_are_holes(tmp_path, heights):
         ("1 2 3 4\n4 5 6 7\n", {"unit": "m"}, "must have x, y and z"),
         ("1 2 3\n4 5\n", {"unit": "m", "spacing": 1e-6}, "line 2: has 2 fields"),
         ("1 2 3\n4 5 6\n", {"unit": "m", "spacing": -1e-6}, "must be one or two numbers > 0"),
+        ("1 2 3\n4 5 6\n", {"unit": "m", "spacing": True}, "spacing = True: must be one or two numbers > 0"),
+        ("1 2 3\n4 5 6\n", {"unit": "m", "spacing": (1, 1, 1)}, "must be one or two numbers > 0"),
         ("1 nan 3\n4 nan 6\n", {"unit": "m", "spacing": 1e-6}, "33% of the points are holes"),
         ("0 0 1\n0 1 1\n1 0 1\n1.4 1 1\n4 1 1\n", {"unit": "m"}, "x must be evenly spaced"),
         ("0 0 1\nn/a 1 1\n1 0 1\n", {"unit": "m"}, "x must be a number in every row"),

@@ -125,14 +125,14 @@ class Terminal(io.StringIO):
         return True
 
 
-def clock(*times):
-    return iter(times).__next__
+def terminal_of_a_program(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.delitem(sys.modules, "IPython", raising=False)
+    return sys.stderr
 
 
 def test_lines_of_progress_in_a_terminal(monkeypatch):
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.delitem(sys.modules, "IPython", raising=False)
+    terminal = terminal_of_a_program(monkeypatch)
     tell = rf.progress("map")
     tell(0, 200)
     tell(100, 200)
@@ -193,8 +193,7 @@ def ipython(monkeypatch, shell, page):
 
 
 def test_bar_of_a_notebook(monkeypatch):
-    page, terminal = Page(), Terminal()
-    monkeypatch.setattr(sys, "stderr", terminal)
+    page, terminal = Page(), terminal_of_a_program(monkeypatch)
     ipython(monkeypatch, types.SimpleNamespace(kernel=object()), page)
     tell = rf.progress("a <map>")
     tell(0, 4)
@@ -209,7 +208,8 @@ def test_bar_of_a_notebook(monkeypatch):
 
 def test_notebook_gets_few_messages_and_the_last_one():
     page = Page()
-    tell = Progress("fit", _Notebook(page.display, clock(0.0, 0.01, 0.5, 0.5, 0.51)), clock(*[0.0] * 5))
+    times = iter([0.0, 0.01, 0.5, 0.5, 0.51])
+    tell = Progress("fit", _Notebook(page.display, times.__next__), lambda: 0.0)
     tell(1, 5.0)
     tell(2, 4.0)
     assert repr(page.shown[0]) == "fit: step 1, cost 5, 0 s"
@@ -241,9 +241,7 @@ def test_wrong_label():
 
 
 def test_a_map_tells_its_progress(monkeypatch):
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.delitem(sys.modules, "IPython", raising=False)
+    terminal = terminal_of_a_program(monkeypatch)
     smooth = rf.Scene(rf.Body(rf.Rigid()), rf.Body(rf.Elastic(1e6, 0.5)))
     rf.friction_map(smooth, [1.0, 2.0, 3.0], 1e5, block=2, progress=rf.progress("map"))
     gc.collect(1)

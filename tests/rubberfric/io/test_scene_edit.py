@@ -1,16 +1,14 @@
 """A scene that replaces the scene in an existing scene file: the other lines of the file stay."""
 
 import difflib
-from pathlib import Path
 
-import jax
-import numpy as np
 import pytest
+from support.folders import DATA
+from support.scenes.examples import same
 
 import rubberfric as rf
 from rubberfric.io.files import read_scene_file
 
-DATA = Path(__file__).parents[3] / "data"
 FILES = sorted(path.name for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
 SPECTRUM = rf.SelfAffine(50.0, 500.0, 2e4, 0.7, 1e-4)
 TABLE = rf.TabulatedSpectrum([1e2, 1e3, 1e4], [1e-10, 1e-12, 1e-16])
@@ -35,17 +33,12 @@ pressure = 2e5
 """.replace("\\\n", "")
 
 
-def same(scene, other):
-    trees = [jax.tree_util.tree_flatten(each) for each in (scene, other)]
-    return trees[0][1] == trees[1][1] and all(map(np.array_equal, trees[0][0], trees[1][0]))
-
-
-def without_lines_of(text, table):
-    """Return the lines of a scene file that are not in a table or in the tables inside it."""
+def without_spectrum(text):
+    """Return the lines of a scene file that are not in the table lower.spectrum or in tables inside it."""
     lines, here = [], ""
     for line in text.splitlines():
         here = line.strip().split("]")[0][1:] if line.startswith("[") else here
-        lines += [line] * (not f"{here}.".startswith(f"{table}."))
+        lines += [line] * (not f"{here}.".startswith("lower.spectrum."))
     return lines
 
 
@@ -58,12 +51,10 @@ def test_only_the_lines_of_the_spectrum_change(tmp_path, name, spectrum):
     scene = before.scene.replace("lower.spectrum", spectrum)
     rf.save_scene(tmp_path / "new.toml", scene, like=tmp_path / name)
     after = read_scene_file(tmp_path / "new.toml", "map")
-    assert same(after.scene, scene) and after.title == before.title
+    same(after.scene, scene)
+    assert after.title == before.title
     assert str(after.conditions) == str(before.conditions)
-    old, new = (
-        without_lines_of((tmp_path / each).read_text(encoding="utf-8"), "lower.spectrum")
-        for each in (name, "new.toml")
-    )
+    old, new = (without_spectrum((tmp_path / each).read_text("utf-8")) for each in (name, "new.toml"))
     changed = [line for line in difflib.ndiff(old, new) if line[0] in "+-" and line[1:].strip()]
     assert all("spectrum" in line for line in changed), changed
     assert len(changed) <= 2
@@ -79,7 +70,7 @@ def test_inline_tables_comments_and_lists_over_lines(tmp_path, line_end):
     new = text.splitlines(keepends=True)
     assert next(line for line in new if line not in old).startswith("spectrum = { kind =")
     assert sum(line not in old for line in new) == 1 and len(new) == len(old)
-    assert same(rf.load_scene(tmp_path / "new.toml"), scene)
+    same(rf.load_scene(tmp_path / "new.toml"), scene)
 
 
 @pytest.mark.parametrize(
@@ -116,7 +107,8 @@ def test_every_way_to_write_a_table(tmp_path, text):
         scene = old.replace(change)
         rf.save_scene(tmp_path / "new.toml", scene, like=tmp_path / "old.toml")
         after = read_scene_file(tmp_path / "new.toml")
-        assert same(after.scene, scene) and after.title == "t" and after.conditions.velocity == 1
+        same(after.scene, scene)
+        assert after.title == "t" and after.conditions.velocity == 1
         kept = (tmp_path / "new.toml").read_text().splitlines()
         assert {"# first", "# last", "[run]"} <= set(kept)
 
@@ -139,7 +131,7 @@ def test_tables_of_others_are_not_overwritten(tmp_path):
     for _ in range(2):  # the second time the table belongs to new.toml
         rf.save_scene(tmp_path / "new.toml", scene, like=tmp_path / "road.toml")
         assert (tmp_path / "new_lower_spectrum.csv").read_text() == "measured"
-        assert same(rf.load_scene(tmp_path / "new.toml"), scene)
+        same(rf.load_scene(tmp_path / "new.toml"), scene)
     assert {path.name for path in tmp_path.glob("*.csv")} == {
         "new_lower_spectrum.csv",
         "new_2_lower_spectrum.csv",
@@ -156,5 +148,6 @@ def test_another_folder_and_hdf5(tmp_path):
         like = "there/new.h5" if "back" in name else "table.toml"
         rf.save_scene(tmp_path / name, changed, like=tmp_path / like)
         found = read_scene_file(tmp_path / name)
-        assert same(found.scene, changed) and found.title == "a road"
+        same(found.scene, changed)
+        assert found.title == "a road"
         assert found.conditions.velocity.tolist() == [1e-3, 1e-2]

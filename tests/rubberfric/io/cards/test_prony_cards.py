@@ -242,9 +242,3 @@ def test_a_fit_becomes_cards(tmp_path):
     path = tmp_path / "fit.inp"
     assert rf.io.write_prony(path, fit) == rf.io.write_prony(None, fit.material) == path.read_text()
     same(rf.io.read_prony(path, unit_stress="Pa"), fit.material, 1e-11)
-
-
-# --- cards of other tools
-
-
-# --- faults

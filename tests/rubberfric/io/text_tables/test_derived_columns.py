@@ -30,26 +30,6 @@ def test_moduli_from_a_phase_angle(tmp_path, title):
 
 
 @pytest.mark.parametrize(
-    ("titles", "row", "options"),
-    [
-        ("f [Hz],|E*| [MPa],delta [rad]", f"1,5,{math.atan2(3, 4)!r}", {}),
-        (
-            "f [Hz],|G*| [MPa],delta [deg]",
-            f"1,{5 / 3!r},{math.degrees(math.atan2(3, 4))!r}",
-            {"poisson": 0.5},
-        ),
-        ("f [Hz],E' [MPa],delta [deg]", f"1,4,{math.degrees(math.atan2(3, 4))!r}", {}),
-        ("f [Hz],E'' [MPa],tan delta", "1,3,0.75", {"kind": "modulus"}),
-        ("f [Hz],E' [MPa],E'' [MPa],delta [deg]", "1,4,3,-2", {}),  # a useless phase angle is not read
-        ("f [Hz],E' [MPa],E'' [MPa],|E*| [MPa],delta [deg]", "1,4,3,n/a,n/a", {}),
-    ],
-)
-def test_moduli_from_what_a_table_has(tmp_path, titles, row, options):
-    data = fitting.read(put(tmp_path, f"{titles}\n{row}\n"), **options)
-    np.testing.assert_allclose([*data.storage, *data.loss], [4e6, 3e6], rtol=1e-14)
-
-
-@pytest.mark.parametrize(
     ("row", "unit", "message"),
     [
         ("1,5,14.9", "rad", "line 2: delta [rad] = '14.9': must be < 90 deg; is it in deg or rad?"),
@@ -129,22 +109,6 @@ def test_a_load_and_an_area_give_the_pressure(tmp_path, load, unit, newton):
 def test_wrong_loads_and_areas(tmp_path, text, options, message):
     path = put(tmp_path, f"v [mm/s],{text}\n")
     assert message in refused(path, lambda: fitting.read(path, **options))
-
-
-SLIP = ("slip angle [deg],speed [km/h],load [N],side force coefficient [-]",)
-SLIP += ("Schräglaufwinkel [°];Geschwindigkeit [km/h];Last [N];Seitenkraftbeiwert",)
-
-
-@pytest.mark.parametrize("titles", SLIP)
-@pytest.mark.parametrize("sign", [1, -1])
-def test_sliding_velocity_of_a_wheel_at_a_slip_angle(tmp_path, titles, sign):
-    between = ";" if ";" in titles else ","
-    rows = [(sign * 1, 0.2, 75, 0.6), (sign * 6, 2.0, 75, 0.75)]
-    text = "\n".join([titles, *(between.join(map(str, row)) for row in rows)])
-    data = fitting.read(put(tmp_path, text + "\n"), area=3e-4)
-    np.testing.assert_allclose(data.velocity, [9.696e-4, 5.807e-2], rtol=1e-4)
-    np.testing.assert_allclose(data.friction, [0.6, 0.75])
-    np.testing.assert_allclose(data.pressure, 2.5e5)
 
 
 def test_a_stated_sliding_velocity_is_not_multiplied(tmp_path):

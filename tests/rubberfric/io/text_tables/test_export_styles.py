@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from support import exports
 from support.exports import book, put
 from support.refusals import refused
 
@@ -44,10 +43,36 @@ def sheets(folder, *rows):
         ("Storage modulus (E'') [MPa]", None, None),
         ("mu 1", None, None),
         ("Shear modulus (elastic component) (Pa)", "G_stor", "Pa"),
+        ("Shear modulus (viscous component) (Pa)", "G_loss", "Pa"),
+        ("E'' psi", "E_loss", "psi"),
+        ("Temp °F", "T", "°F"),
+        ("Time (s)", "t", "s"),
+        ("Step time [min]", "t_step", "min"),
+        ("side force coefficient [-]", "mu", "-"),
+        ("Seitenkraftbeiwert", "mu", None),
+        ("Geschwindigkeit [km/h]", "v", "km/h"),
+        ("Last [N]", "F_n", "N"),
+        ("time (t) / s", "t", "s"),
+        ("Zeit in h", "t", "h"),
+        ("Relaxation modulus E(t) [MPa]", "E_relax", "MPa"),
+        ("Module de perte G'' (Pa)", "G_loss", "Pa"),
+        ("Loss modulus E' (Pa)", None, None),
+        ("Relaxation modulus (E(t)) [MPa]", "E_relax", "MPa"),
+        ("G(t) [Pa]", "G_relax", "Pa"),
+        ("Relaxationsmodul/MPa", "E_relax", "MPa"),
+        ("Kriechnachgiebigkeit in 1/MPa", "D_creep", "1/MPa"),
+        ("J(t) [1/Pa]", "J_creep", "1/Pa"),
+        ("T min", None, None),
+        ("mu min", None, None),
     ],
 )
 def test_titles(title, name, unit):
     assert known_name(title) == (name, unit)
+
+
+def test_titles_in_shear():
+    assert known_name("Creep compliance [1/Pa]", "G") == ("J_creep", "1/Pa")
+    assert known_name("Relaxation modulus [Pa]", "G") == ("G_relax", "Pa")
 
 
 UNITS = {  # unit row or units in titles: f, E', E'', T of one point in SI
@@ -97,11 +122,21 @@ def test_temperatures_beside_each_other(tmp_path, titles):
     np.testing.assert_allclose([data.omega, data.storage, data.loss, data.temperature], TWO, rtol=1e-12)
 
 
-def test_a_shorter_block_ends_earlier_and_other_labels(tmp_path):
-    path = put(tmp_path, "v [mm/s];mu, 0.2 MPa;mu, 0.4 MPa;Note\n1;0.5;0.4;a\n2;0.6;;b\n")
-    data = read(path)
+@pytest.mark.parametrize(
+    "text",
+    [
+        "v [mm/s];mu, 0.2 MPa;mu, 0.4 MPa;Note\n1;0.5;0.4;a\n2;0.6;;b\n",
+        # a linear friction tester
+        "Gleitgeschwindigkeit [mm/s];Reibwert bei 0,2 MPa;Reibwert bei 0,4 MPa\n1;0,5;0,4\n2;0,6;\n",
+    ],
+)
+def test_a_shorter_block_ends_earlier(tmp_path, text):
+    data = read(put(tmp_path, text))
     np.testing.assert_allclose(data.velocity, [1e-3, 2e-3, 1e-3])
     np.testing.assert_allclose([data.friction, data.pressure], [[0.5, 0.6, 0.4], [2e5, 2e5, 4e5]])
+
+
+def test_labels_of_runs_and_frequencies(tmp_path):
     path = put(tmp_path, "v [mm/s];Reibwert Lauf 1;Reibwert Lauf 2\n1;0.5;0.4\n2;0.6;0.7\n")
     data = read(path, pressure=1e5)
     np.testing.assert_allclose(data.friction, [0.5, 0.6, 0.4, 0.7])
@@ -120,6 +155,12 @@ def test_a_shorter_block_ends_earlier_and_other_labels(tmp_path):
             "or write what differs, such as",
         ),
         ("dry;;wet;\nf [Hz];E' [MPa];f [Hz];E' [MPa]\n1;5;1;4\n", "both hold omega: must be only one"),
+        ("v [mm/s];mu 20 °C;mu 20 °C\n1;.5;.6\n", "both hold mu"),
+        ("v [mm/s];mu -300 °C;mu 20 °C\n1;.5;.6\n", "line 2: label [K] = '-26.85': must be > 0 K"),
+        (
+            "Temperature;20 °C;;\n;f;E';E''\n;Hz;MPa;MPa\n1;1;5;1\n",
+            "column Temperature: unit '-': must be one of K",
+        ),
         ("f [Hz];E' [MPa];E'' [MPa];T run 1 [°C];T run 2 [°C]\n1;5;1;20;21\n", None),
         ("f [Hz];E' 20 °C [MPa];E'' 20 °C [MPa];E' 40 °C [Pa];E'' 40 °C [Pa]\n1;5;1;4;1\n", "the same units"),
     ],
@@ -137,12 +178,15 @@ def test_blocks_that_do_not_say_what_differs(tmp_path, text, message):
 TITLES = ["f [Hz]", "E' [MPa]", "E'' [MPa]"]
 
 
-@pytest.mark.parametrize("bad", [[2, None, 1], [None, 6, 1], [2, "n/a", 1], [2, 6, "=B3*0.2"]])
-def test_empty_cells_and_formulas(tmp_path, bad):
+@pytest.mark.parametrize("column", range(3))
+@pytest.mark.parametrize("cell", [None, "n/a", "#DIV/0!", "#N/A", "x", True, "=B3*0.2"])
+def test_cells_that_are_no_numbers(tmp_path, cell, column):
+    bad = [2, 6, 1]
+    bad[column] = cell
     path = sheets(tmp_path, [TITLES, [1, 5, 1], bad, [3, 7, 1]])
     message = refused(path, lambda: read(path))
-    assert "line 3: " in message and "must be" in message
-    assert ("save the formula's value" in message) == ("=B3*0.2" in bad)
+    assert f"line 3: {TITLES[column]} = " in message and "must be" in message
+    assert ("save the formula's value" in message) == (cell == "=B3*0.2")
     with pytest.warns(UserWarning, match="1 of 3 rows have bad values and are left out: lines 3"):
         np.testing.assert_allclose(read(path, bad_rows="drop").storage, [5e6, 7e6])
 
@@ -162,12 +206,19 @@ def test_merged_titles(tmp_path):
 
 def test_a_sheet_for_each_step(tmp_path):
     """The sheet with details of the sample has numbers, too, but no table."""
-    details = [["Diameter", 25], ["Operator", "A. B."]]
-    steps = [[[f"step {n}"], TITLES, [1, 5 + n, 1], [2, 6 + n, 1]] for n in (1, 2)]
+    details = [["Sample", "tread"], ["Length", 17.5, "mm"], ["Width", 6.1, "mm"], ["Operator", "A. B."]]
+    titles = ["Oscillation frequency", "Storage modulus", "Loss modulus", "Tan(delta)", "Temperature"]
+    head = [titles, ["Hz", "MPa", "MPa", None, "°C"]]
+    steps = [
+        [[f"Frequency sweep - {n}"], *head, [1, 5 + n, 1, 0.1, 20 * n], [2, 6 + n, 1, 0.1, 20 * n]]
+        for n in (1, 2)
+    ]
     other = [["A [mm]", "B [mm]"], [1, 2], [3, 4]]
     path = sheets(tmp_path, details, *steps, other)
     with pytest.warns(UserWarning, match="sheet 1, sheet 2 are read as one table, and not sheet 3; delete"):
-        np.testing.assert_allclose(read(path).storage, [6e6, 7e6, 7e6, 8e6])
+        data = read(path)
+    np.testing.assert_allclose(data.storage, [6e6, 7e6, 7e6, 8e6])
+    np.testing.assert_allclose(data.temperature, [ZERO + 20, ZERO + 20, ZERO + 40, ZERO + 40])
     path = sheets(tmp_path, steps[0], other)
     with pytest.warns(UserWarning, match=r"the sheet sheet 0 is read, and not sheet 1; delete sheets"):
         np.testing.assert_allclose(read(path).storage, [6e6, 7e6])
@@ -215,42 +266,3 @@ def test_selected_temperatures():
     ):
         with pytest.raises(ValueError, match=message):
             data.selected(**ranges)
-
-
-# --- instruments
-
-OPTIONS = {exports.rheocompass: {"poisson": 0.5}, exports.rspace: {"poisson": 0.5}}
-MODULI = (
-    *(exports.trios, exports.trios_workbook, exports.rheocompass, exports.rheoplus, exports.proteus),
-    *(exports.eplexor, exports.stare, exports.rspace, exports.american, exports.wide_workbook),
-)
-
-
-@pytest.mark.parametrize("style", MODULI)
-@pytest.mark.filterwarnings("ignore:.*sheets .* are read as one table")
-def test_moduli_of_instruments(tmp_path, style):
-    pytest.importorskip("openpyxl", reason="needs openpyxl, which is in the test extra")
-    data = read(style(tmp_path), **OPTIONS.get(style, {}))
-    order = np.lexsort((data.omega, data.temperature))
-    found = np.array([data.omega / HZ, data.storage / 1e6, data.loss / 1e6, data.temperature - ZERO])[
-        :, order
-    ]
-    np.testing.assert_allclose(found, np.transpose(exports.sweep()), rtol=1e-7, atol=1e-6)
-
-
-def test_friction_of_a_linear_tester(tmp_path):
-    data = read(exports.linear_tester(tmp_path))
-    np.testing.assert_allclose(data.friction, exports.mu(1e3 * data.velocity, 1e-6 * data.pressure))
-    assert sorted(zip(data.pressure, data.velocity, strict=True)) == [
-        (p, pytest.approx(v)) for p in (2e5, 4e5) for v in (5e-4, 5e-3, 5e-2)
-    ]
-
-
-def test_friction_of_a_wheel_tester_with_the_columns_of_the_message(tmp_path):
-    path = exports.wheel_tester(tmp_path)
-    columns = json.loads(refused(path, lambda: read(path)).rpartition("columns=")[2])
-    assert columns == ["?", "?", "F_n [N]", "p [MPa]", "?"]
-    known = iter(["-", "v [mm/s]", "mu [-]"])
-    data = read(path, columns=[next(known) if column == "?" else column for column in columns])
-    np.testing.assert_allclose(data.friction, exports.mu(1e3 * data.velocity, 1e-6 * data.pressure))
-    assert len(data) == 6

@@ -10,7 +10,6 @@ from support.refusals import refused
 import fitting
 import rubberfric as rf
 from rubberfric.io import stated_frequency
-from rubberfric.io.columns import known_name
 
 HZ = 2 * math.pi  # [rad/s]
 ANGLE = math.degrees(math.atan2(3, 4))  # of E' = 4 MPa and E'' = 3 MPa
@@ -36,6 +35,15 @@ SHEAR = {"poisson": 0.5}
         ),
         ("f [Hz],Storage compliance [1/MPa],Loss compliance [1/MPa]", "1,0.48,0.36", SHEAR),
         ("f [Hz],J* [1/MPa],Phase angle [rad]", f"1,0.6,{math.radians(ANGLE)!r}", SHEAR),
+        ("f [Hz];|E*| [MPa];tan delta", "1;5;0.75", {}),
+        ("f,E_stor,tan_del\nHz,MPa,-", "1,4,0.75", {}),
+        ("f [Hz],|E*| [MPa],delta [rad]", f"1,5,{math.radians(ANGLE)!r}", {}),
+        ("f [Hz],|G*| [MPa],delta [deg]", f"1,{5 / 3!r},{ANGLE!r}", SHEAR),
+        ("f [Hz],E' [MPa],delta [deg]", f"1,4,{ANGLE!r}", {}),
+        ("f [Hz],E'' [MPa],tan delta", "1,3,0.75", {"kind": "modulus"}),
+        # phase angles that are not needed
+        ("f [Hz],E' [MPa],E'' [MPa],delta [deg]", "1,4,3,-2", {}),
+        ("f [Hz],E' [MPa],E'' [MPa],|E*| [MPa],delta [deg]", "1,4,3,n/a,n/a", {}),
         # moduli in other languages
         ("Frequenz [Hz];Komplexer Schubmodul [MPa];Phasenwinkel [°]", f"1;{5 / 3!r};{ANGLE!r}", SHEAR),
         ("Frequenz [Hz];Schubspeichermodul [MPa];Schubverlustmodul [MPa]", f"1;{4 / 3!r};1", SHEAR),
@@ -63,34 +71,6 @@ def test_shear_compliances_need_the_poisson_ratio(tmp_path):
     path = put(tmp_path, "f [Hz],J' [1/MPa],J'' [1/MPa]\n1,0.48,0.36\n")
     message = refused(path, lambda: fitting.read(path))
     assert "J_stor, J_loss are of shear: poisson must be given" in message
-
-
-@pytest.mark.parametrize(
-    ("title", "name", "unit"),
-    [
-        ("Time (s)", "t", "s"),
-        ("Step time [min]", "t_step", "min"),
-        ("time (t) / s", "t", "s"),
-        ("Zeit in h", "t", "h"),
-        ("Relaxation modulus E(t) [MPa]", "E_relax", "MPa"),
-        ("Module de perte G'' (Pa)", "G_loss", "Pa"),
-        ("Loss modulus E' (Pa)", None, None),
-        ("Relaxation modulus (E(t)) [MPa]", "E_relax", "MPa"),
-        ("G(t) [Pa]", "G_relax", "Pa"),
-        ("Relaxationsmodul/MPa", "E_relax", "MPa"),
-        ("Kriechnachgiebigkeit in 1/MPa", "D_creep", "1/MPa"),
-        ("J(t) [1/Pa]", "J_creep", "1/Pa"),
-        ("T min", None, None),
-        ("mu min", None, None),
-    ],
-)
-def test_titles(title, name, unit):
-    assert known_name(title) == (name, unit)
-
-
-def test_titles_in_shear():
-    assert known_name("Creep compliance [1/Pa]", "G") == ("J_creep", "1/Pa")
-    assert known_name("Relaxation modulus [Pa]", "G") == ("G_relax", "Pa")
 
 
 @pytest.mark.parametrize(
@@ -129,21 +109,6 @@ def test_frequency_above_a_temperature_ramp(tmp_path, line, hertz):
     np.testing.assert_allclose(data.omega, [hertz * HZ] * 2, rtol=1e-12)
     np.testing.assert_allclose([data.storage, data.temperature], [[4e6, 2e6], [293.15, 303.15]])
     np.testing.assert_allclose(fitting.read(path, frequency=3.0).omega, [3 * HZ] * 2)
-
-
-BESIDE = "#SAMPLE:;mix A;;mix B\n##Temp./°C;E'/MPa(10.0 Hz);E''/MPa(10.0 Hz);{}\n20;4;3;{}\n30;2;1;{}\n"
-
-
-def test_samples_beside_each_other(tmp_path):
-    """Two samples with equal titles, with one or two columns of temperatures."""
-    pair = "E'/MPa(10.0 Hz);E''/MPa(10.0 Hz)"
-    for titles, first, second in ((pair, "8;6", "5;2"), (f"Temp./°C;{pair}", "21;8;6", "31;5;2")):
-        path = put(tmp_path, BESIDE.format(titles, first, second))
-        assert "or choose one with block=1 to 2" in refused(path, lambda path=path: fitting.read(path))
-        data = fitting.read(path, block=2)
-        np.testing.assert_allclose([data.storage, data.loss], [[8e6, 5e6], [6e6, 2e6]])
-        T = [294.15, 304.15] if "21" in first else [293.15, 303.15]
-        np.testing.assert_allclose([*data.temperature, *data.omega], [*T, 10 * HZ, 10 * HZ])
 
 
 def test_scene_and_job_files_say_columns_too(tmp_path):

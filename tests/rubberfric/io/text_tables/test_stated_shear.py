@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from support.exports import put
 
 import fitting
 
@@ -22,9 +23,7 @@ OTHERS = ["Instrument type\tRSA-G2", "Instrument name\tDMA 850"]
 
 
 def export(folder, *lines):
-    text = "\n".join([*HEAD, *lines, "", "[step]", TITLES, "1\t3\t0.3\t20", "10\t4\t0.5\t20"])
-    (folder / "trios.txt").write_text(text, encoding="utf-8")
-    return folder / "trios.txt"
+    return put(folder, "\n".join([*HEAD, *lines, "", "[step]", TITLES, "1\t3\t0.3\t20", "10\t4\t0.5\t20"]))
 
 
 @pytest.mark.parametrize("line", [*OF_SHEAR, *RHEOMETERS])
