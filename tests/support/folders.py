@@ -6,6 +6,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT / "data"
+# Scenes of the data. Jobs of fits end in _fit.
+SCENE_FILES = sorted(path for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
 REFERENCE = ROOT / "tests" / "reference"
 # For scripts that import from here. The project comes first, because test folders have its packages' names.
 PYTHONPATH = os.pathsep.join([str(ROOT), str(ROOT / "tests")])

@@ -140,14 +140,6 @@ def test_commands_run_without_their_scripts(package, command):
     assert (done.returncode, done.stdout) == (2, "") and done.stderr.startswith(command)
 
 
-@pytest.fixture
-def scene_file(tmp_path):
-    path = tmp_path / "scene.toml"
-    velocity = "{ from = 1e-3, to = 1e1, points = 30 }"
-    path.write_text(f"{JOB_SCENE}[run]\nvelocity = {velocity}\npressure = 1e5\n")
-    return path
-
-
 def test_command_needs_no_matplotlib_and_the_library_leaves_the_precision_alone(scene_file, numbers):
     """In a new process, because conftest switches double precision on."""
     program = f"""
