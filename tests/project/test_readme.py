@@ -2,25 +2,15 @@
 
 import pydoc
 import re
-import shutil
 from pathlib import Path
 
 import jax
-import numpy as np
 import pytest
-from support.folders import PAGE_SNIPPETS, RECIPE, REFERENCE_PAGES, ROOT, SNIPPETS
+from support.folders import PAGE_SNIPPETS, REFERENCE_PAGES, ROOT, SNIPPETS
 
 import fitting
 import rubberfric
 import rubberfric as rf
-from rubberfric.base import forget
-
-
-@pytest.fixture
-def in_a_copy(tmp_path, monkeypatch):
-    """A working folder with a copy of the data, in which commands may write."""
-    shutil.copytree(ROOT / "data", tmp_path / "data")
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.usefixtures("in_a_copy")
@@ -133,36 +123,3 @@ def test_reference_has_every_public_name():
             public = getattr(package, name)
             if callable(public):
                 assert any(public is one for one in there), f"{package.__name__}.{name}"
-
-
-ZENER_SCENE = """
-[lower]
-material = { kind = "rigid" }
-spectrum = { kind = "self_affine", q0 = 100, qr = 1000, q1 = 1e4, hurst = 0.8, h_rms = 1e-4 }
-[upper]
-material = { kind = "fractional_zener", E_inf = 3e6, E = 1e9, tau = 1e-6, alpha = 0.5 }
-"""
-
-
-def test_recipe_of_a_material(tmp_path):
-    """CONTRIBUTING's class, and all that it says of it without a line more."""
-    names = {"__name__": "recipe"}
-    exec(compile(RECIPE, "CONTRIBUTING.md", "exec"), names)
-    try:
-        (tmp_path / "scene.toml").write_text(ZENER_SCENE)
-        scene = rf.load_scene(tmp_path / "scene.toml")
-        assert isinstance(scene.upper.material, names["FractionalZener"])
-        omega = np.logspace(-5, 17, 12)
-        exact = 3e6 + 1e9 / (1 + (1e-6j * omega) ** -0.5)
-        np.testing.assert_allclose(rf.complex_modulus(scene.upper.material, omega), exact, rtol=1e-13)
-        rf.save_scene(tmp_path / "scene.h5", scene)
-        again = rf.load_scene(tmp_path / "scene.h5")
-        slope = jax.jit(jax.grad(lambda s: rf.friction(s.replace("upper.material.tau", 1e-5), 0.01, 1e5)))(
-            again
-        )
-        assert np.isfinite(slope.upper.material.alpha) and slope.upper.material.alpha != 0
-        assert "upper.material.alpha" in scene._repr_html_()
-        with pytest.raises(ValueError, match=r"FractionalZener\.alpha = 2\.0: must be between 0\.3 and 1\.0"):
-            scene.replace("upper.material.alpha", 2.0)
-    finally:
-        forget(names["FractionalZener"])

@@ -8,6 +8,7 @@ import typing
 
 import numpy as np
 import pytest
+from support.cases.stored import slow_if
 from support.folders import DATA, REFERENCE_PAGES
 
 import fitting
@@ -153,9 +154,7 @@ def test_beginnings_of_names_are_used():
     assert sum(map(is_slow, EXAMPLES)) < 0.8 * len(EXAMPLES)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * is_slow(name)) for name in EXAMPLES]
-)
+@pytest.mark.parametrize("name", slow_if(is_slow, EXAMPLES.keys()))
 def test_example(name, tmp_path, monkeypatch):
     (tmp_path / "data").symlink_to(DATA)
     monkeypatch.chdir(tmp_path)

@@ -102,9 +102,7 @@ def friction_over_pressure(sliding_speed, temperature):
 
 
 @pytest.mark.parametrize("kind", ["angle", "ratio"])
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name != "parabolic")) for name in SHAPES]
-)
+@pytest.mark.parametrize("name", slow_if(lambda name: name != "parabolic", SHAPES.keys()))
 def test_friction_of_a_scene(name, kind):
     """Friction that depends on speed, pressure and temperature, against quadrature to 1e-7."""
     patch, speed, T = Patch(L, W, K, SHAPES[name]), 3.0, 300.0
