@@ -16,6 +16,11 @@ README = (ROOT / "README.md").read_text()
 _SNIPPET = re.compile(r"^```python\n(.*?)^```", re.M | re.S)
 _PAGES = ROOT / "notebooks"
 REFERENCE_PAGES = [_PAGES / "reference.md", *sorted((_PAGES / "reference").glob("*.md"))]
+REFERENCE_NAMES = [
+    name
+    for page in REFERENCE_PAGES
+    for name in re.findall(r"^\.\. auto\w+:: ([\w.]+)$", page.read_text(), re.M)
+]
 # The snippets of the reference continue those of README.
 SNIPPETS = [
     snippet for page in (README, REFERENCE_PAGES[0].read_text()) for snippet in _SNIPPET.findall(page)

@@ -9,7 +9,7 @@ import weakref
 
 import pytest
 from support.folders import ROOT
-from support.processes.signals import stay
+from support.processes.signals import PROGRAM, stay
 from support.scenes.fits import JOB_FILES
 
 from rubberfric.commands import ended
@@ -97,9 +97,8 @@ def test_a_signal_while_jax_is_imported(tmp_path, which, package):
     (tmp_path / "jax.py").write_text("import time\nprint('now', flush=True)\ntime.sleep(60)\n")
     job = ROOT / "data" / "tread_on_asphalt_fit.toml"
     arguments = ("run", SCENE) if package == "rubberfric" else (job,)
-    program = f"import sys; from {package}.commands.main import main; sys.exit(main())"
     name = "rubberfric" if package == "rubberfric" else "rubberfric-fit"
-    found = interrupted(program, *arguments, sending=(which,), path=tmp_path)
+    found = interrupted(PROGRAM.format(package, ""), *arguments, sending=(which,), path=tmp_path)
     assert found == (128 + which, "", f"{name}: {LOST}")
 
 
