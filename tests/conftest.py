@@ -1,6 +1,7 @@
 """Double precision for every test, a bound on the memory of the run, and no files outside the project."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -18,6 +19,7 @@ jax.config.update("jax_enable_x64", True)
 
 pytest.register_assert_rewrite("support", "problems")
 
+from support.folders import DATA  # noqa: E402
 from support.processes import memory, outside  # noqa: E402
 
 PEAKS = pytest.StashKey[list]()
@@ -140,6 +142,13 @@ def job(tmp_path, monkeypatch):
 
     monkeypatch.chdir(tmp_path)
     return write_job(tmp_path)
+
+
+@pytest.fixture
+def in_a_copy(tmp_path, monkeypatch):
+    """A working folder with a copy of the data, in which commands may write."""
+    shutil.copytree(DATA, tmp_path / "data")
+    monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture

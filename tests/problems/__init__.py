@@ -15,6 +15,8 @@ from problems.solids import ELASTIC as ELASTIC
 from problems.solids import FINE as FINE
 from problems.solids import GROOVES as GROOVES
 from problems.solids import HEATING as HEATING
+from problems.solids import MAXWELL as MAXWELL
+from problems.solids import Q0 as Q0
 from problems.solids import RIGID as RIGID
 from problems.solids import ROAD as ROAD
 from problems.solids import SHEAR as SHEAR
@@ -26,3 +28,4 @@ from problems.solids import TREAD as TREAD
 from problems.solids import WLF as WLF
 from problems.solids import WORN as WORN
 from problems.solids import scene as scene
+from problems.solids import slope_one as slope_one

@@ -1,5 +1,7 @@
 """Solids, roughness and optional parts that many tests use: their numbers stand here once."""
 
+import math
+
 import numpy as np
 
 import rubberfric as rf
@@ -25,6 +27,16 @@ CONTACT_MODELS = {
     "paper, `area_correction`": {"area_correction": True},
     "law": {"area_correction": False, "contact_model": "boundary_elements"},
 }
+
+# Boundary elements compute without units, with one relaxation time and this first wavevector.
+MAXWELL = rf.Prony(1.0, [9.0], [1.0], 0.0)
+Q0 = 8 * math.pi
+
+
+def slope_one(ratio=8.0):
+    """A spectrum of rms slope 1 from Q0 to `ratio` times it, without roll-off."""
+    road = rf.SelfAffine(Q0, Q0, ratio * Q0, 0.8, 1.0)
+    return road.replace(h_rms=1 / float(rf.rms_slope(road)))
 
 
 def scene(lower, upper, **options):

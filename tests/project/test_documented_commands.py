@@ -7,7 +7,6 @@
 import math
 import re
 import shlex
-import shutil
 import tomllib
 from pathlib import Path
 
@@ -33,13 +32,6 @@ COMMANDS = [
 LONG = ("rubberfric accuracy",)  # half a minute and more
 # Waits for a browser: tests/rubberfric/commands/explorer.
 SERVING = ("rubberfric explore",)
-
-
-@pytest.fixture
-def in_a_copy(tmp_path, monkeypatch):
-    """A working folder with a copy of the data, in which commands may write."""
-    shutil.copytree(ROOT / "data", tmp_path / "data")
-    monkeypatch.chdir(tmp_path)
 
 
 def test_all_pages_are_searched():

@@ -1,15 +1,13 @@
 """The page on formats equals the output of its script, and its messages occur in the code."""
 
-import importlib.util
 import re
 import shutil
 import textwrap
 
 from support.folders import ROOT
+from support.processes.notebooks import script
 
-spec = importlib.util.spec_from_file_location("formats", ROOT / "notebooks" / "formats.py")
-formats = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(formats)
+formats = script("formats")
 PAGE = (ROOT / "notebooks" / "formats.md").read_text(encoding="utf-8")
 
 

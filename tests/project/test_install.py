@@ -83,11 +83,3 @@ def test_hosted_checks_run_what_runs_by_hand():
     (extra,) = re.findall(r"extra_requirements: \[(\w+)\]", site)
     (path,) = re.findall(r"configuration: (\S+)", site)
     assert extra in project["optional-dependencies"] and (ROOT / path).exists()
-
-
-def test_citation_is_of_this_version():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    citation = (ROOT / "CITATION.cff").read_text()
-    assert f"\nversion: {rf.__version__}\n" in citation and f"\nlicense: {project['license']}\n" in citation
-    assert all(f"  - {word}\n" in citation for word in project["keywords"])
-    assert "arXiv:1506.06955" in citation

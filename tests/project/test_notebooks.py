@@ -1,15 +1,13 @@
 """Notebooks: each runs from top to bottom, and its stored form is complete, clean and small."""
 
 import base64
-import importlib.util
 import json
 import os
 import re
-import sys
 
 import pytest
 from support.folders import ROOT
-from support.processes.notebooks import NOTEBOOKS, OF_FITS, run
+from support.processes.notebooks import NOTEBOOKS, OF_FITS, run, script
 
 # Largest size of a notebook [bytes], because every clone of the repository contains all its versions.
 LARGEST = 350_000
@@ -73,18 +71,6 @@ def test_is_stored_executed_and_clean(path):
 def test_together_they_are_small():
     assert len(NOTEBOOKS) == 10
     assert sum(os.path.getsize(path) for path in NOTEBOOKS) < ALL
-
-
-def script(name):
-    """Import a script of the folder of notebooks."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / "notebooks" / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.path.insert(0, str(ROOT / "notebooks"))
-    try:
-        spec.loader.exec_module(module)
-    finally:
-        sys.path.pop(0)
-    return module
 
 
 def test_the_page_on_growth_has_the_stored_measurements(tmp_path):

@@ -2,25 +2,16 @@
 
 import pydoc
 import re
-import shutil
+import tomllib
 from pathlib import Path
 
 import jax
-import numpy as np
 import pytest
-from support.folders import PAGE_SNIPPETS, RECIPE, REFERENCE_PAGES, ROOT, SNIPPETS
+from support.folders import PAGE_SNIPPETS, REFERENCE_NAMES, ROOT, SNIPPETS
 
 import fitting
 import rubberfric
 import rubberfric as rf
-from rubberfric.base import forget
-
-
-@pytest.fixture
-def in_a_copy(tmp_path, monkeypatch):
-    """A working folder with a copy of the data, in which commands may write."""
-    shutil.copytree(ROOT / "data", tmp_path / "data")
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.usefixtures("in_a_copy")
@@ -78,6 +69,10 @@ def test_citations_agree():
     """Each author, title, version and address of CITATION.cff is in the BibTeX entries."""
     entries = (ROOT / "notebooks" / "cite.md").read_text()
     text = (ROOT / "CITATION.cff").read_text()
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert f"\nversion: {rf.__version__}\n" in text and f"\nlicense: {project['license']}\n" in text
+    assert all(f"  - {word}\n" in text for word in project["keywords"])
+    assert "arXiv:1506.06955" in text
     values = re.findall(r"^ *(?:- )?(?:title|version|year|url|name|license|family-names): (.+)$", text, re.M)
     assert len(values) == 9 and f"version = {{{rubberfric.__version__}}}" in entries
     for value in values:
@@ -117,13 +112,8 @@ def test_modules_that_are_named_exist(page):
 
 
 def test_reference_has_every_public_name():
-    named = [
-        name
-        for page in REFERENCE_PAGES
-        for name in re.findall(r"^\.\. auto\w+:: ([\w.]+)$", page.read_text(), re.M)
-    ]
-    assert len(named) == len(set(named)) > 150
-    there = [pydoc.locate(name) for name in named]
+    assert len(REFERENCE_NAMES) == len(set(REFERENCE_NAMES)) > 150
+    there = [pydoc.locate(name) for name in REFERENCE_NAMES]
     assert None not in there
     rooms = [
         getattr(rubberfric, name) for name in ("analysis", "io", "materials", "plot", "roughness", "units")
@@ -133,36 +123,3 @@ def test_reference_has_every_public_name():
             public = getattr(package, name)
             if callable(public):
                 assert any(public is one for one in there), f"{package.__name__}.{name}"
-
-
-ZENER_SCENE = """
-[lower]
-material = { kind = "rigid" }
-spectrum = { kind = "self_affine", q0 = 100, qr = 1000, q1 = 1e4, hurst = 0.8, h_rms = 1e-4 }
-[upper]
-material = { kind = "fractional_zener", E_inf = 3e6, E = 1e9, tau = 1e-6, alpha = 0.5 }
-"""
-
-
-def test_recipe_of_a_material(tmp_path):
-    """CONTRIBUTING's class, and all that it says of it without a line more."""
-    names = {"__name__": "recipe"}
-    exec(compile(RECIPE, "CONTRIBUTING.md", "exec"), names)
-    try:
-        (tmp_path / "scene.toml").write_text(ZENER_SCENE)
-        scene = rf.load_scene(tmp_path / "scene.toml")
-        assert isinstance(scene.upper.material, names["FractionalZener"])
-        omega = np.logspace(-5, 17, 12)
-        exact = 3e6 + 1e9 / (1 + (1e-6j * omega) ** -0.5)
-        np.testing.assert_allclose(rf.complex_modulus(scene.upper.material, omega), exact, rtol=1e-13)
-        rf.save_scene(tmp_path / "scene.h5", scene)
-        again = rf.load_scene(tmp_path / "scene.h5")
-        slope = jax.jit(jax.grad(lambda s: rf.friction(s.replace("upper.material.tau", 1e-5), 0.01, 1e5)))(
-            again
-        )
-        assert np.isfinite(slope.upper.material.alpha) and slope.upper.material.alpha != 0
-        assert "upper.material.alpha" in scene._repr_html_()
-        with pytest.raises(ValueError, match=r"FractionalZener\.alpha = 2\.0: must be between 0\.3 and 1\.0"):
-            scene.replace("upper.material.alpha", 2.0)
-    finally:
-        forget(names["FractionalZener"])

@@ -3,7 +3,8 @@
 import jax
 import numpy as np
 import pytest
-from problems import ROAD, WORN
+from problems import ROAD, SOFTENING, WORN
+from support.cases.stored import slow_if
 from support.folders import RECIPE
 
 import fitting
@@ -13,7 +14,6 @@ from rubberfric.theory import paper
 
 RIGID = rf.Body(rf.Rigid(), ROAD)
 BASE = rf.Prony(3e6, [1e8, 1e7], [1e-5, 1e-2], 0.48)
-SOFTENING = rf.Softening([0.01, 0.1, 1.0], [1.0, 0.7, 0.4], [1.0, 1.2, 0.6])
 SCENES = {
     "half-space": lambda one: rf.Scene(RIGID, rf.Body(one)),
     "second rubber": lambda one: rf.Scene(rf.Body(BASE, ROAD), rf.Body(one, WORN)),
@@ -23,6 +23,13 @@ SCENES = {
     "grooved": lambda one: rf.Scene(rf.Body(rf.Rigid(), rf.Anisotropic(ROAD, 1.6, 0.5)), rf.Body(one)),
 }
 V = np.array([1e-3, 0.3, 20.0])
+FILE = """
+[lower]
+material = { kind = "rigid" }
+spectrum = { kind = "self_affine", q0 = 100, qr = 1000, q1 = 1e4, hurst = 0.8, h_rms = 1e-4 }
+[upper]
+material = { kind = "recipe_solid", E_inf = 3e6, E = 1e9, tau = 1e-6, alpha = 0.5 }
+"""
 
 
 @pytest.fixture(scope="module")
@@ -34,9 +41,24 @@ def zener():
     forget(names["RecipeSolid"])
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n != "half-space")) for n in SCENES]
-)
+def test_files_modulus_gradient_and_messages(zener, tmp_path):
+    """The class has them without a line more."""
+    (tmp_path / "scene.toml").write_text(FILE)
+    scene = rf.load_scene(tmp_path / "scene.toml")
+    assert isinstance(scene.upper.material, zener)
+    omega = np.logspace(-5, 17, 12)
+    exact = 3e6 + 1e9 / (1 + (1e-6j * omega) ** -0.5)
+    np.testing.assert_allclose(rf.complex_modulus(scene.upper.material, omega), exact, rtol=1e-13)
+    rf.save_scene(tmp_path / "scene.h5", scene)
+    again = rf.load_scene(tmp_path / "scene.h5")
+    slope = jax.jit(jax.grad(lambda s: rf.friction(s.replace("upper.material.tau", 1e-5), 0.01, 1e5)))(again)
+    assert np.isfinite(slope.upper.material.alpha) and slope.upper.material.alpha != 0
+    assert "upper.material.alpha" in scene._repr_html_()
+    with pytest.raises(ValueError, match=r"RecipeSolid\.alpha = 2\.0: must be between 0\.3 and 1\.0"):
+        scene.replace("upper.material.alpha", 2.0)
+
+
+@pytest.mark.parametrize("name", slow_if(lambda name: name != "half-space", SCENES.keys()))
 def test_it_equals_a_prony_series(name, zener):
     """Values, and the derivatives by its three moduli and times."""
 

@@ -8,18 +8,14 @@ import typing
 
 import numpy as np
 import pytest
-from support.folders import DATA, REFERENCE_PAGES
+from support.cases.stored import slow_if
+from support.folders import DATA, REFERENCE_NAMES
 
 import fitting
 import rubberfric as rf
 from rubberfric.base.objects.physical import Kind
 
-NAMES = [
-    name
-    for page in REFERENCE_PAGES
-    for name in re.findall(r"^\.\. auto\w+:: ([\w.]+)$", page.read_text(), re.M)
-]
-OBJECTS = {name: inspect.unwrap(pydoc.locate(name)) for name in NAMES}
+OBJECTS = {name: inspect.unwrap(pydoc.locate(name)) for name in REFERENCE_NAMES}
 
 
 def methods(cls):
@@ -110,7 +106,7 @@ SHOWN |= {
 
 
 def test_every_name_has_an_example():
-    assert len(NAMES) > 230
+    assert len(REFERENCE_NAMES) > 230
     missing = [name for name, found in OBJECTS.items() if name not in EXAMPLES and found not in SHOWN]
     assert sorted(missing) == sorted(WITHOUT)
 
@@ -153,9 +149,7 @@ def test_beginnings_of_names_are_used():
     assert sum(map(is_slow, EXAMPLES)) < 0.8 * len(EXAMPLES)
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * is_slow(name)) for name in EXAMPLES]
-)
+@pytest.mark.parametrize("name", slow_if(is_slow, EXAMPLES.keys()))
 def test_example(name, tmp_path, monkeypatch):
     (tmp_path / "data").symlink_to(DATA)
     monkeypatch.chdir(tmp_path)

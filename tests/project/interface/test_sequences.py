@@ -7,6 +7,7 @@ import jax
 import numpy as np
 import pytest
 from problems import RIGID, ROAD, TREAD, scene
+from support.cases.stored import slow_if
 
 import fitting
 import rubberfric as rf
@@ -74,9 +75,7 @@ def as_tuple(values):
 SLOW = ("fit_spectrum", "spectrum_from without H", "contact_conductance", "profile", "sensitivity")
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in CALLS]
-)
+@pytest.mark.parametrize("name", slow_if(SLOW.__contains__, CALLS.keys()))
 def test_lists_and_tuples(name):
     expected = jax.tree.leaves(CALLS[name](lambda values: values))
     for convert in (as_list, as_tuple):

@@ -1,16 +1,14 @@
 """The energy of full contact from moments of the spectra, and the verdict on adhesion."""
 
 import math
-from pathlib import Path
 
 import jax
 import numpy as np
 import pytest
+from support.folders import DATA
 
 import rubberfric as rf
 from rubberfric.analysis import adhesion_matters, full_contact_energy
-
-DATA = Path(__file__).parents[3] / "data"
 
 
 def _square_moment(spectrum):

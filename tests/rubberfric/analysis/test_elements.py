@@ -6,24 +6,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from problems import RIGID, TREAD, WLF, scene
+from problems import MAXWELL, Q0, RIGID, TREAD, WLF, scene, slope_one
 
 import rubberfric as rf
 from rubberfric.analysis import boundary_element, random_surface, sliding_contact
 
 ELASTIC = rf.Elastic(2.0e6, 0.3)
 E_STAR = 2.0e6 / (1 - 0.3**2)
-# One relaxation time, times and lengths without units.
-MAXWELL = rf.Prony(1.0, [9.0], [1.0], 0.0)
-Q0 = 8 * math.pi
-
-
-def slope_one(ratio=8.0, hurst=0.8, q0=Q0):
-    """A spectrum of rms slope 1 without roll-off."""
-    road = rf.SelfAffine(q0, q0, ratio * q0, hurst, 1.0)
-    return road.replace(h_rms=1 / float(rf.rms_slope(road)))
-
-
 ROUGH = scene((RIGID, slope_one()), (MAXWELL,))
 FINE = scene((RIGID, slope_one(4.0)), (MAXWELL,))  # 16 points a shortest wavelength at 128, 2 periods
 

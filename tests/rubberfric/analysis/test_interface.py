@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from support.cases.cut import CASES, ELASTIC, ROAD, RUBBER, TYRE, by_paper, case, cut, ordinary
+from support.cases.cut import CASES, ELASTIC, ROAD, RUBBER, SMOOTH, TYRE, by_paper, case, cut, ordinary
 
 import rubberfric as rf
 from rubberfric.analysis.interface import _stress_density
@@ -76,8 +76,7 @@ def test_contact_stiffness(name):
 @pytest.mark.slow
 def test_stiffness_of_full_contact_and_of_light_load():
     scene, v, _ = TYRE
-    smooth = rf.Scene(rf.Body(rf.Elastic(1e6, 0.5)), rf.Body(rf.Rigid()))
-    assert (rf.analysis.contact_stiffness(smooth, np.ones(2), 1e5) == np.inf).all()
+    assert (rf.analysis.contact_stiffness(SMOOTH, np.ones(2), 1e5) == np.inf).all()
     full = rf.analysis.contact_stiffness(scene, v, np.array([1e12, 1e30]))
     assert (full > 1e100).all()
     assert np.isfinite(jax.jit(jax.grad(rf.analysis.contact_stiffness, 2))(scene, v, 1e30))
@@ -176,10 +175,9 @@ def test_separation_profile_ends():
     np.testing.assert_allclose(found.contact_separation[:, :2], whole, rtol=1e-9)
     assert not np.any(found.contact_separation[:, 2:]) and not np.any(found.separation[:, 2:])
     assert (found.separation[:, 0] == np.inf).all() and (found.area[:, 0] == 1).all()
-    smooth = rf.Scene(rf.Body(rf.Elastic(1e6, 0.5)), rf.Body(rf.Rigid()))
-    assert not np.any(rf.analysis.separation_profile(smooth, v, p, q=[1.0]).separation)
+    assert not np.any(rf.analysis.separation_profile(SMOOTH, v, p, q=[1.0]).separation)
     with pytest.raises(ValueError, match=r"^q is None, but the scene has no roughness; give wavevectors$"):
-        rf.analysis.separation_profile(smooth, v, p)
+        rf.analysis.separation_profile(SMOOTH, v, p)
 
 
 @pytest.mark.slow

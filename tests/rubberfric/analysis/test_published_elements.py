@@ -5,7 +5,7 @@ import math
 import jax
 import numpy as np
 import pytest
-from problems import RIGID, scene
+from problems import MAXWELL, RIGID, scene, slope_one
 
 import rubberfric as rf
 from rubberfric.analysis import boundary_element, random_surface, sliding_contact
@@ -20,13 +20,7 @@ PUBLISHED = (
     (3.2e-2, 0.0164, 0.233),
     (1e-1, 0.0147, 0.090),
 )
-
-
-Q0 = 8 * math.pi
-ROAD = rf.SelfAffine(Q0, Q0, 8 * Q0, 0.8, 1.0)
-ROAD = ROAD.replace(h_rms=1 / float(rf.rms_slope(ROAD)))  # rms slope 1
-# One relaxation time, times and lengths without units.
-ROUGH = scene((RIGID, ROAD), (rf.Prony(1.0, [9.0], [1.0], 0.0),))
+ROUGH = scene((RIGID, slope_one()), (MAXWELL,))
 
 
 @pytest.mark.parametrize(("v", "area", "friction"), PUBLISHED[:3])
@@ -74,7 +68,7 @@ def test_resolution():
 def test_against_tamaas():
     tamaas = pytest.importorskip("tamaas", reason="another boundary-element program, static contact only")
     n, load = 128, 0.05
-    surface = random_surface(ROAD, jax.random.key(5), n)
+    surface = random_surface(slope_one(), jax.random.key(5), n)
     model = tamaas.ModelFactory.createModel(tamaas.model_type.basic_2d, [surface.length] * 2, [n, n])
     model.E, model.nu = 1.0, 0.0
     solver = tamaas.PolonskyKeerRey(model, surface.heights, 1e-10)

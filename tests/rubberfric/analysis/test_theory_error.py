@@ -1,11 +1,10 @@
 """The table of theory over boundary elements equals its script; look-up and command."""
 
-import importlib.util
-
 import numpy as np
 import pytest
 from problems import RIGID, ROAD, TREAD, scene
-from support.folders import DATA, ROOT
+from support.folders import DATA
+from support.processes.notebooks import script
 
 import rubberfric as rf
 from rubberfric.analysis import theory_error
@@ -14,28 +13,25 @@ from rubberfric.commands.main import main
 
 
 @pytest.fixture(scope="module")
-def script():
-    spec = importlib.util.spec_from_file_location("table", ROOT / "notebooks" / "boundary_elements.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def table():
+    return script("boundary_elements")
 
 
 @pytest.fixture(scope="module")
-def rows(script):
-    return script.read()
+def rows(table):
+    return table.read()
 
 
-def test_every_case_is_there_once(script, rows):
-    assert len({script.key_of(row) for row in rows}) == len(rows) == sum(1 for _ in script.cases())
+def test_every_case_is_there_once(table, rows):
+    assert len({table.key_of(row) for row in rows}) == len(rows) == sum(1 for _ in table.cases())
 
 
 @pytest.mark.parametrize("inside", [False, True])
-def test_ranges_contain_the_cases_of_this_table(script, rows, inside):
+def test_ranges_contain_the_cases_of_this_table(table, rows, inside):
     """The ranges are from other cases (test_law_and_boundary_elements.py). Nine of ten cases are in them."""
-    assert AREAS == script.AREAS
+    assert AREAS == table.AREAS
     shares = []
-    for row in script.numbers(rows):
+    for row in table.numbers(rows):
         area, friction = (
             row[f"{name}_{'inside' if inside else 'plain'}_0.5"] for name in ("area", "friction")
         )
@@ -48,18 +44,18 @@ def test_ranges_contain_the_cases_of_this_table(script, rows, inside):
 
 
 @pytest.mark.slow
-def test_the_table_can_be_made_again(script, rows):
+def test_the_table_can_be_made_again(table, rows):
     """The theory of three cases, and the boundary elements of one."""
-    known = script.numbers(rows)
+    known = table.numbers(rows)
     for row in known[:: len(known) // 3]:
-        case = script.scene_of(*(row[name] for name in ("ratio", "rolloff", "hurst", "relaxation")))
+        case = table.scene_of(*(row[name] for name in ("ratio", "rolloff", "hurst", "relaxation")))
         case = case.replace(area_correction=True)
         found = rf.solve(case, row["velocity"], row["pressure"], quantities=("area", "friction"))
         np.testing.assert_allclose(found.area, row["area_inside_0.5"], rtol=1e-4)
         np.testing.assert_allclose(found.friction, row["friction_inside_0.5"], rtol=1e-4)
     row = next(row for row in known if row["load"] == 0.12 and row["grid"] == 256)
-    case = script.scene_of(row["ratio"], row["rolloff"], row["hurst"], row["relaxation"])
-    found, _, _ = script.measured(case, row["velocity"], row["pressure"], 256, 4)
+    case = table.scene_of(row["ratio"], row["rolloff"], row["hurst"], row["relaxation"])
+    found, _, _ = table.measured(case, row["velocity"], row["pressure"], 256, 4)
     np.testing.assert_allclose(found["friction"].mean(), row["friction"], rtol=1e-3)
     np.testing.assert_allclose(found["area"].mean(), row["area"], rtol=1e-3)
 

@@ -4,17 +4,16 @@ The flow solver is compared with closed forms here. One slow test computes a row
 """
 
 import csv
-import importlib.util
 import itertools
-from pathlib import Path
 
 import numpy as np
 import pytest
+from support.folders import ROOT
 from support.oracles.reynolds_flow import flow_tensor
+from support.processes.notebooks import script
 
 from rubberfric.applications import leak_conductivity
 
-ROOT = Path(__file__).resolve().parents[3]
 # Limits of the intervals of A/A0 in the documentation.
 AREAS = (0.04, 0.08, 0.14, 0.2, 0.28, 0.33)
 # Columns of this table.
@@ -46,14 +45,6 @@ def test_flow_around_contact():
     assert wall[1, 1] > 0.9
 
 
-def script():
-    """Return notebooks/leak_elements.py as a module."""
-    spec = importlib.util.spec_from_file_location("leak_elements", ROOT / "notebooks" / "leak_elements.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 def rows():
     with (ROOT / "notebooks" / "leak_elements.csv").open(newline="") as file:
         return list(csv.DictReader(file))
@@ -66,7 +57,7 @@ def flow(row, faces):
 
 def compared():
     """Return arrays (theory / flow, A/A0, H, q1/q0, half of the difference of both flows) for each part."""
-    module, groups = script(), {}
+    module, groups = script("leak_elements"), {}
     for row in rows():
         shape = tuple(float(row[name]) for name in ("ratio", "rolloff", "hurst"))
         groups.setdefault((row["part"], *shape), []).append(row)
@@ -115,7 +106,7 @@ def test_theory_and_flow():
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::rubberfric.UnitWarning")
 def test_a_row_again():
-    module = script()
+    module = script("leak_elements")
     row = next(one for one in rows() if one["key"] == "1003")
     again = module.computed(row["part"], 6, 1, 0.5, 512, 1003, 0.12)
     for name in ("area", "separation", *module.FLOWS):

@@ -1,19 +1,18 @@
 """`rubberfric accuracy`: its output, files and messages; the sweep itself is in test_accuracy.py."""
 
-import functools
 import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 from problems import ROAD, TREAD
-from support.folders import DATA
+from support.folders import SCENE_FILES
+from support.scenes.maps import SMALL
 
 import rubberfric as rf
 from rubberfric.analysis import sweep
 from rubberfric.analysis.reference import Errors
 from rubberfric.analysis.sweep import Accuracy, Row
-from rubberfric.commands import main as command
 from rubberfric.commands import run as run_commands
 from rubberfric.io.results import Conditions
 
@@ -21,29 +20,13 @@ ROWS = (
     Row("panels", rf.Quadrature(panels=6), "float64", 100, Errors(*[1e-8] * 6), 1e-3, 2e-3, 1.0, 2.0),
     Row("textbook", (200, 64), "float64", 12800, Errors(1e-3, 2e-3, 3e-3), 0.09),
 )
+VELOCITIES = "{ from = 1e-3, to = 1e1, points = 90 }"
 RESULT = Accuracy(1e-4, ROWS, Errors(*[1e-12] * 6), 41, 30)
-TEXT = """
-title = "Small"
-[lower]
-material = { kind = "rigid" }
-spectrum = { kind = "self_affine", q0 = 100, qr = 1000, q1 = 1e4, hurst = 0.8, h_rms = 1e-4 }
-[upper]
-material = { kind = "prony", E_inf = 1e6, E = [1e8], tau = [1e-5] }
-[run]
-velocity = { from = 1e-3, to = 1e1, points = 90 }
-pressure = 1e5
-"""
 
 
-@pytest.fixture
-def call(call_main, tmp_path, monkeypatch):
-    """Run the command in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-    Path("scene.toml").write_text(TEXT)
-    return functools.partial(call_main, command.main)
-
-
-def test_command(call, monkeypatch):
+def test_command(call, scene_file, monkeypatch):
+    monkeypatch.chdir(scene_file.parent)
+    scene_file.write_text(f"{SMALL}[run]\nvelocity = {VELOCITIES}\npressure = 1e5\n")
     seen = {}
 
     def sweep_of(_, *at, error, progress, report):
@@ -56,7 +39,7 @@ def test_command(call, monkeypatch):
     arguments = ("accuracy", "scene.toml", "--error", "1e-4", "--out", "t.csv", "--plot", "t.png")
     status, printed, complaint = call(*arguments)
     assert (status, complaint) == (0, "")
-    assert printed == f"Small\n60 of 90 velocities, equally spread\n{RESULT.report()}\n"
+    assert printed == f"Small scene\n60 of 90 velocities, equally spread\n{RESULT.report()}\n"
     assert seen["error"] == 1e-4 and seen["at"][2] is None
     velocity, pressure = seen["at"][:2]
     assert velocity.shape == (60,) and (velocity[0], velocity[-1]) == pytest.approx((1e-3, 10))
@@ -86,19 +69,18 @@ def test_velocities_are_thinned_to_a_number_of_points():
         ((), "SCENE"),
     ],
 )
-def test_command_with_bad_input(call, monkeypatch, arguments, message):
+def test_command_with_bad_input(refused, scene_file, monkeypatch, arguments, message):
+    monkeypatch.chdir(scene_file.parent)
     rf.save_scene("bare.h5", rf.Scene(rf.Body(TREAD), rf.Body(rf.Rigid(), ROAD)))
     monkeypatch.setattr("rubberfric.analysis.reference.case_of", None)  # nothing may be computed
-    before = sorted(os.listdir())
-    status, printed, complaint = call("accuracy", *arguments)
-    assert (status, printed, complaint.count("\n")) == (2, "", 1)
+    complaint = refused("accuracy", *arguments)
     assert message in complaint and complaint.startswith("rubberfric")
-    assert sorted(os.listdir()) == before
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", sorted(p for p in DATA.glob("*.toml") if "_fit" not in p.stem), ids=str)
-def test_scenes_of_the_data_folder(call, path):
+@pytest.mark.parametrize("path", SCENE_FILES, ids=str)
+def test_scenes_of_the_data_folder(call, path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     error = "1e-2" if "tabulated" in path.stem else "1e-6"
     status, printed, complaint = call("accuracy", path, "--error", error, "--plot", "t.png", "--out", "t.csv")
     assert (status, complaint) == (0, "")

@@ -8,15 +8,14 @@ import sys
 
 import jax
 from support.folders import ROOT
+from support.processes.signals import PROGRAM
 
 from rubberfric.commands import doctor
-
-MAIN = "import sys; from rubberfric.commands.main import main; sys.exit(main())"
 
 
 def test_versions_devices_and_programs(tmp_path):
     done = subprocess.run(
-        [sys.executable, "-c", MAIN, "doctor"],
+        [sys.executable, "-c", PROGRAM.format("rubberfric", ""), "doctor"],
         env={"PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path)},
         capture_output=True,
         text=True,

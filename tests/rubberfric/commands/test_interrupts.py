@@ -9,13 +9,14 @@ import weakref
 
 import pytest
 from support.folders import ROOT
-from support.processes.signals import stay
+from support.processes.signals import PROGRAM, stay
 from support.scenes.fits import JOB_FILES
 
 from rubberfric.commands import ended
 
 SCENE = ROOT / "data" / "tread_on_asphalt.toml"
 LOST = "interrupted; incomplete files are not written\n"
+LATER = "interrupted; stopping after this step (a second signal stops at once)\n"
 
 # The main thread is in C for minutes, where no handler of Python's is called.
 BUSY = "hashlib.pbkdf2_hmac('sha256', b'', b'', 2**30)"
@@ -96,9 +97,8 @@ def test_a_signal_while_jax_is_imported(tmp_path, which, package):
     (tmp_path / "jax.py").write_text("import time\nprint('now', flush=True)\ntime.sleep(60)\n")
     job = ROOT / "data" / "tread_on_asphalt_fit.toml"
     arguments = ("run", SCENE) if package == "rubberfric" else (job,)
-    program = f"import sys; from {package}.commands.main import main; sys.exit(main())"
     name = "rubberfric" if package == "rubberfric" else "rubberfric-fit"
-    found = interrupted(program, *arguments, sending=(which,), path=tmp_path)
+    found = interrupted(PROGRAM.format(package, ""), *arguments, sending=(which,), path=tmp_path)
     assert found == (128 + which, "", f"{name}: {LOST}")
 
 
@@ -115,24 +115,33 @@ def test_a_signal_while_a_map_compiles(tmp_path, which, after):
     assert os.listdir(tmp_path) == []
 
 
+@pytest.fixture
+def answer(capfd):
+    """Run work as a command called from Python; its exit status and stderr after a signal."""
+
+    def run(work, which=signal.SIGINT):
+        before = signal.signal(which, signal.default_int_handler)  # a background job may ignore it
+        try:
+            status = ended("rubberfric", work, process=False)
+            assert signal.getsignal(which) is signal.default_int_handler
+        finally:
+            signal.signal(which, before)
+        return status, capfd.readouterr().err
+
+    return run
+
+
 @pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
-def test_a_command_called_from_python_is_interrupted(capfd, which):
+def test_a_command_called_from_python_is_interrupted(answer, which):
     def work(_):
         signal.raise_signal(which)
         stay()
         return 0
 
-    before = signal.signal(which, signal.default_int_handler)  # a background job may ignore it
-    try:
-        status = ended("rubberfric", work, process=False)
-        assert signal.getsignal(which) is signal.default_int_handler
-    finally:
-        signal.signal(which, before)
-    assert status == 128 + which
-    assert capfd.readouterr().err == f"rubberfric: {LOST}"
+    assert answer(work, which) == (128 + which, f"rubberfric: {LOST}")
 
 
-def test_a_command_called_from_python_does_not_lose_a_signal_in_a_weak_reference(capfd):
+def test_a_command_called_from_python_does_not_lose_a_signal_in_a_weak_reference(answer, monkeypatch):
     """Python prints and ignores an exception in the callback of a weak reference."""
 
     def work(_):
@@ -142,19 +151,12 @@ def test_a_command_called_from_python_does_not_lose_a_signal_in_a_weak_reference
         stay()
         return reference
 
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job may ignore it
-    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
-    try:
-        status = ended("rubberfric", work, process=False)
-    finally:
-        signal.signal(signal.SIGINT, before)
-        sys.unraisablehook = hook
-    assert status == 130
-    assert capfd.readouterr().err == f"rubberfric: {LOST}"
+    monkeypatch.setattr(sys, "unraisablehook", lambda _: None)
+    assert answer(work) == (130, f"rubberfric: {LOST}")
 
 
 @pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_that_waits_until_the_end_is_reported(capfd, which):
+def test_a_signal_that_waits_until_the_end_is_reported(answer, which):
     """The caller sees an interrupt; nothing is lost."""
 
     def work(interrupts):
@@ -162,16 +164,10 @@ def test_a_signal_that_waits_until_the_end_is_reported(capfd, which):
         signal.raise_signal(which)
         return 0
 
-    before = signal.signal(which, signal.default_int_handler)  # a background job may ignore it
-    try:
-        status = ended("rubberfric", work, process=False)
-    finally:
-        signal.signal(which, before)
-    assert status == 128 + which
-    assert capfd.readouterr().err == "rubberfric: interrupted; all files are complete\n"
+    assert answer(work, which) == (128 + which, "rubberfric: interrupted; all files are complete\n")
 
 
-def test_a_signal_before_hold_is_not_held_back(capfd):
+def test_a_signal_before_hold_is_not_held_back(answer):
     """A command called from Python would otherwise write files, and be stopped between two of them."""
 
     def work(interrupts):
@@ -179,16 +175,10 @@ def test_a_signal_before_hold_is_not_held_back(capfd):
         interrupts.hold()
         raise AssertionError("must not get here")
 
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job may ignore it
-    try:
-        status = ended("rubberfric", work, process=False)
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert status == 130
-    assert capfd.readouterr().err == f"rubberfric: {LOST}"
+    assert answer(work) == (130, f"rubberfric: {LOST}")
 
 
-def test_a_signal_while_modules_are_loaded_waits_for_them(capfd):
+def test_a_signal_while_modules_are_loaded_waits_for_them(answer):
     """An exception within the import of a compiled module can crash Python."""
     steps = []
 
@@ -199,14 +189,8 @@ def test_a_signal_while_modules_are_loaded_waits_for_them(capfd):
         steps.append("worked")
         return 0
 
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job may ignore it
-    try:
-        status = ended("rubberfric", work, process=False)
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert status == 130 and steps == ["loaded"]
-    answer = "rubberfric: interrupted; stopping after this step (a second signal stops at once)\n"
-    assert capfd.readouterr().err == f"{answer}rubberfric: {LOST}"
+    assert answer(work) == (130, f"rubberfric: {LATER}rubberfric: {LOST}")
+    assert steps == ["loaded"]
 
 
 EMBEDDED = """
@@ -228,8 +212,9 @@ def test_a_map_called_from_python_is_interrupted_while_it_compiles():
     command = [sys.executable, "-c", EMBEDDED, "map", str(SCENE)]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
     assert (done.returncode, done.stdout) == (130, "")
-    later = "rubberfric: interrupted; stopping after this step (a second signal stops at once)\n"
-    assert done.stderr.removeprefix(later) == f"rubberfric: {LOST}"  # if the compilation takes long
+    assert (
+        done.stderr.removeprefix(f"rubberfric: {LATER}") == f"rubberfric: {LOST}"
+    )  # if the compilation takes long
 
 
 @pytest.mark.parametrize("which", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM])
@@ -260,6 +245,5 @@ def test_a_signal_before_the_first_step_of_a_fit():
 def test_a_second_signal_does_not_wait_for_a_fit():
     program, signals = FITTING.replace("NAME", "save"), (signal.SIGINT, signal.SIGTERM)
     found = interrupted(program, "job.toml", "--out", "fit.h5", sending=signals, after=0.5)
-    answer = "rubberfric-fit: interrupted; stopping after this step (a second signal stops at once)\n"
-    assert found == (143, "", f"{answer}rubberfric-fit: {LOST}")
+    assert found == (143, "", f"rubberfric-fit: {LATER}rubberfric-fit: {LOST}")
     assert sorted(os.listdir()) == JOB_FILES

@@ -133,18 +133,6 @@ def test_no_heat_diffuses():
     np.testing.assert_allclose(surface, t0[..., 0] * 2 * q, rtol=1e-9)
 
 
-def test_energy_of_the_kernel():
-    """For q -> 0 all heat is near the surface, int T dz = T_q / 2q: the heat generated until t_0."""
-    q, all_of_it = np.geomspace(1e2, 1e5, 5), 1e-6 * np.ones(5)
-    inside, surface = kernels(heating(D), all_of_it, q, np.logspace(-5, 9, 9))
-    t0 = R / np.logspace(-5, 9, 9)[:, None, None]
-    # Heat beyond a depth of 1e-3 / q is missing: 1e-3 of the depths, mostly of the slowest.
-    depth = 0.5 / q + np.sqrt(D * t0)
-    error = np.abs(inside / (2 * all_of_it[:, None]) / (t0 / (2 * q)) - 1)
-    assert (error < 4e-6 * depth).all()
-    assert (np.abs(surface / (2 * all_of_it) / t0[..., 0] - 1) < 4e-6 * depth[..., 0]).all()
-
-
 def conduction(t, q, source_q):
     r"""Temperatures seen by q after a time t of heating exp(-2 q' z), or the surface, by elements.
 

@@ -146,8 +146,6 @@ def test_a_tuned_scene_is_the_same_and_files_do_not_hold_the_setting(tmp_path):
 def test_only_concrete_scenes_are_tuned():
     with pytest.raises(ValueError, match="call tuned outside jit and vmap"):
         jax.jit(lambda one: rf.tuned(one, PRESSURE))(USUAL)
-    with pytest.raises(ValueError, match="scene is a float: must be a Scene"):
-        rf.tuned(1.0, PRESSURE)
     with pytest.raises(ValueError, match="pressure"):
         rf.tuned(USUAL, -1.0)
     with pytest.raises(ValueError, match="margin = -3: must be >= 0"):

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from problems import ROAD
+from problems import FINE, ROAD
 from problems import TREAD as RUBBER
 from support.cases.stored import as_arrays, slow_if
 from support.counting.operations import equations
@@ -16,12 +16,12 @@ RIGID = rf.Body(rf.Rigid(), ROAD)
 LIQUID = rf.Prony(0.0, [1e6], [1.0])
 WIDE = rf.Prony(1e6, [1e6, 1e6], [1e-18, 1e14])
 COLD = rf.Prony(3.6e6, [1e9], [1e-6], shift=rf.WLF(8.9, 101.6, 293.15))
-FINE = rf.TabulatedSpectrum([1e2, 1e9], [1e-10, 1e-39])
+FINE_TABLE = rf.TabulatedSpectrum([1e2, 1e9], [1e-10, 1e-39])
 
 REFUSED = {
     "lower.layer.thickness": (rf.Scene(rf.Body(RUBBER, None, rf.Slab(1e-10)), RIGID), None),
     "E_inf": (rf.Scene(rf.Body(LIQUID), rf.Body(LIQUID, ROAD)), None),
-    "upper.spectrum.C": (rf.Scene(rf.Body(RUBBER), rf.Body(rf.Rigid(), FINE)), None),
+    "upper.spectrum.C": (rf.Scene(rf.Body(RUBBER), rf.Body(rf.Rigid(), FINE_TABLE)), None),
     "lower.material.shift": (rf.Scene(rf.Body(COLD), RIGID), 200.0),
 }
 
@@ -51,9 +51,7 @@ ACCEPTED = {
 }
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param("stiff facing solid", marks=pytest.mark.slow), *list(ACCEPTED)[1:]]
-)
+@pytest.mark.parametrize("name", slow_if(lambda name: name == "stiff facing solid", ACCEPTED.keys()))
 def test_ordinary_scenes_pass(name):
     single = as_arrays(ACCEPTED[name], jnp.float32)
     found = rf.friction(single, jnp.float32([0.1]), jnp.float32(1e5))
@@ -87,19 +85,11 @@ def precisions_of_products(function, *arguments):
     ]
 
 
+SCENES = "tread_on_asphalt", "coated_base", "softened_tread_on_asphalt", "tabulated_tread", "two_rubbers"
 EXACT = {(jax.lax.Precision.HIGHEST,) * 2}
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "tread_on_asphalt",
-        *(
-            pytest.param(name, marks=pytest.mark.slow)
-            for name in ("coated_base", "softened_tread_on_asphalt", "tabulated_tread", "two_rubbers")
-        ),
-    ],
-)
+@pytest.mark.parametrize("name", slow_if(lambda name: name != SCENES[0], SCENES))
 def test_no_product_rounds_its_factors(name):
     """GPUs keep 11 bits of float32 factors, in values and derivative rules, unless told otherwise."""
     single, v = as_arrays(rf.load_scene(DATA / f"{name}.toml"), jnp.float32), jnp.float32([0.1, 1.0])
@@ -125,7 +115,7 @@ def test_no_product_of_an_analysis_rounds_its_factors():
 
 STICKY = rf.Scene(
     rf.Body(rf.Elastic(3e5, 0.45)),
-    rf.Body(rf.Rigid(), rf.SelfAffine(5e4, 1e5, 3e6, 0.7, 1e-6)),
+    rf.Body(rf.Rigid(), FINE),
     adhesion=rf.Adhesion(0.05, limit="long", range=5e-7),
 )
 # The innermost panels are as narrow as with the default quadrature.

@@ -22,6 +22,7 @@ def case(lower, upper=(RIGID, ROAD), v=1e-2, pressure=2e5, **options):
 
 
 TYRE = case((RUBBER,))
+SMOOTH = scene((rf.Elastic(1e6, 0.5),), (RIGID,))
 TWO = (RUBBER, WORN), (HARDER, ROAD, rf.Slab(2e-3))
 CASES = {
     "tyre": TYRE,

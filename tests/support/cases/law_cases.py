@@ -2,27 +2,17 @@
 
 import csv
 import functools
-import importlib.util
 import json
 
 import numpy as np
 from problems import CONTACT_MODELS
 from support.cases.law_tables import computed
-from support.folders import BOUNDARY_ELEMENTS, ROOT
+from support.folders import BOUNDARY_ELEMENTS
+from support.processes.notebooks import script
 
 import rubberfric as rf
 
 OLDER = BOUNDARY_ELEMENTS / "sliding_boundary_elements.csv"
-
-
-@functools.cache
-def script():
-    """Return notebooks/law_elements.py as a module."""
-    spec = importlib.util.spec_from_file_location("law_elements", ROOT / "notebooks" / "law_elements.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @functools.cache
@@ -32,7 +22,7 @@ def cases():
     A third of the change with the grid is subtracted from area and friction, because the error is of second
     order in the grid.
     """
-    found = script().read()
+    found = script("law_elements").read()
     for case in found:
         case["material"] = _class_of(case)
         case["sure"] = case["converged"] == "True"
@@ -86,12 +76,12 @@ def older_material(name):
 
 
 def material_of(case):
-    return older_material(case["material"]) if "m0" in case else script().material_of(case)
+    return older_material(case["material"]) if "m0" in case else script("law_elements").material_of(case)
 
 
 def scene_of(case):
     if "m0" not in case:
-        return script().scene_of(case)
+        return script("law_elements").scene_of(case)
     road = rf.SelfAffine(case["m0"] / case["m1"], case["mr"] / case["m1"], 1.0, case["hurst"], h_rms=1.0)
     road = road.replace(h_rms=1 / float(rf.rms_slope(road)))
     return rf.Scene(rf.Body(material_of(case)), rf.Body(rf.Rigid(), road))

@@ -1,6 +1,9 @@
-"""Notebooks run from top to bottom."""
+"""Notebooks run from top to bottom, and scripts of their folder are imported."""
 
+import functools
+import importlib.util
 import shutil
+import sys
 import time
 
 import pytest
@@ -10,6 +13,19 @@ from support.published import OUTSIDE, VARIABLE, is_missing, reason
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 OF_FITS = [path for path in NOTEBOOKS if path.name[0] in "256"]
 SECONDS = 150  # for one notebook; on a quiet core each takes a part of it
+
+
+@functools.cache
+def script(name):
+    """Import a script of the folder of notebooks."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "notebooks" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.path.insert(0, str(ROOT / "notebooks"))
+    try:
+        spec.loader.exec_module(module)
+    finally:
+        sys.path.pop(0)
+    return module
 
 
 def run(path, folder, monkeypatch):

@@ -1,18 +1,14 @@
-"""Pictures of friction maps, and the command that computes them."""
+"""Pictures of friction maps, and their line of progress."""
 
-import os
 import re
 import types
 
 import numpy as np
 import pytest
-from support.scenes.maps import FILE, QUICK, SCENE
+from support.scenes.maps import QUICK, SCENE
 
 import rubberfric as rf
-from rubberfric.analysis import batches, maps
 from rubberfric.base.progress import Progress
-from rubberfric.commands import main as command
-from rubberfric.io.files import load_result, read_computable
 from rubberfric.io.results import Conditions
 from rubberfric.plot.maps import plot_map
 
@@ -90,101 +86,6 @@ def test_maps_that_cannot_be_drawn(conditions, options, message):
     with pytest.raises(ValueError, match=re.escape(message)) as caught:
         plot_map(drawn_map(*conditions), **options)
     assert message in str(caught.value)
-
-
-@pytest.fixture
-def scene_file(tmp_path):
-    path = tmp_path / "scene.toml"
-    path.write_text(FILE)
-    return path
-
-
-@pytest.mark.slow
-def test_command_writes_draws_and_sums_up(call_main, scene_file, tmp_path):
-    out, picture = tmp_path / "m.h5", tmp_path / "m.png"
-    status, printed, complaint = call_main(command.main, "map", scene_file, "--out", out, "--plot", picture)
-    assert (status, complaint) == (0, "")
-    assert sorted(os.listdir(tmp_path)) == ["m.h5", "m.png", "scene.toml"]
-    assert picture.read_bytes().startswith(b"\x89PNG\r\n")
-
-    found = load_result(out)
-    np.testing.assert_allclose(found.conditions.velocity, 10.0 ** np.arange(-3, 2), rtol=1e-13)
-    np.testing.assert_allclose(found.conditions.pressure, [1e5, 2e5, 4e5], rtol=1e-13)
-    np.testing.assert_allclose(found.conditions.temperature, [273.15, 283.15, 293.15], rtol=1e-13)
-    v, p, T = (np.broadcast_to(x, (3, 3, 5)).ravel() for x in found.conditions.grid())
-    expected = rf.solve(rf.load_scene(scene_file), v, p, T, quantities=maps.DEFAULT_QUANTITIES)
-    for name in maps.DEFAULT_QUANTITIES:
-        np.testing.assert_allclose(getattr(found.solution, name).ravel(), getattr(expected, name), rtol=1e-13)
-
-    lines = printed.splitlines()
-    assert max(map(len, lines)) <= 90
-    assert lines[:5] == [
-        "Small scene",
-        "5 velocities: 0.001 ... 10 m/s",
-        "3 pressures: 100000 ... 400000 Pa",
-        "3 temperatures: 273.15 ... 293.15 K",
-        "45 points",
-    ]
-    mu = np.asarray(expected.friction)
-    where = [x[mu.argmax()] for x in (v, p / 1e6, T)]
-    name, unit, *numbers = lines[-1].split()
-    assert (name, unit) == ("friction", "[-]")
-    np.testing.assert_allclose([float(x) for x in numbers], [mu.min(), mu.max(), *where], rtol=1e-4)
-
-    # the file of a map is computed again
-    status, again, _ = call_main(command.main, "map", out)
-    assert (status, again) == (0, printed)
-
-
-def test_each_command_has_its_table(scene_file):
-    """Other commands ignore [map]; without it the map command uses [run]."""
-    assert read_computable(scene_file)[1].velocity == [1.0]
-    assert read_computable(scene_file, "map")[1].velocity.size == 5
-    scene_file.write_text(FILE[: FILE.index("[map]")])
-    assert read_computable(scene_file, "map")[1].velocity == [1.0]
-    scene_file.write_text(FILE.replace("[run]\nvelocity = 1.0\npressure = 1e5", ""))
-    with pytest.raises(ValueError, match="run: is missing; must hold velocity and pressure"):
-        read_computable(scene_file)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "options", "message"),
-    [
-        ("points = 3 }\ntemp", "points = 1 }\ntemp", (), "map.pressure.points = 1: must be an integer, 2 to"),
-        ("from = 1e5", "from = 0", (), "map.pressure.from = 0.0: must be > 0"),
-        ("from = 273.15", "from = 100", (), "map.temperature[0] = 100.0: must be > 193.15 K"),
-        ("[map]", "[map]\nspeed = 1", (), "map.speed: unknown key; must be one of velocity"),
-        ("[map]\nvelocity", "[map]\nvelocities", (), "map.velocities: unknown key; did you mean 'velocity'?"),
-        (FILE[FILE.index("[run]") :], "", (), "map: is missing; must hold velocity and pressure"),
-        (FILE[FILE.index("[map]") :], "", ("--plot", "m.png"), "velocity has 1 different values > 0"),
-        ("", "", ("--quantity", "mu"), "invalid choice: 'mu'"),
-        ("", "", ("--out", "m.csv"), "suffix '.csv': must be .h5"),
-        ("", "", ("--plot", "m.txt"), "must be .png or .pdf or .svg"),
-    ],
-)
-def test_bad_input_of_the_command(call_main, scene_file, monkeypatch, old, new, options, message):
-    monkeypatch.chdir(scene_file.parent)
-    monkeypatch.setattr(batches, "launch", None)  # nothing may be computed
-    scene_file.write_text(FILE.replace(old, new) if old else FILE)
-    status, printed, complaint = call_main(command.main, "map", "scene.toml", *options)
-    assert (status, printed, complaint.count("\n")) == (2, "", 1)
-    assert message in complaint
-    if not options:
-        assert complaint.startswith("rubberfric: scene.toml: map")
-    assert os.listdir() == ["scene.toml"]
-
-
-def test_an_interrupted_command_says_so_and_writes_nothing(call_main, scene_file, monkeypatch):
-    def launch(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(batches, "launch", launch)
-    status, printed, complaint = call_main(
-        command.main, "map", scene_file, "--out", scene_file.parent / "m.h5"
-    )
-    assert (status, printed) == (130, "")
-    assert complaint == "rubberfric: interrupted; incomplete files are not written\n"
-    assert os.listdir(scene_file.parent) == ["scene.toml"]
 
 
 def test_line_of_progress():

@@ -107,7 +107,6 @@ def test_streaming_to_a_file_equals_memory(tmp_path, monkeypatch):
         ({"pressure": [1e5, 0.0]}, "pressure[1] = 0.0: must be > 0"),
         ({"pressure": []}, "pressure has shape (0,): must be one number or a list"),
         ({"temperature": [293.15, 150.0]}, "must be > 193.15 K, the pole of the WLF law"),
-        ({"quantities": ("area", "mu")}, "quantities has 'mu': must be one of area, friction"),
         ({"quantities": ("frictoin",)}, "did you mean 'friction'?"),
         ({"quantities": ()}, "quantities is empty; name at least one"),
         ({"block": 0}, "block = 0: must be an integer >= 1"),

@@ -1,11 +1,26 @@
-"""A real browser, headless."""
+"""A real browser, headless, and what the page computes."""
 
 import shutil
 
 import pytest
+from support.folders import DATA
+
+from rubberfric.commands.explorer.curves import Explorer, read_points
+from rubberfric.io.files import read_computable
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 DRIVER = shutil.which("chromedriver")
+
+
+@pytest.fixture(scope="session")
+def explorer_of():
+    """Return the function to the curves of a scene of the data, with measured points of a file."""
+
+    def made(name, points=None):
+        scene, conditions, title = read_computable(DATA / f"{name}.toml")
+        return Explorer(scene, conditions, title, points and read_points(points, scene, conditions))
+
+    return made
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,7 @@ import pytest
 from support.folders import DATA
 
 from rubberfric.commands.explorer.command import page, routes
-from rubberfric.commands.explorer.curves import Explorer, read_points
 from rubberfric.commands.explorer.server import Server
-from rubberfric.io.files import read_computable
 
 MOVE = """
 const range = document.querySelector(`.slider[data-name="${arguments[0]}"] input[type=range]`);
@@ -25,9 +23,8 @@ ANSWERS = "return Number(document.documentElement.dataset.answers || 0)"
 
 
 @pytest.fixture(scope="module")
-def server():
-    scene, conditions, title = read_computable(DATA / "twin_truth.toml")
-    explorer = Explorer(scene, conditions, title, read_points(DATA / "twin_friction.csv", scene, conditions))
+def server(explorer_of):
+    explorer = explorer_of("twin_truth", DATA / "twin_friction.csv")
     with Server(0, page, routes(explorer)) as server, pytest.MonkeyPatch.context() as patch:
         patch.setattr("rubberfric.commands.explorer.curves.PATIENCE", 60.0)  # no drafts on a busy machine
         server.explorer = explorer

@@ -4,26 +4,18 @@ import threading
 
 import numpy as np
 import pytest
-from support.folders import DATA
+from support.folders import DATA, SCENE_FILES
 
 import rubberfric as rf
-from rubberfric.commands.explorer.curves import BESIDE, EVERY, POINTS, Explorer, group_points, read_points
+from rubberfric.commands.explorer.curves import BESIDE, EVERY, POINTS, Explorer, group_points
 from rubberfric.commands.explorer.sliders import slider_values
-from rubberfric.io.files import read_computable
 from rubberfric.io.results import Conditions
 
-SCENES = sorted(path.stem for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
 RUBBER = "upper.material"
 
 
-def explorer_of(name, data=None):
-    scene, conditions, title = read_computable(DATA / f"{name}.toml")
-    measured = None if data is None else read_points(data, scene, conditions)
-    return Explorer(scene, conditions, title, measured)
-
-
 @pytest.fixture(scope="module")
-def twin():
+def twin(explorer_of):
     return explorer_of("twin_truth", DATA / "twin_friction.csv")
 
 
@@ -119,7 +111,7 @@ def test_sensitivities_are_differences(twin):
 
 
 @pytest.mark.slow
-def test_tables():
+def test_tables(explorer_of):
     """Factors of the moduli, the frequencies and the heights of tables, and where a spectrum ends."""
     explorer = explorer_of("tabulated_tread")
     moved = {"moduli": 2.0, "frequencies": 10.0}
@@ -166,20 +158,18 @@ def test_curves_over_pressure_where_there_is_no_velocity(monkeypatch):
     np.testing.assert_allclose(found["upper.material.young"], found["lower.spectrum.h_rms"], rtol=1e-9)
 
 
-def test_points_without_pressure_are_where_the_slider_is(tmp_path):
+def test_points_without_pressure_are_where_the_slider_is(explorer_of, tmp_path):
     path = tmp_path / "points.csv"
     path.write_text("v,mu\nm/s,-\n1e-3,0.5\n1e-2,0.6\n")
-    scene, conditions, _ = read_computable(DATA / "twin_truth.toml")
-    measured = read_points(path, scene, conditions)
-    assert [curve[:2] for curve in group_points(measured)] == [(None, None)]
-    explorer = Explorer(scene, conditions, "", measured)
+    explorer = explorer_of("twin_truth", path)
+    assert [curve[:2] for curve in group_points(explorer.measured)] == [(None, None)]
     found = explorer.curves(slider_values(explorer.sliders, {"pressure": 4e5}))
     np.testing.assert_allclose(found["beside"][0], found["curves"]["friction"][::BESIDE], rtol=1e-12)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SCENES)
-def test_every_scene_of_the_project(name):
+@pytest.mark.parametrize("name", [path.stem for path in SCENE_FILES])
+def test_every_scene_of_the_project(name, explorer_of):
     explorer = explorer_of(name)
     rng = np.random.default_rng(0)
     values = {one.name: one.at(rng.uniform(-0.1, 0.1)) for one in explorer.sliders}
@@ -192,8 +182,8 @@ def test_every_scene_of_the_project(name):
     assert_sensitivities(explorer, first, values, 1e-5)
 
 
-def test_whatever_fails_in_the_thread_ends_the_wait(monkeypatch):
-    explorer = explorer_of("twin_truth", None)
+def test_whatever_fails_in_the_thread_ends_the_wait(explorer_of, monkeypatch):
+    explorer = explorer_of("twin_truth")
 
     def fail(_):
         raise TypeError("not of this kind")

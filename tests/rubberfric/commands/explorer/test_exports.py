@@ -3,24 +3,17 @@
 import io
 import zipfile
 
-import jax
 import numpy as np
 import pytest
 from support.folders import DATA
+from support.scenes.examples import same
 
 import fitting
 import rubberfric as rf
 from fitting.commands.job import read_job
 from rubberfric.commands.explorer.command import COMMAND, fit_download, scene_download
-from rubberfric.commands.explorer.curves import Explorer, read_points
 from rubberfric.commands.explorer.sliders import slider_values
 from rubberfric.io.files import read_computable
-
-
-def explorer_of(name, data=None):
-    scene, conditions, title = read_computable(DATA / f"{name}.toml")
-    measured = None if data is None else read_points(data, scene, conditions)
-    return Explorer(scene, conditions, title, measured)
 
 
 def named(download, name):
@@ -35,13 +28,7 @@ def unpacked(download, folder):
     return names
 
 
-def same(one, other):
-    assert jax.tree.structure(one) == jax.tree.structure(other)
-    for x, y in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
-        np.testing.assert_array_equal(np.asarray(x), np.asarray(y))
-
-
-def test_scene_without_tables(tmp_path):
+def test_scene_without_tables(explorer_of, tmp_path):
     explorer = explorer_of("twin_truth")
     moved = {
         "lower.spectrum.h_rms": 7e-4,
@@ -59,7 +46,7 @@ def test_scene_without_tables(tmp_path):
     assert (conditions.pressure, conditions.temperature, title) == (3e5, 310.0, explorer.title)
 
 
-def test_scene_with_tables(tmp_path):
+def test_scene_with_tables(explorer_of, tmp_path):
     explorer = explorer_of("tabulated_tread")
     values = slider_values(explorer.sliders, {"upper.material.moduli": 2.0})
     names = unpacked(scene_download(explorer, values), tmp_path)
@@ -68,7 +55,7 @@ def test_scene_with_tables(tmp_path):
     same(rf.load_scene(tmp_path / "explored" / "scene.toml"), explorer.moved(values))
 
 
-def test_a_job_begins_where_the_sliders_are(tmp_path):
+def test_a_job_begins_where_the_sliders_are(explorer_of, tmp_path):
     explorer = explorer_of("twin_guess", DATA / "twin_friction.csv")
     moved = {
         "lower.spectrum.hurst": 1.0,  # at its bound
@@ -100,7 +87,7 @@ def test_a_job_begins_where_the_sliders_are(tmp_path):
     np.testing.assert_allclose(data.error * data.friction, measured.error, rtol=1e-14)
 
 
-def test_a_whole_series_is_free_as_a_whole(tmp_path):
+def test_a_whole_series_is_free_as_a_whole(explorer_of, tmp_path):
     explorer = explorer_of("twin_guess", DATA / "twin_friction.csv")
     moved = {"upper.material.moduli": 2.0, "upper.material.E[3]": 1.5, "upper.material.E_inf": 4e6}
     unpacked(fit_download(explorer, slider_values(explorer.sliders, moved)), tmp_path)
@@ -108,7 +95,7 @@ def test_a_whole_series_is_free_as_a_whole(tmp_path):
     assert job.free == dict.fromkeys(["upper.material.E_inf", "upper.material.E"], fitting.Positive())
 
 
-def test_what_the_points_lack_is_where_the_sliders_are(tmp_path):
+def test_what_the_points_lack_is_where_the_sliders_are(explorer_of, tmp_path):
     table = tmp_path / "points.txt"
     table.write_text("v,mu\nm/s,-\n1e-3,0.5\n1e-2,0.6\n1e-1,0.7\n")
     explorer = explorer_of("twin_guess", table)
@@ -123,7 +110,7 @@ def test_what_the_points_lack_is_where_the_sliders_are(tmp_path):
     assert np.isfinite(found.cost)
 
 
-def test_no_job_without_points_or_moved_numbers():
+def test_no_job_without_points_or_moved_numbers(explorer_of):
     explorer = explorer_of("twin_guess")
     values = slider_values(explorer.sliders, {"gamma": 0.4})
     with pytest.raises(ValueError, match="no measured points; start the command with --data FILE"):

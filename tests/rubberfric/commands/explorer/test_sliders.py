@@ -5,14 +5,12 @@ import math
 import jax
 import numpy as np
 import pytest
-from support.folders import DATA
+from support.folders import DATA, SCENE_FILES
 from support.scenes.examples import examples
 
 import rubberfric as rf
 from rubberfric.commands.explorer.sliders import Slider, moved, slider_values, sliders_of, with_cutoffs
 from rubberfric.io.files import read_computable
-
-SCENES = sorted(path.stem for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
 
 
 def sliders(name):
@@ -65,7 +63,7 @@ def test_decades_have_their_terms():
     assert rubber.E_inf == 3e6
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", [path.stem for path in SCENE_FILES])
 def test_ends_of_every_slider_can_be_had(name):
     scene, found = sliders(name)
     assert len(found) >= 7
