@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.optimize import brentq
+from support.scenes.fits import SCENE
 
 import rubberfric as rf
 
@@ -10,13 +11,6 @@ TAU = np.geomspace(1e-6, 1e6, 25)
 E = 3e5 * np.exp(-((np.log10(TAU) / 4) ** 2))
 REST = 1e6
 TIMES = np.geomspace(1e-1, 1e3, 25)
-
-
-@pytest.fixture
-def run(call, tmp_path, monkeypatch):
-    """Run a command in an empty folder: exit status, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-    return lambda *arguments: call(*arguments, "--no-cache")
 
 
 def ratio(path, omega, T=None):
@@ -96,7 +90,6 @@ def test_the_kind_of_stress_and_strain_over_time(run, tmp_path):
 
 def test_a_job_refuses_data_over_time(run, tmp_path):
     (tmp_path / "relaxation.csv").write_text("t,E_relax\ns,Pa\n1,2e6\n2,1e6\n")
-    road = rf.Body(rf.Rigid(), rf.SelfAffine(1e3, 1e3, 1e5, 0.8, 1e-5))
-    rf.save_scene("scene.toml", rf.Scene(road, rf.Body(rf.Prony(1e6, [1e6], [1.0]))))
+    rf.save_scene("scene.toml", SCENE)
     status, _, errors = run("job", "scene.toml", "relaxation.csv", "--out", "job.toml")
     assert status == 2 and "fit_prony(data).moduli() converts it" in errors
