@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from support.scenes.fits import AFFINE, FAST, ROAD, SHIFTED, E
+from support.scenes.fits import AFFINE, FAST, ROAD, SHIFTED, E, friction_data
 from support.scenes.fits import H_RMS as H
 from support.scenes.fits import WARM as SCENE
 
@@ -32,12 +32,8 @@ def friction(scene, v=V, p=P, T=T):
     return np.asarray(rf.friction(scene, v, p, T, quadrature=FAST))
 
 
-def data_of(scene=SCENE, noise=ERROR, outlier=1.0, **changes):
-    random = np.random.default_rng(5)
-    mu = friction(scene) * np.exp(noise * random.standard_normal(V.size))
-    mu[4] *= outlier
-    given = {"velocity": V, "pressure": P, "temperature": T} | changes
-    return fitting.FrictionData(friction=mu, relative=ERROR, **given)
+def data_of(scene=SCENE, noise=ERROR):
+    return friction_data(scene, V, P, noise, seed=5, temperature=T, relative=ERROR)
 
 
 def fitted(data, scene=SCENE, **options):
@@ -68,6 +64,13 @@ def rows_by_hand(fit, x, changed=lambda scene: scene, **conditions):
     return np.append(model, (x[1] - math.log(5e7)) / 0.1)
 
 
+def jacobian_by_hand(fit):
+    """Central differences of `rows_by_hand` at the minimum."""
+    x, step = np.asarray(fit.x), 1e-5
+    columns = [rows_by_hand(fit, x + step * e) - rows_by_hand(fit, x - step * e) for e in np.eye(3)]
+    return np.stack(columns, 1) / (2 * step)
+
+
 def stiffer(scene):
     return scene.replace("upper.material.E_inf", 1.1 * scene.upper.material.E_inf)
 
@@ -87,11 +90,10 @@ CHANGES = {
 def test_shifts_solve_the_normal_equations(loss, fit, budget):
     """J^T (r_changed(x + shift) - r) = 0 with J from differences; weights of the loss from its definition."""
     if loss == "huber":
-        fit = fitted(data_of(outlier=1.3), loss=loss)
+        data, outlier = data_of(), np.where(np.arange(V.size) == 4, 1.3, 1.0)
+        fit = fitted(data.replaced(data.friction * outlier), loss=loss)
         budget = fit.budget()
-    x, step = np.asarray(fit.x), 1e-5
-    J = np.stack([rows_by_hand(fit, x + step * e) - rows_by_hand(fit, x - step * e) for e in np.eye(3)], 1)
-    J /= 2 * step
+    x, J = np.asarray(fit.x), jacobian_by_hand(fit)
     rows = rows_by_hand(fit, x)
     weights = np.ones(rows.size)
     if loss == "huber":  # the curvature is 0 beyond the width, but at least a tenth of the slope
@@ -129,16 +131,11 @@ def test_roughness_adds_squares(fit, budget):
 @pytest.mark.parametrize("source", ["temperature", "velocity", "moduli"])
 def test_shifts_equal_new_fits(source):
     exact = fitted(data_of(noise=0.0))
-    found, data, scene = exact.budget()[source].shift, data_of(noise=0.0), exact.scene
-    if source == "temperature":
-        data = dataclasses.replace(data, temperature=T + 1)
-    if source == "velocity":
-        data = dataclasses.replace(data, velocity=1.02 * V)
-    if source == "moduli":
-        scene = stiffer(scene)
-    new = fitted(data, scene)
-    expected = new.values - exact.values
-    assert (np.abs(found - expected) < 0.1 * np.abs(expected) + 0.01 * exact.stderr).all()
+    stated = {"temperature": {"temperature": T + 1}, "velocity": {"velocity": 1.02 * V}}.get(source, {})
+    scene = stiffer(exact.scene) if source == "moduli" else exact.scene
+    expected = fitted(dataclasses.replace(exact.data[0], **stated), scene).values - exact.values
+    off = np.abs(exact.budget()[source].shift - expected)
+    assert (off < 0.1 * np.abs(expected) + 0.01 * exact.stderr).all()
 
 
 def test_sizes_and_their_text(fit):
@@ -157,12 +154,9 @@ def test_sizes_and_their_text(fit):
 
 def test_numerical_error(fit):
     """FAST has errors of 1e-4; the difference to a fine quadrature is what the budget finds."""
-    x, step = np.asarray(fit.x), 1e-5
-    J = np.stack([rows_by_hand(fit, x + step * e) - rows_by_hand(fit, x - step * e) for e in np.eye(3)], 1)
-    fine = np.log(
-        np.asarray(rf.friction(fit.scene, V, P, T, quadrature=rf.Quadrature())) / friction(fit.scene)
-    )
-    moved = -np.linalg.lstsq(J / (2 * step), np.append(fine / ERROR, 0.0))[0] * fit.values
+    exact = np.asarray(rf.friction(fit.scene, V, P, T, quadrature=rf.Quadrature()))
+    rows = np.append(np.log(exact / friction(fit.scene)) / ERROR, 0.0)
+    moved = -np.linalg.lstsq(jacobian_by_hand(fit), rows)[0] * fit.values
     found = fit.budget()["numerical"].shift
     assert (np.abs(found) < 0.05 * fit.stderr).all()
     np.testing.assert_allclose(found, moved, rtol=0.3, atol=1e-5 * fit.stderr.min())
@@ -176,10 +170,7 @@ def test_the_law_adds_its_own_error():
     known = rf.analysis.theory_error(fit.scene)
     assert known is not None
     amplitude = math.log(known.friction[1] / known.friction[0]) / 2 / 1.645
-    x, step = np.asarray(fit.x), 1e-5
-
-    J = np.stack([rows_by_hand(fit, x + step * e) - rows_by_hand(fit, x - step * e) for e in np.eye(3)], 1)
-    J /= 2 * step
+    J = jacobian_by_hand(fit)
     lags = np.log(V[:, None] / V)
     covariance = (amplitude / ERROR) ** 2 / (1 + 0.5 * (lags / math.log(10)) ** 2)
     A = np.linalg.inv(J.T @ J) @ J.T[:, : V.size]

@@ -82,20 +82,17 @@ def test_the_error_of_the_theory():
     assert bare[:2].max() < 0.1
 
 
-def stated(fit, wrong):
-    """Return the budget with the error of the wrong input stated at its true size, the others by default."""
-    if wrong == "gamma":
-        return fit.budget(gamma=0.3)
-    return fit.budget(temperature=10.0) if wrong == "temperature" else fit.budget(velocity=2.0)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("wrong", ["temperature", "velocity", "gamma"])
-def test_the_line_of_a_wrong_input(wrong):
+@pytest.mark.parametrize(
+    ("wrong", "changes", "model", "size"),
+    [
+        ("temperature", {"temperature": lambda T: T + 10.0}, PAPER, 10.0),
+        ("velocity", {"velocity": lambda v: 3 * v}, PAPER, 2.0),
+        ("gamma", {}, PAPER.replace("gamma", 0.8), 0.3),
+    ],
+)
+def test_the_line_of_a_wrong_input(wrong, changes, model, size):
     """T is stated 10 K too high, v three times too large, or gamma is 0.8 instead of 0.5."""
-    changes = {"temperature": lambda T: T + 10.0} if wrong == "temperature" else {}
-    changes = {"velocity": lambda v: 3 * v} if wrong == "velocity" else changes
-    model = PAPER.replace("gamma", 0.8) if wrong == "gamma" else PAPER
     first, default, explains, away = 0, 0, 0, []
     for data in draws(PAPER, **changes):
         fit = fitting.fit(model, data, FREE)
@@ -103,7 +100,7 @@ def test_the_line_of_a_wrong_input(wrong):
         errors = np.abs(np.log(fit.values / TRUTH)) / (fit.stderr / fit.values)
         worst = int(np.argmax(errors))  # the parameter that the wrong input moves most
         away.append(errors[worst])
-        for k, budget in enumerate((fit.budget(), stated(fit, wrong))):
+        for k, budget in enumerate((fit.budget(), fit.budget(**{wrong: size}))):
             order = sorted(budget.contributions, key=lambda one: -abs(one.shift[worst]))
             found = wrong in [one.source for one in order[:2]]
             default, first = default + (k == 0 and found), first + (k == 1 and found)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 from support.html_tables import cells
+from support.scenes import fits
 
 import rubberfric as rf
 from fitting import FrictionData, ModulusData, PronyFit, fit_prony
@@ -16,11 +17,8 @@ OMEGA = np.geomspace(1.0, 1e6, 40)
 
 
 def modulus_data(material, omega=OMEGA, noise=0.0, seed=0, **options):
-    """Data of a material, with relative noise."""
-    modulus = np.asarray(rf.complex_modulus(material, omega, options.get("temperature")))
-    normal = np.random.default_rng(seed).standard_normal((2, omega.size))
-    storage, loss = np.exp(noise * normal) * [modulus.real, modulus.imag]
-    return ModulusData(omega, storage, loss, **options)
+    """Data of a material, whose noise the data do not state."""
+    return fits.modulus_data(material, omega, noise, seed, relative=None, **options)
 
 
 def assert_same(material, expected, rtol=1e-6):
@@ -106,8 +104,7 @@ def test_error_bars_of_noisy_data(noisy):
 
 
 def test_residuals_are_those_of_the_material(noisy):
-    data = modulus_data(TRUTH, noise=0.04)
-    modulus = np.asarray(rf.complex_modulus(noisy.material, OMEGA))
+    data, modulus = noisy.data, np.asarray(rf.complex_modulus(noisy.material, OMEGA))
     np.testing.assert_allclose(noisy.residuals[0], np.log(modulus.real / data.storage), rtol=1e-9, atol=1e-13)
     np.testing.assert_allclose(noisy.residuals[1], np.log(modulus.imag / data.loss), rtol=1e-9, atol=1e-13)
 
@@ -156,11 +153,7 @@ def test_equal_to_scipys_bounded_solver():
     sigma = {"sigma_storage": 0.1 * data.storage, "sigma_loss": 0.1 * data.loss}
     found = fit_prony(ModulusData(OMEGA, data.storage, data.loss, **sigma), 2.5)
     tau = np.geomspace(1e-6, 1.0, 16)
-    a = OMEGA[:, None] * tau
-    A = np.column_stack(
-        [np.concatenate([a**2 / (1 + a**2), a / (1 + a**2)]), np.repeat([1.0, 0.0], OMEGA.size)]
-    )
-    A, b = A / (0.1 * data.measured)[:, None], np.full(80, 10.0)
+    A, b = fits.maxwell_columns(OMEGA, tau) / (0.1 * data.measured)[:, None], np.full(80, 10.0)
     size = np.linalg.norm(A, axis=0)
     theirs = scipy.optimize.lsq_linear(A / size, b, (0, np.inf), method="bvls", tol=1e-15).x / size
     theirs[theirs < 1e-12 * theirs.max()] = 0.0

@@ -15,17 +15,25 @@ Q0 = 2 * np.pi / LENGTH
 TRUTH = {"q0": 2 * Q0, "qr": 8 * Q0, "q1": 200 * Q0, "hurst": 0.8, "h_rms": 1e-6}
 
 
+def modes_of_the_map():
+    k = np.fft.fftfreq(POINTS, 1 / POINTS) * Q0
+    return np.hypot(k[:, None], k)
+
+
 def surface(seed=0):
     """A periodic Gaussian surface with the spectrum TRUTH, by a sum over its modes."""
-    k = np.fft.fftfreq(POINTS, 1 / POINTS) * Q0
-    q = np.hypot(k[:, None], k)
+    q = modes_of_the_map()
     C = np.where((q >= TRUTH["q0"]) & (q <= TRUTH["q1"]), np.maximum(q / TRUTH["qr"], 1.0) ** -3.6, 0.0)
     noise = np.fft.fft2(np.random.default_rng(seed).standard_normal((POINTS, POINTS))) / POINTS
     return np.fft.ifft2(noise * np.sqrt(C / C.sum())).real * POINTS**2 * TRUTH["h_rms"]
 
 
+def of_map(seed=0):
+    return rf.roughness.spectrum_of_topography(surface(seed), LENGTH / POINTS, per_decade=10)
+
+
 def test_a_map_becomes_a_scene():
-    measured = rf.roughness.spectrum_of_topography(surface(), LENGTH / POINTS, per_decade=10)
+    measured = of_map()
     fit = fitting.fit_spectrum(measured, q0=TRUTH["q0"])
     assert float(fit.spectrum.q1) == measured.q[-1]
     assert fit.rms_height == measured.rms_height == pytest.approx(surface().std(), rel=1e-3)
@@ -42,16 +50,11 @@ def test_a_map_becomes_a_scene():
 
 def test_logarithms_of_bins_of_maps_are_right_on_average():
     """Bins of few modes have a small mean of ln C, and means of a falling C are above C."""
-    maps = [
-        rf.roughness.spectrum_of_topography(surface(seed), LENGTH / POINTS, per_decade=10)
-        for seed in range(120)
-    ]
-    data = [fitting.spectrum_data(measured) for measured in maps]
+    data = [fitting.spectrum_data(of_map(seed)) for seed in range(120)]
     q = data[0].q
     # Away from the ends and the roll-off, about which a window spreads the modes.
     away = (q > 3 * Q0) & (q < 100 * Q0) & (np.abs(np.log(q / TRUTH["qr"])) > 0.4)
-    k = np.fft.fftfreq(POINTS, 1 / POINTS) * Q0
-    modes = np.hypot(k[:, None], k)
+    modes = modes_of_the_map()
     modes = modes[(modes >= TRUTH["q0"]) & (modes <= TRUTH["q1"])]
     level = TRUTH["h_rms"] ** 2 / (Q0**2 * np.sum(np.maximum(modes / TRUTH["qr"], 1.0) ** -3.6))
     change = np.log([x.C for x in data]) - np.log(level * np.maximum(q / TRUTH["qr"], 1.0) ** -3.6)
@@ -64,10 +67,6 @@ def test_logarithms_of_bins_of_maps_are_right_on_average():
     assert np.all(np.std(change, 0)[away] < 1.3 * data[0].relative[away])
 
 
-def of_maps(seed):
-    return rf.roughness.spectrum_of_topography(surface(seed), LENGTH / POINTS, per_decade=10)
-
-
 def of_profiles(seed):
     lines = np.array([surface(1000 + 12 * seed + k)[:200, 0] for k in range(12)])
     return rf.roughness.spectrum_of_profile(LENGTH / POINTS, lines, per_decade=10)
@@ -77,7 +76,7 @@ def of_profiles(seed):
 @pytest.mark.parametrize(
     ("measure", "largest"),
     # The bars of few short profiles are somewhat too small, as the docstring of `fit_spectrum` states.
-    [(of_maps, (1.3, 1.2, 1.2)), (of_profiles, (1.5, 1.5, 2.0))],
+    [(of_map, (1.3, 1.2, 1.2)), (of_profiles, (1.5, 1.5, 2.0))],
     ids=["maps", "profiles"],
 )
 def test_bars_hold_the_truth(measure, largest):

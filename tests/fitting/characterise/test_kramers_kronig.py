@@ -4,35 +4,19 @@ import dataclasses
 
 import numpy as np
 import pytest
+from support.cases.isotherms import CURVES, LAW, isotherms
+from support.scenes.fits import noise
 
-import rubberfric as rf
 from fitting import FrictionData, KramersKronig, ModulusData, kramers_kronig
 
 OMEGA = np.geomspace(1e-4, 1e8, 97)
-TIMES = np.geomspace(1e-9, 1e6, 16)
-SHIFT = rf.WLF(8.0, 110.0, 293.15)
 
 
-def fractional_zener(omega):
-    """A power law between two plateaus, of a continuous spectrum."""
-    z = (1j * omega * 1e-3) ** 0.4
-    return 1e6 + 1e9 * z / (1 + z)
-
-
-def prony(omega):
-    E = 3e6 * (1 + 30 * np.exp(-0.5 * (np.log10(TIMES) + 5) ** 2))
-    return np.asarray(rf.complex_modulus(rf.Prony(2e6, E, TIMES), omega))
-
-
-CURVES = {"zener": fractional_zener, "prony": prony}
-
-
-def data_of(curve, omega=OMEGA, noise=0.0, seed=0, loss=1.0, **options):
+def data_of(curve, omega=OMEGA, error=0.0, seed=0, loss=1.0, **options):
     """Data with noise, and their loss times a factor."""
     modulus = CURVES[curve](omega)
-    normal = np.random.default_rng(seed).standard_normal((2, omega.size))
-    storage, lost = np.exp(noise * normal) * [modulus.real, loss * modulus.imag]
-    return ModulusData(omega, storage, lost, **options)
+    values = noise((2, omega.size), error, seed) * [modulus.real, loss * modulus.imag]
+    return ModulusData(omega, *values, **options)
 
 
 @pytest.mark.parametrize("curve", CURVES)
@@ -46,23 +30,20 @@ def test_curves_of_one_material_are_consistent(curve, omega):
 
 
 def test_shifted_sweeps_are_consistent():
-    omega, T = (x.ravel() for x in np.meshgrid(np.geomspace(1.0, 1e3, 12), [263.15, 283.15, 293.15, 318.15]))
-    modulus = fractional_zener(omega * np.exp(np.asarray(SHIFT.log_factor(T))))
-    data = ModulusData(omega, modulus.real, modulus.imag, temperature=T)
-    assert kramers_kronig(data, shift=SHIFT).rms < 0.005
-    wrong = dataclasses.replace(SHIFT, C1=6.0)
-    assert kramers_kronig(data, shift=wrong).rms > 0.03
+    data = isotherms(noise=0.0)
+    assert kramers_kronig(data, shift=LAW).rms < 0.005
+    assert kramers_kronig(data, shift=LAW.replace(C1=6.0)).rms > 0.03
 
 
 @pytest.mark.parametrize("curve", CURVES)
-@pytest.mark.parametrize("noise", [pytest.param(0.01, marks=pytest.mark.slow), 0.03])
-def test_noise_is_no_contradiction(curve, noise):
-    found = [kramers_kronig(data_of(curve, noise=noise, seed=seed)) for seed in range(12)]
+@pytest.mark.parametrize("error", [pytest.param(0.01, marks=pytest.mark.slow), 0.03])
+def test_noise_is_no_contradiction(curve, error):
+    found = [kramers_kronig(data_of(curve, error=error, seed=seed)) for seed in range(12)]
     assert np.sum([one.consistent for one in found]) >= 11
-    assert np.median([one.rms for one in found]) < 0.01 and max(one.rms for one in found) < 2.0 * noise
+    assert np.median([one.rms for one in found]) < 0.01 and max(one.rms for one in found) < 2.0 * error
     pulls = np.concatenate([(one.contradiction / one.stderr)[one.counted] for one in found])
     assert 0.75 < np.sqrt(np.mean(pulls**2)) < 1.15
-    assert np.median([one.scatter for one in found]) == pytest.approx(noise, rel=0.1)
+    assert np.median([one.scatter for one in found]) == pytest.approx(error, rel=0.1)
     middle, ends = (np.median([one.stderr[where] for one in found]) for where in (slice(8, 16), [0, -1]))
     assert ends > 3 * middle
 
@@ -71,7 +52,7 @@ def test_noise_is_no_contradiction(curve, noise):
 @pytest.mark.parametrize("factor", [1.1, 0.9])
 def test_loss_that_is_wrong_everywhere(curve, factor):
     for seed in range(4):
-        found = kramers_kronig(data_of(curve, noise=0.01, seed=seed, loss=factor))
+        found = kramers_kronig(data_of(curve, error=0.01, seed=seed, loss=factor))
         assert not found.consistent and found.rms == pytest.approx(abs(np.log(factor)), abs=0.015)
         assert found.worst[0][1] == pytest.approx(np.log(factor), abs=0.04)
         side = "10% above" if factor > 1 else "10% below"
@@ -85,7 +66,7 @@ def test_loss_that_is_wrong_in_a_decade(decade):
     """It is found, at its place, and nowhere else."""
     inside = (10.0**decade < OMEGA) & (10.0 ** (decade + 1) > OMEGA)
     for seed in range(4):
-        found = kramers_kronig(data_of("zener", noise=0.01, seed=seed, loss=np.where(inside, 1.1, 1.0)))
+        found = kramers_kronig(data_of("zener", error=0.01, seed=seed, loss=np.where(inside, 1.1, 1.0)))
         omega, value, error = found.worst[0]
         assert not found.consistent and 10.0**decade < omega < 10.0 ** (decade + 1)
         assert abs(value - np.log(1.1)) < 0.05 and error < 0.03
@@ -94,7 +75,7 @@ def test_loss_that_is_wrong_in_a_decade(decade):
 
 
 def test_given_errors_are_used():
-    plain, scattered = data_of("zener", noise=0.01), data_of("zener", noise=0.01, loss=1.1)
+    plain, scattered = data_of("zener", error=0.01), data_of("zener", error=0.01, loss=1.1)
     for given, consistent in ((0.01, False), (0.3, True)):
         found = kramers_kronig(dataclasses.replace(scattered, relative=np.full(OMEGA.size, given)))
         assert found.scatter == (given, given) and found.consistent is consistent
@@ -104,13 +85,13 @@ def test_given_errors_are_used():
 
 
 def test_nothing_is_said_of_data_that_say_nothing():
-    found = kramers_kronig(data_of("prony", np.geomspace(1.0, 100.0, 12), noise=0.1))
+    found = kramers_kronig(data_of("prony", np.geomspace(1.0, 100.0, 12), error=0.1))
     assert not found.counted.any() and np.isnan(found.rms) and np.isnan(found.chance)
     assert found.worst == () and "no conclusion" in found.report()
 
 
 def test_report_and_picture():
-    found = kramers_kronig(data_of("zener", noise=0.01, loss=1.1, name="sample B"))
+    found = kramers_kronig(data_of("zener", error=0.01, loss=1.1, name="sample B"))
     lines = found.report().splitlines()
     assert lines[0] == "E' and E'' of sample B, 0.0001 ... 1e+08 rad/s"
     assert f"{found.rms:.1%} rms" in lines[1] and "rad/s E'' is" in lines[2] and "or E' too flat" in lines[2]

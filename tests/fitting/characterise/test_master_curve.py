@@ -72,7 +72,7 @@ def with_errors_of_sweeps(curve, seed):
     modulus = CURVES[curve](data.omega * np.exp(np.asarray(LAW.log_factor(data.temperature + wrong[sweep]))))
     noise = 0.02 * rng.standard_normal((2, data.omega.size))
     storage, loss = np.exp(noise + offset[:, sweep]) * [modulus.real, modulus.imag]
-    return ModulusData(data.omega, storage, loss, temperature=data.temperature)
+    return dataclasses.replace(data, storage=storage, loss=loss)
 
 
 @pytest.mark.slow
@@ -139,7 +139,8 @@ def test_order_files_and_drift_do_not_matter(found):
 
 
 def test_vertical_shifts():
-    found = fit_master_curve(isotherms(noise=0.01, vertical=0.002), vertical=True)
+    sweeps = isotherms(noise=0.01, factor=lambda T: np.exp(0.002 * (T - 293.15)))
+    found = fit_master_curve(sweeps, vertical=True)
     pull = (found.log_bT - 0.002 * (T - 293.15)) / np.maximum(found.stderr_bT, 1e-12)
     assert np.abs(pull).max() < 3.5 and found.log_bT[5] == 0.0 and found.stderr_bT[5] == 0.0
     assert np.abs(pulls(found)[0]).max() < 3.5 and "b_T" in found.report()
@@ -149,8 +150,7 @@ def test_vertical_shifts():
 def test_reference_temperature():
     found = fit_master_curve(isotherms(noise=0.01), 318.0)
     assert found.T_ref == 318.15 and found.log_aT[7] == 0.0
-    law = dataclasses.replace(LAW)
-    np.testing.assert_allclose(found.log_aT, law.log_factor(T) - law.log_factor(318.15), atol=0.2)
+    np.testing.assert_allclose(found.log_aT, LAW.log_factor(T) - LAW.log_factor(318.15), atol=0.2)
 
 
 @pytest.mark.slow
@@ -198,28 +198,22 @@ def test_report_and_picture(found):
     upper.figure.canvas.draw()
 
 
-APART = isotherms(temperatures=np.array([253.15, 263.15, 318.15, 328.15]), noise=0.005)
-
-
-def one_sweep_off(**options):
+def test_a_sweep_that_does_not_superpose_is_named():
     """Glassy sweeps that scatter little, one of them 15 % too stiff."""
     data = isotherms(noise=0.002)
     factor = np.where(data.temperature == T[3], 1.15, 1.0)
-    return ModulusData(data.omega, factor * data.storage, data.loss, temperature=data.temperature, **options)
-
-
-def test_a_sweep_that_does_not_superpose_is_named():
-    curve = fit_master_curve(one_sweep_off())
+    curve = fit_master_curve(dataclasses.replace(data, storage=factor * data.storage))
     named = [line for line in curve.report().splitlines() if "does not superpose" in line]
     assert len(named) == 1 and f"the sweep at {T[3]:g} K" in named[0] and "E' +1" in named[0]
     others = np.arange(T.size) != 3
     pull = (curve.log_aT - np.asarray(LAW.log_factor(T)))[others] / np.maximum(curve.stderr[others], 1e-9)
     assert np.abs(pull).max() < 4
-    assert "does not superpose" not in fit_master_curve(isotherms(noise=0.002)).report()
+    assert "does not superpose" not in fit_master_curve(data).report()
 
 
 def test_neighbours_that_share_nothing_are_joined_with_large_errors():
-    curve = fit_master_curve(APART)
+    apart = np.array([253.15, 263.15, 318.15, 328.15])
+    curve = fit_master_curve(isotherms(temperatures=apart, noise=0.005))
     error = curve.log_aT - (LAW.log_factor(curve.T) - LAW.log_factor(curve.T_ref))
     moved = np.arange(4) != curve.reference
     assert np.abs(error / np.maximum(curve.stderr, 1e-9))[moved].max() < 4
@@ -244,7 +238,7 @@ def test_bad_points_are_named_and_lose_weight(found):
     data = isotherms()
     storage = np.array(data.storage)
     storage[40] *= 3
-    curve = fit_master_curve(ModulusData(data.omega, storage, data.loss, temperature=data.temperature))
+    curve = fit_master_curve(dataclasses.replace(data, storage=storage))
     kind, temperature, omega = curve.bad_points[0]
     assert (kind, temperature) == ("E'", data.temperature[40]) and omega == pytest.approx(data.omega[40])
     assert len(curve.bad_points) == 1 and "points with little or no weight: E' at" in curve.report()
@@ -264,9 +258,7 @@ def test_moduli_of_a_sweep_that_was_left_out():
 
 def test_moduli_that_rise_with_temperature_are_noticed():
     """The moduli rise as in rubber elasticity. Entropic shifts describe this rise."""
-    data = isotherms(noise=0.005)
-    factor = data.temperature / 293.15
-    rising = ModulusData(data.omega, factor * data.storage, factor * data.loss, temperature=data.temperature)
+    rising = isotherms(noise=0.005, factor=lambda T: T / 293.15)
     plain, entropic = fit_master_curve(rising), fit_master_curve(rising, vertical="entropic")
     assert (
         plain.shifts.scaled and not plain.log_bT.any() and "moduli change with temperature" in plain.report()

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.optimize import curve_fit
+from support.scenes.fits import noise
 
 import rubberfric as rf
 from fitting import ModulusData, fit_master_curve, kramers_kronig
@@ -12,12 +13,11 @@ T = np.array([293.15, 303.15, 313.15])
 OMEGA = np.geomspace(0.01, 100.0, 12)
 
 
-def gel(rise, exponent=0.1, noise=0.01):
+def gel(rise):
     """G' and G'' rise by `rise` per 10 K at every frequency."""
     at, omega = (one.ravel() for one in np.meshgrid(T, OMEGA, indexing="ij"))
-    modulus = np.array([[3e3], [3e2]]) * rise ** ((at - T[0]) / 10) * omega**exponent
-    storage, loss = modulus * np.exp(noise * np.random.default_rng(1).standard_normal(modulus.shape))
-    return ModulusData(omega, storage, loss, temperature=at)
+    modulus = np.array([[3e3], [3e2]]) * rise ** ((at - T[0]) / 10) * omega**0.1
+    return ModulusData(omega, *(modulus * noise(modulus.shape, 0.01, seed=1)), temperature=at)
 
 
 @pytest.mark.parametrize("vertical", [False, True, "entropic"])
@@ -49,8 +49,8 @@ def test_rubber_is_not_named():
     at, omega = (one.ravel() for one in np.meshgrid(T, OMEGA, indexing="ij"))
     z = (1j * omega * 1e-4 * np.exp(np.asarray(rf.WLF(8.0, 110.0, 293.15).log_factor(at)))) ** 0.5
     modulus = at / 293.15 * (2e6 + 1e9 * z / (1 + z))
-    noise = np.exp(0.01 * np.random.default_rng(2).standard_normal((2, at.size)))
-    curve = fit_master_curve(ModulusData(omega, *(noise * [modulus.real, modulus.imag]), temperature=at))
+    values = noise((2, at.size), 0.01, seed=2) * [modulus.real, modulus.imag]
+    curve = fit_master_curve(ModulusData(omega, *values, temperature=at))
     assert curve.fall is None and "RISES" not in curve.report() and "FALLS" not in curve.report()
 
 
@@ -59,8 +59,8 @@ def test_moduli_that_fall_over_wide_gaps_have_a_report(gap):
     """Nodes in a gap are unknown, not certain. E' that falls with frequency has no spectrum."""
     omega = (OMEGA[:, None] * 10.0 ** (-gap * np.arange(3))).ravel()
     fall = np.tile(1.5 ** np.arange(3), OMEGA.size)
-    noise = np.exp(0.01 * np.random.default_rng(3).standard_normal((2, omega.size)))
-    check = kramers_kronig(ModulusData(omega, *(noise * [3e3 * fall, 3e2 * fall]), check_units=False))
+    values = noise((2, omega.size), 0.01, seed=3) * [3e3 * fall, 3e2 * fall]
+    check = kramers_kronig(ModulusData(omega, *values, check_units=False))
     assert check.report() and np.isfinite(check.stderr).all()
     if gap:
         middle = np.abs(np.log10(check.omega[:, None] / [1e-4, 1e-12])).min(axis=1) < 1.0

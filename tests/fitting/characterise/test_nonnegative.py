@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.optimize
+from support.scenes.fits import maxwell_columns
 
 from fitting.characterise.prony_series import nonnegative, nonnegative_logarithmic
 
@@ -39,9 +40,8 @@ def test_nonnegative_survives_what_is_degenerate():
 def test_minimum_of_the_logarithms(seed):
     """No direction that is allowed goes down: the conditions of Karush, Kuhn and Tucker."""
     rng = np.random.default_rng(seed)
-    a = OMEGA[:, None] * np.geomspace(1e-6, 1.0, 13)
-    A = np.concatenate([a**2 / (1 + a**2), a / (1 + a**2)])
-    known = np.repeat([2e6, 0.0], OMEGA.size)
+    *A, plateau = maxwell_columns(OMEGA, np.geomspace(1e-6, 1.0, 13)).T
+    A, known = np.stack(A, 1), 2e6 * plateau
     error = rng.uniform(0.5, 2.0, known.size)
     b = (A @ 10 ** rng.uniform(6, 9, 13) + known) * np.exp(0.2 * rng.standard_normal(known.size))
     x = nonnegative_logarithmic(A, b, known, error)

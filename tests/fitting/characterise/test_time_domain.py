@@ -1,5 +1,6 @@
 """Relaxation moduli and creep compliances: files, Prony series, E' and E'' with errors."""
 
+import dataclasses
 import functools
 
 import mpmath
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 from support.exports import put
 from support.refusals import refused
+from support.scenes.fits import SCENE
 
 import fitting
 import rubberfric as rf
@@ -131,16 +133,10 @@ def test_default_frequencies_and_use_of_converted_data():
     np.testing.assert_allclose(data.omega, np.geomspace(1e-4, 1e2, 31), rtol=1e-12)
     assert (data.body, data.name) == ("upper", "tread, converted")
     np.testing.assert_allclose(data.temperature, 293.15)
-    again = fit_prony(_without_temperature(data))
+    again = fit_prony(dataclasses.replace(data, temperature=None))
     omega = np.array([1e-2, 1.0])
     one, two = (np.asarray(rf.complex_modulus(x.material.replace(shift=None), omega)) for x in (fit, again))
     np.testing.assert_allclose(one, two, rtol=0.02)
-
-
-def _without_temperature(data):
-    return fitting.ModulusData(
-        data.omega, data.storage, data.loss, sigma_storage=data.sigma_storage, sigma_loss=data.sigma_loss
-    )
 
 
 @pytest.mark.slow
@@ -200,20 +196,26 @@ def test_round_trip_of_files(tmp_path, suffix):
 # --- messages, report and picture
 
 
-def test_refusals():
-    creep, soft = CreepData([1.0, 2.0], [1e-7, 2e-7]), rf.Body(rf.Elastic(1e6, 0.5))
-    with pytest.raises(ValueError, match=r"data\[0\] is a CreepData: .*; fit_prony\(data\)\.moduli\(\) conv"):
-        fitting.fit(rf.Scene(rf.Body(rf.Rigid()), soft), creep, {})
-    with pytest.raises(ValueError, match=r"E_inf = 1000000\.0: must be 'fit' or 0 for creep data"):
-        fit_prony(CreepData(TIMES, 1 / relaxation()), E_inf=1e6)
-    with pytest.raises(ValueError, match=r"weights = .*: must be equal for data over time"):
-        fit_prony(RelaxationData(TIMES, relaxation()), weights=(1.0, 0.5))
-    with pytest.raises(ValueError, match=r"must be ModulusData, RelaxationData or CreepData"):
-        fit_prony(fitting.SpectrumData([1.0, 2.0], [1e-9, 1e-10]))
-    with pytest.raises(ValueError, match="is it in 1/MPa or 1/GPa"):
-        CreepData([1.0], [20.0])
-    with pytest.raises(ValueError, match="needs ModulusData, got RelaxationData"):
-        _ = fit_prony(RelaxationData(TIMES, relaxation())).fit
+RELAXATION = RelaxationData(TIMES, relaxation())
+CREEP = CreepData(TIMES, 1 / relaxation())
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: fitting.fit(SCENE, CREEP, {}),
+            r"data\[0\] is a CreepData: .*; fit_prony\(data\)\.moduli\(\) conv",
+        ),
+        (lambda: fit_prony(CREEP, E_inf=1e6), r"E_inf = 1000000\.0: must be 'fit' or 0 for creep data"),
+        (lambda: fit_prony(RELAXATION, weights=(1.0, 0.5)), "weights = .*: must be equal for data over time"),
+        (lambda: CreepData([1.0], [20.0]), "is it in 1/MPa or 1/GPa"),
+        (lambda: fit_prony(RELAXATION).fit, "needs ModulusData, got RelaxationData"),
+    ],
+)
+def test_refusals(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
 
 
 def test_report_and_picture():

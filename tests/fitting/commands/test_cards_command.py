@@ -1,7 +1,10 @@
 """`rubberfric-fit cards`: cards of scenes, fits and tables, read back with the same modulus."""
 
+import functools
+
 import numpy as np
 import pytest
+from support.scenes.fits import ROAD
 
 import fitting
 import rubberfric as rf
@@ -16,14 +19,12 @@ MODULUS = 1e6 + (E * 1j * OMEGA[:, None] * TAU / (1 + 1j * OMEGA[:, None] * TAU)
 
 
 @pytest.fixture
-def run(call, tmp_path, monkeypatch):
-    """Run the command in a folder with two scenes: exit status, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-    road = rf.Body(rf.Rigid(), rf.SelfAffine(1e3, 1e3, 1e5, 0.8, 1e-5))
-    rf.save_scene("rubber.toml", rf.Scene(road, rf.Body(RUBBER)))
-    rf.save_scene("plain.toml", rf.Scene(road, rf.Body(PLAIN)))
+def run(run):
+    """Run `rubberfric-fit cards` in a folder with three scenes: exit status, stdout, stderr."""
+    rf.save_scene("rubber.toml", rf.Scene(ROAD, rf.Body(RUBBER)))
+    rf.save_scene("plain.toml", rf.Scene(ROAD, rf.Body(PLAIN)))
     rf.save_scene("two.toml", rf.Scene(rf.Body(PLAIN), rf.Body(RUBBER)))
-    return lambda *arguments: call("cards", *arguments, "--no-cache")
+    return functools.partial(run, "cards")
 
 
 def test_suffixes_name_all_programs():

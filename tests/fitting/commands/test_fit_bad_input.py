@@ -202,18 +202,13 @@ def test_as_many_parameters_as_data_leave_no_scatter():
 
 SINGLE = """
 import numpy as np
-import rubberfric as rf
-from fitting import FrictionData, ModulusData, Positive, fit
+from fitting import ModulusData, Positive, fit
+from support.scenes.fits import SCENE, maxwell_columns, noise
 
-road = rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4))
-scene = rf.Scene(road, rf.Body(rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])))
 omega = np.logspace(1, 6, 10)
-a = omega[:, None] * np.array([1e-5, 1e-3])
-terms = np.array([5e7, 8e6]) * (a**2 + 1j * a) / (1 + a**2)
-exact = 3e6 + terms.sum(1)
-noise = np.exp(0.03 * np.random.default_rng(0).standard_normal((2, 10)))
-data = ModulusData(omega, exact.real * noise[0], exact.imag * noise[1], relative=0.03)
-result = fit(scene, data, {"upper.material.E": Positive(1e7)})
+exact = maxwell_columns(omega, [1e-5, 1e-3]) @ [5e7, 8e6, 3e6]
+data = ModulusData(omega, *np.split(exact * noise(20, 0.03), 2), relative=0.03)
+result = fit(SCENE, data, {"upper.material.E": Positive(1e7)})
 print(result.success, result.values.dtype, *result.values, *result.stderr, sep=",")
 """
 

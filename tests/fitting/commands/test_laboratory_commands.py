@@ -7,21 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.folders import DATA, ROOT
 
 import fitting
 import rubberfric as rf
-from fitting.commands.job import read_job
-
-LABORATORY = Path(__file__).parents[3] / "data" / "laboratory"
 
 
-@pytest.fixture
-def run(call, tmp_path, monkeypatch):
-    """Run a command in a folder with the exports: exit status, stdout, stderr."""
-    for path in LABORATORY.iterdir():
-        shutil.copy(path, tmp_path / path.name)
-    monkeypatch.chdir(tmp_path)
-    return lambda *arguments: call(*arguments, "--no-cache")
+@pytest.fixture(autouse=True)
+def exports(tmp_path):
+    shutil.copytree(DATA / "laboratory", tmp_path, dirs_exist_ok=True)
 
 
 def test_a_material_from_sweeps(run):
@@ -81,26 +75,9 @@ def test_a_job_a_fit_and_a_table(run):
     assert run("table", "scene.toml", *at, "--out", "mu.csv", "--error", "0.1")[0] == 0
 
 
-def test_runs_in_several_files_are_averaged(run):
-    road = rf.Body(rf.Rigid(), rf.SelfAffine(q0=1e3, qr=1e3, q1=1e5, hurst=0.8, h_rms=1e-5))
-    rf.save_scene("road.toml", rf.Scene(road, rf.Body(rf.Prony(1e6, [1e8], [1e-6], 0.5))))
-    factors = (0.95, 1.0, 1.08)
-    for k, factor in enumerate(factors):
-        rows = [f"{v},{100 * factor * mu},100" for v, mu in ((0.01, 0.5), (0.1, 0.6))]
-        Path(f"run{k}.csv").write_text("\n".join(["v [m/s],Ft [N],Fn [N]", *rows]))
-    files = [f"run{k}.csv" for k in range(3)]
-    options = ("--area", "4e-4", "--average", "--out", "job.toml")
-    status, printed, complaint = run("job", "road.toml", *files, *options)
-    assert (status, complaint) == (0, "") and 'file = ["run0.csv", "run1.csv", "run2.csv"]' in printed
-    (data,) = read_job("job.toml").data
-    np.testing.assert_allclose(data.friction, np.mean(factors) * np.array([0.5, 0.6]))
-    # s / sqrt(3) of the mean, and at least the quantile of Student's distribution larger
-    assert (data.relative > np.std(factors, ddof=1) / np.mean(factors) / np.sqrt(3)).all()
-
-
 @pytest.mark.slow  # softening takes half a minute; the steps are tested above
 def test_the_commands_of_the_page(run):
-    page = (LABORATORY.parents[1] / "notebooks" / "commands.md").read_text(encoding="utf-8")
+    page = (ROOT / "notebooks" / "commands.md").read_text(encoding="utf-8")
     block = re.search(r"```sh\n(.*?)```", page, re.S)
     assert block is not None
     for line in block[1].splitlines():

@@ -27,13 +27,12 @@ material = { kind = "prony", E_inf = 2e6, E = [3e7, 1e7, 4e6], tau = [1e-4, 1e-2
 
 
 @pytest.fixture
-def run(call, tmp_path, monkeypatch):
-    """Run a command in an empty folder with a scene, and return stdout."""
-    monkeypatch.chdir(tmp_path)
+def run(run):
+    """Run a command in a folder with a scene, and return stdout."""
     Path("scene.toml").write_text(SCENE)
 
     def good(*arguments):
-        status, printed, complaint = call(*arguments, "--no-cache")
+        status, printed, complaint = run(*arguments)
         assert status == 0, complaint
         return printed
 
@@ -58,13 +57,6 @@ def write_rows(name, head, *columns):
     Path(name).write_text(head + "".join(rows))
 
 
-def of_scene(path, omega):
-    """E* of the upper material of a scene file, from its numbers [Pa]."""
-    material = rf.load_scene(path).upper.material
-    i_omega_tau = 1j * omega[:, None] * np.asarray(material.tau)
-    return float(material.E_inf) + (np.asarray(material.E) * i_omega_tau / (1 + i_omega_tau)).sum(1)
-
-
 def test_mastercurve_of_shear_moduli_without_titles_and_temperatures(run):
     """--temperature, --reference, --poisson, --columns and --bad-rows; G = E / (2 (1 + nu)), in MPa."""
     temperatures, nu = (278.15, 293.15, 308.15, 323.15), 0.45
@@ -79,24 +71,13 @@ def test_mastercurve_of_shear_moduli_without_titles_and_temperatures(run):
         )  # fmt: skip
     assert "WLF" in printed
     omega = np.logspace(-1, 3, 9)  # between the times of the series, the fit is off by 6 %
-    np.testing.assert_allclose(np.abs(of_scene("new.toml", omega)), np.abs(modulus(omega)), rtol=0.08)
     material = rf.load_scene("new.toml").upper.material
+    found = np.asarray(rf.complex_modulus(material, omega, T_REF))
+    np.testing.assert_allclose(np.abs(found), np.abs(modulus(omega)), rtol=0.08)
     assert float(material.poisson) == nu and float(material.shift.T_ref) == pytest.approx(T_REF)
     for T in (283.15, 313.15):
         expected = -C1 * (T - T_REF) / (C2 + T - T_REF) * math.log(10)
         assert float(material.shift.log_factor(T)) == pytest.approx(expected, abs=0.05)
-
-
-def test_mastercurve_with_a_vertical_shift(run):
-    """Rubber elasticity: E is proportional to T. The scene has E at the reference."""
-    temperatures = (273.15, 293.15, 313.15)
-    for T in temperatures:
-        write_moduli(f"{T}.csv", T, T / T_REF)
-    files = [f"{T}.csv" for T in temperatures]
-    given = ("mastercurve", *files, "--temperature", *temperatures, "--reference", T_REF)
-    run(*given, "--vertical", "entropic", "--out", "new.toml")
-    omega = np.logspace(-1, 2, 7)
-    np.testing.assert_allclose(np.abs(of_scene("new.toml", omega)), np.abs(modulus(omega)), rtol=0.08)
 
 
 def test_mastercurve_of_a_strain_sweep_without_titles(run):
@@ -110,17 +91,28 @@ def test_mastercurve_of_a_strain_sweep_without_titles(run):
     np.testing.assert_allclose(np.asarray(softening.storage)[-1], 0.5, rtol=0.02)
 
 
-def write_spectrum(name, density, qr=1e4, H=0.7, head="q,C\n1/m,m^4\n"):
-    """A spectrum that is constant up to qr, and a power law above it."""
+H = 0.7
+# C_1D / (q C) of a power law without ends.
+LINE = math.sqrt(math.pi) * math.gamma(H + 0.5) / math.gamma(H + 1)
+
+
+def spectrum(qr):
+    """q, and a C that is constant up to qr and a power law above it."""
     q = np.logspace(3, 6, 61)
-    C = 1e-18 * np.minimum(1.0, (q / qr) ** (-2 * (1 + H)))
-    write_rows(name, head, q, density(q, C))
+    return q, 1e-18 * np.minimum(1.0, (q / qr) ** (-2 * (1 + H)))
+
+
+def write_line(head):
+    """Write C_1D of a power law; return its q and C."""
+    q, C = spectrum(1e2)
+    write_rows("line.csv", head, q, LINE * q * C)
     return q, C
 
 
 @pytest.mark.parametrize(("name", "factor"), [("C", 1.0), ("C_iso", 4 * math.pi**2)])
 def test_spectrum_of_two_normalisations(run, name, factor):
-    q, C = write_spectrum("psd.csv", lambda _, C: factor * C)
+    q, C = spectrum(1e4)
+    write_rows("psd.csv", "q,C\n1/m,m^4\n", q, factor * C)
     run("spectrum", "psd.csv", "--normalisation", name, "--q1", "5e5", "--out", "road.toml")
     found = rf.load_scene("road.toml").lower.spectrum
     assert float(found.hurst) == pytest.approx(0.7, abs=0.01)
@@ -132,10 +124,7 @@ def test_spectrum_of_two_normalisations(run, name, factor):
 
 
 def test_spectrum_along_a_line(run):
-    """For a power law without ends C_1D = sqrt(pi) Gamma(H + 1/2) / Gamma(H + 1) q C."""
-    H = 0.7
-    factor = math.sqrt(math.pi) * math.gamma(H + 0.5) / math.gamma(H + 1)
-    q, C = write_spectrum("line.csv", lambda q, C: factor * q * C, qr=1e2, H=H, head="500,bad\n")
+    q, C = write_line("500,bad\n")
     columns = ("--columns", "q [1/m]", "C_1D [m^3]", "--bad-rows", "drop")
     with pytest.warns(UserWarning, match="line"):
         run("spectrum", "line.csv", "--normalisation", "C_1D", "--hurst", H, *columns, "--out", "areal.csv")
@@ -160,9 +149,7 @@ def test_a_job_of_moduli(run):
 
 
 def test_a_job_of_a_spectrum_along_a_line(run):
-    H = 0.7
-    factor = math.sqrt(math.pi) * math.gamma(H + 0.5) / math.gamma(H + 1)
-    q, C = write_spectrum("line.csv", lambda q, C: factor * q * C, qr=1e2, head="q,C_1D\n1/m,m^3\n")
+    q, C = write_line("q,C_1D\n1/m,m^3\n")
     given = ("--body", "lower", "--normalisation", "C_1D", "--hurst", H, "--relative", "0.01")
     run("job", "scene.toml", "line.csv", *given, "--free", "lower.spectrum.hurst", "--out", "job.toml")
     (data,) = read_job("job.toml").data
@@ -180,14 +167,13 @@ def test_a_job_of_unusual_values(run, call):
     np.testing.assert_array_equal(read_job("job.toml").data[0].pressure, 0.5)
 
 
-def test_a_map_on_a_number_of_devices(call_main, run):
+@pytest.mark.usefixtures("run")
+def test_a_map_on_a_number_of_devices(call_main):
     """In this process JAX has started with one device; the map has the same numbers as the run."""
-    del run
     conditions = "[run]\nvelocity = [1e-3, 1e-2, 0.1]\npressure = [1e5, 4e5]\n"
     Path("scene.toml").write_text(SCENE + conditions)
-    assert (
-        call_main(scene_main, "map", "scene.toml", "--devices", "1", "--out", "map.h5", "--no-cache")[0] == 0
-    )
-    assert call_main(scene_main, "run", "scene.toml", "--out", "run.h5", "--no-cache")[0] == 0
+    for command, *options in (("map", "--devices", "1"), ("run",)):
+        arguments = (command, "scene.toml", *options, "--out", f"{command}.h5", "--no-cache")
+        assert call_main(scene_main, *arguments)[0] == 0
     found, expected = (rf.io.load_result(name) for name in ("map.h5", "run.h5"))
     np.testing.assert_allclose(found.solution.friction, expected.solution.friction, rtol=1e-8)

@@ -14,11 +14,6 @@ velocity = { from = 1e-3, to = 1.0, points = 4 }
 pressure = 2e5
 n = 2
 """
-PLANNED = """[free]
-"upper.material.E[0]" = "positive"
-[prior]
-"upper.material.E[0]" = { mean = 1e8, sigma = 1e7 }
-"""
 
 
 @pytest.mark.slow
@@ -60,14 +55,6 @@ def refused(call, command, job, message):
     assert complaint.startswith(f"rubberfric-fit {command}: {job}: ") and message in complaint
 
 
-@pytest.fixture
-def planned(job):
-    """The small job with one free parameter that has a Gaussian prior."""
-    before, _ = job.read_text().split("[free]")
-    job.write_text(before + PLANNED)
-    return job
-
-
 def test_calibration(call, planned, tmp_path):
     status, printed, complaint = call(
         *("calibration", planned, "--members", 40, "--on", "samples", "--plot", "places.png")
@@ -81,7 +68,7 @@ def test_calibration(call, planned, tmp_path):
 def test_bad_calibrations(call, planned):
     text = planned.read_text()
     planned.write_text(text.split("[prior]")[0])
-    refused(call, "calibration", planned, "upper.material.E[0] has no Gaussian prior; every")
+    refused(call, "calibration", planned, "has no Gaussian prior")
     planned.write_text(text + '[fit]\nloss = "huber"\n')
     refused(call, "calibration", planned, "fit.loss: must be 'linear' for a calibration")
     status, _, complaint = call("calibration", planned, "--members", 0)

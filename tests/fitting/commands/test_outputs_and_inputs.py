@@ -57,6 +57,7 @@ SWEEP = ("mastercurve", "dma_isothermen.csv")
         (fit_main, ("job", "link.toml", "linear_tester.csv", "--shear"), ("--out", "scene.toml")),
         (fit_main, ("table", "scene.toml", *AT), ("--out", "spectrum.csv")),
         (fit_main, ("spectrum", "stylus.csv", "--scene", "scene.toml"), ("--out", "scene.toml")),
+        (fit_main, ("spectrum", "stylus.csv", "--scene", "scene.toml"), ("--out", "link.toml")),
         (fit_main, ("spectrum", "stylus.csv", "--scene", "scene.toml"), ("--out", "spectrum.csv")),
         (fit_main, ("spectrum", "stylus.csv"), ("--out", "stylus.csv")),
         (fit_main, SWEEP, ("--out", "dma_isothermen.csv")),

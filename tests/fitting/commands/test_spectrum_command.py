@@ -1,11 +1,13 @@
 """`rubberfric-fit spectrum` on synthetic surfaces with known parameters, with every option."""
 
+import functools
 import warnings
 from pathlib import Path
 
 import jax
 import numpy as np
 import pytest
+from support.folders import DATA
 
 import fitting
 import rubberfric as rf
@@ -25,10 +27,9 @@ def surface():
 
 
 @pytest.fixture
-def run(call, tmp_path, monkeypatch):
+def run(run):
     """Run `rubberfric-fit spectrum` in an empty folder: exit status, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
-    return lambda *arguments: call("spectrum", *map(str, arguments), "--no-cache")
+    return functools.partial(run, "spectrum")
 
 
 def grid(heights, separator=","):
@@ -144,19 +145,6 @@ def test_options_of_heights_that_are_refused(run, surface):
         assert status == 2 and printed == "" and complaint.count("\n") == 1 and text in complaint, complaint
 
 
-def test_the_python_route(surface, tmp_path):
-    """As the page on formats has it: read_heights, spectrum_of_topography, fit_spectrum, with_cutoff."""
-    heights, d = surface
-    (tmp_path / "map.csv").write_text(grid(heights))
-    measured = rf.io.read_heights(tmp_path / "map.csv", d, "um")
-    found = rf.roughness.spectrum_of_topography(measured.heights, measured.dx, measured.dy)
-    fit = fitting.fit_spectrum(found)
-    for name in ("h_rms", "hurst"):
-        value, truth = (float(getattr(each, name)) for each in (fit.spectrum, TRUTH))
-        assert abs(value - truth) < 0.2 * truth
-    assert float(rf.rms_slope(rf.with_cutoff(fit.spectrum, 1.3))) == pytest.approx(1.3)
-
-
 @pytest.mark.slow
 def test_spectra_of_other_programs(run):
     q = np.geomspace(Q0, 39 * Q0, 60)
@@ -175,35 +163,29 @@ def test_spectra_of_other_programs(run):
         assert run("plain.csv", *how)[0] == 0
 
 
-def test_absurd_cutoffs_and_outputs_are_refused(run):
+@pytest.fixture
+def run_table(run):
+    """Run the command on a table of the true spectrum."""
     q = np.geomspace(Q0, 40 * Q0, 60)
     C = np.asarray(rf.power_spectrum(TRUTH, np.clip(q, Q0 * (1 + 1e-12), 40 * Q0 * (1 - 1e-12))))
     Path("s.csv").write_text("q,C\n1/m,m^4\n" + "".join(f"{a},{b}\n" for a, b in zip(q, C, strict=True)))
-    how = ("s.csv", "--normalisation", "C")
-    assert run(*how, "--out", "scene.toml")[0] == 0
-    Path("link.toml").symlink_to("scene.toml")
-    before = Path("scene.toml").read_bytes()
-    for more, text in (
-        (("--slope", "1e9", "--out", "no.toml"), "--slope 1000000000.0: is reached"),
-        (("--q1", "1e30", "--out", "no.toml"), "the distance of atoms"),
-        (("--scene", "scene.toml", "--out", "scene.toml"), "is a file that this command reads"),
-        (("--scene", "scene.toml", "--out", "link.toml"), "is a file that this command reads"),
-        (("--scene", "scene.toml", "--out", "./s.csv"), "is a file that this command reads"),
-    ):
-        status, printed, complaint = run(*how, *more)
-        assert status == 2 and printed == "" and complaint.count("\n") == 1 and text in complaint
-        assert not Path("no.toml").exists() and Path("scene.toml").read_bytes() == before
+    return functools.partial(run, "s.csv", "--normalisation", "C")
 
 
-def test_a_scene_keeps_its_lines(run):
-    q = np.geomspace(Q0, 40 * Q0, 60)
-    C = np.asarray(rf.power_spectrum(TRUTH, np.clip(q, Q0 * (1 + 1e-12), 40 * Q0 * (1 - 1e-12))))
-    Path("s.csv").write_text("q,C\n1/m,m^4\n" + "".join(f"{a},{b}\n" for a, b in zip(q, C, strict=True)))
-    own = (Path(__file__).parents[3] / "data" / "tread_on_asphalt.toml").read_text(encoding="utf-8")
+@pytest.mark.parametrize(
+    ("cutoff", "text"),
+    [(("--slope", "1e9"), "--slope 1000000000.0: is reached"), (("--q1", "1e30"), "the distance of atoms")],
+)
+def test_absurd_cutoffs_are_refused(run_table, cutoff, text):
+    status, printed, complaint = run_table(*cutoff, "--out", "no.toml")
+    assert status == 2 and printed == "" and complaint.count("\n") == 1 and text in complaint
+    assert not Path("no.toml").exists()
+
+
+def test_a_scene_keeps_its_lines(run_table):
+    own = (DATA / "tread_on_asphalt.toml").read_text(encoding="utf-8")
     Path("scene.toml").write_text("# of 2019\n" + own)
-    status, _, complaint = run(
-        "s.csv", "--normalisation", "C", "--slope", 0.5, "--scene", "scene.toml", "--out", "new.toml"
-    )
+    status, _, complaint = run_table("--slope", 0.5, "--scene", "scene.toml", "--out", "new.toml")
     assert status == 0, complaint
     new = Path("new.toml").read_text(encoding="utf-8")
     for line in ("# of 2019", *own.splitlines()):

@@ -1,12 +1,13 @@
 """Messages and reports in the words of the command that prints them, for all advice in the sources."""
 
 import ast
+import contextlib
 import inspect
 import re
 from pathlib import Path
 
 import pytest
-from support.folders import ROOT
+from support.folders import DATA, ROOT
 
 import fitting
 from fitting.commands import arguments, job, options
@@ -120,50 +121,36 @@ def test_options_of_one_parser():
     assert set(one.options) == {"help", "other"}
 
 
-ROWS = "v;mu;p\nm/s;-;Pa\n1e-3;0.1;2e5\n1e-2;;2e5\n1e-1;0.3;2e5\n1;0.4;2e5\n"
-
-
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Path("bad.csv").write_text(ROWS)
-    Path("forces.txt").write_text("v [mm/s]\tA [N]\tB [N]\n0.1\t100\t80\n1\t100\t90\n")
-    return ROOT / "data" / "tread_on_asphalt.toml"
+SCENE = DATA / "tread_on_asphalt.toml"
+BAD_ROW = "v;mu;p\nm/s;-;Pa\n1e-3;0.1;2e5\n1e-2;;2e5\n1e-1;0.3;2e5\n1;0.4;2e5\n"
+UNKNOWN_TITLES = "v [mm/s]\tA [N]\tB [N]\n0.1\t100\t0.8\n1\t100\t0.9\n"
 
 
 @pytest.mark.parametrize(
-    ("arguments", "advice", "follow"),
+    ("text", "advice", "follow"),
     [
-        (("job", "bad.csv"), "--bad-rows drop", ("--bad-rows", "drop", "--temperature", "293")),
-        (
-            ("job", "forces.txt"),
-            '--columns "v [mm/s]" "?" "?"',
-            ("--columns", "v [mm/s]", "p [kPa]", "mu", "--temperature", "293"),
-        ),
+        (BAD_ROW, "--bad-rows drop", ("--bad-rows", "drop")),
+        (UNKNOWN_TITLES, '--columns "v [mm/s]" "?" "?"', ("--columns", "v [mm/s]", "p [kPa]", "mu")),
     ],
-)  # fmt: skip
-def test_the_advice_of_job_works(call, folder, arguments, advice, follow):
-    if arguments[1] == "forces.txt":
-        Path("forces.txt").write_text(
-            Path("forces.txt").read_text().replace("80", "0.8").replace("90", "0.9")
-        )
-    given = (arguments[0], folder, *arguments[1:], "--out", "job.toml", "--no-cache")
-    status, _, complaint = call(*given)
+)
+def test_the_advice_of_job_works(run, text, advice, follow):
+    Path("table.csv").write_text(text)
+    given = ("job", SCENE, "table.csv", "--temperature", "293", "--out", "job.toml")
+    status, _, complaint = run(*given)
     assert status == 2 and advice in complaint and not Path("job.toml").exists()
-    if "drop" in follow:
-        with pytest.warns(UserWarning, match=r"bad\.csv"):
-            assert call(*given, *follow)[0] == 0
-    else:
-        assert call(*given, *follow)[0] == 0
+    warns = pytest.warns(UserWarning, match=r"table\.csv") if "drop" in follow else contextlib.nullcontext()
+    with warns:
+        assert run(*given, *follow)[0] == 0
     assert Path("job.toml").exists()
 
 
 @pytest.mark.slow
-def test_the_advice_about_a_table_of_a_scene_works(call_main, folder):
+@pytest.mark.usefixtures("run")
+def test_the_advice_about_a_table_of_a_scene_works(call_main):
     """The key is in the table of the scene file that names the CSV file."""
     rows = "1;1e6;1e5\n10;;1e5\n100;2e6;2e5\n1e3;3e6;4e5\n"
     Path("moduli.csv").write_text(f"omega;E_stor;E_loss\nrad/s;Pa;Pa\n{rows}")
-    scene = folder.read_text().split("[upper.material]")[0] + (
+    scene = SCENE.read_text().split("[upper.material]")[0] + (
         '[upper.material]\nkind = "tabulated"\nfile = "moduli.csv"\n[run]\nvelocity = 0.1\npressure = 1e5\n'
     )
     Path("scene.toml").write_text(scene)

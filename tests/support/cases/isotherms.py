@@ -1,6 +1,7 @@
 """Synthetic isotherms with known shifts."""
 
 import numpy as np
+from support.scenes import fits
 
 import rubberfric as rf
 from fitting import ModulusData
@@ -28,15 +29,14 @@ def prony(omega):
 CURVES = {"zener": fractional_zener, "prony": prony}
 
 
-def isotherms(curve="zener", noise=0.03, seed=0, law=LAW, temperatures=T, points=16, vertical=0.0, **options):
-    """Three decades of frequency at every temperature."""
+def isotherms(curve="zener", noise=0.03, seed=0, law=LAW, temperatures=T, points=16, factor=None, **options):
+    """Three decades of frequency at every temperature T, where the moduli are multiplied by factor(T)."""
     omega, at = np.meshgrid(2 * np.pi * np.geomspace(0.1, 100.0, points), temperatures)
     omega, at = omega.ravel(), at.ravel()
     modulus = CURVES[curve](omega * np.exp(np.asarray(law.log_factor(at))))
-    modulus = modulus * np.exp(vertical * (at - 293.15))
-    normal = np.random.default_rng(seed).standard_normal((2, omega.size))
-    storage, loss = np.exp(noise * normal) * [modulus.real, modulus.imag]
-    return ModulusData(omega, storage, loss, temperature=at, **options)
+    modulus = modulus * (1.0 if factor is None else factor(at))
+    values = fits.noise((2, omega.size), noise, seed) * [modulus.real, modulus.imag]
+    return ModulusData(omega, *values, temperature=at, **options)
 
 
 def part(data, rows):

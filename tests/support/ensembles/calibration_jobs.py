@@ -9,7 +9,7 @@ import numpy as np
 from support.cases.sliding_curves import TERMS, drawn_scene
 from support.ensembles import twin
 from support.folders import DATA
-from support.scenes.fits import FAST, ROAD, SHIFTED, E
+from support.scenes.fits import FAST, ROAD, SHIFTED, E, modulus_data
 
 import fitting
 import rubberfric as rf
@@ -38,9 +38,7 @@ def twin_job():
 
 
 def modulus_job():
-    omega = np.geomspace(1e1, 1e6, 24)
-    modulus = np.asarray(rf.complex_modulus(SHIFTED, omega))
-    data = fitting.ModulusData(omega, modulus.real, modulus.imag, relative=0.05)
+    data = modulus_data(SHIFTED, np.geomspace(1e1, 1e6, 24), error=0.0, relative=0.05)
     prior = {"upper.material.E_inf": fitting.Gaussian(3e6, 1e6)}
     prior |= {f"{E}[{k}]": fitting.Gaussian(value, 0.3 * value) for k, value in enumerate([5e7, 8e6])}
     prior |= {f"upper.material.tau[{k}]": fitting.Gaussian(v, 0.3 * v) for k, v in enumerate([1e-5, 1e-3])}

@@ -21,14 +21,14 @@ def assert_same(one, other, rows=slice(None)):
         np.testing.assert_array_equal(a[rows], b[rows], err_msg=name)
 
 
-def start(*arguments, devices=1, **options):
+def start(*arguments, devices=1):
     added = {"JAX_NUM_CPU_DEVICES": str(devices), "JAX_PLATFORMS": "cpu", "PYTHONPATH": PYTHONPATH}
     command = [sys.executable, str(PROGRAM), *map(str, arguments)]
-    return subprocess.Popen(command, env=os.environ | added, text=True, stdout=subprocess.PIPE, **options)
+    return subprocess.Popen(command, env=os.environ | added, text=True, stdout=subprocess.PIPE)
 
 
-def finished(process, timeout=120):
-    out, _ = process.communicate(timeout=timeout)
+def finished(process):
+    out, _ = process.communicate(timeout=120)
     assert process.returncode == 0, out
     return out
 

@@ -22,6 +22,7 @@ if __name__ == "__main__":
         jax.distributed.initialize(f"127.0.0.1:{sys.argv[6]}", int(sys.argv[4]), int(sys.argv[5]))
     sys.path[:0] = [str(Path(__file__).resolve().parents[i]) for i in (3, 2)]
 
+from support.scenes import fits
 from support.scenes.fits import E_INF, ROAD, E
 
 QUADRATURE = rf.Quadrature(order=8, panels=4, graded=2, ratio=6.0)
@@ -31,11 +32,8 @@ SCENE = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, MODULI, TAU)))
 ROWS = ("x", "values", "cost", "status", "nfev", "njev")
 
 
-def modulus_data(seed=0):
-    omega = np.logspace(-2, 7, 12)
-    exact = np.asarray(rf.complex_modulus(SCENE.upper.material, omega))
-    noise = np.exp(0.02 * np.random.default_rng(seed).standard_normal((2, omega.size)))
-    return fitting.ModulusData(omega, exact.real * noise[0], exact.imag * noise[1], relative=0.02)
+def modulus_data():
+    return fits.modulus_data(SCENE.upper.material, np.logspace(-2, 7, 12))
 
 
 def modulus(starts=17, **options):
@@ -46,10 +44,7 @@ def modulus(starts=17, **options):
 
 def friction(starts=10):
     """A friction curve: 20 points, 4 free parameters."""
-    velocity = np.logspace(-4, 1, 20)
-    mu = np.asarray(rf.friction(SCENE, velocity, 1e5, quadrature=QUADRATURE))
-    mu = mu * np.exp(0.02 * np.random.default_rng(0).standard_normal(20))
-    data = fitting.FrictionData(velocity, mu, pressure=1e5, relative=0.02)
+    data = fits.friction_data(SCENE, np.logspace(-4, 1, 20), quadrature=QUADRATURE)
     free = {E: fitting.Positive(), "lower.spectrum.hurst": fitting.Bounded(0.3, 1.0)}
     return fitting.multi_start(SCENE, data, free, starts, quadrature=QUADRATURE, max_steps=12)
 

@@ -32,7 +32,7 @@ def noise(size, error, seed=0):
 
 def modulus_data(material, omega, error=0.02, seed=0, **options):
     """E' and E'' of a material with noise; the data state its size unless `relative` is given."""
-    exact = np.asarray(rf.complex_modulus(material, omega))
+    exact = np.asarray(rf.complex_modulus(material, omega, options.get("temperature")))
     values = np.stack([exact.real, exact.imag]) * noise((2, omega.size), error, seed)
     return fitting.ModulusData(omega, *values, **{"relative": error} | options)
 

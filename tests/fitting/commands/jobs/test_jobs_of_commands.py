@@ -41,12 +41,11 @@ ELASTIC = SCENE.replace(RUBBER, '{ kind = "elastic", young = 1e7, poisson = 0.5 
 
 
 @pytest.fixture
-def run(call, tmp_path, monkeypatch):
+def run(run):
     """Run a command in a folder with a scene and friction: status, stdout, stderr."""
-    monkeypatch.chdir(tmp_path)
     Path("a_scene.toml").write_text(SCENE)
     Path("friction.csv").write_text(FRICTION)
-    return lambda *arguments: call(*arguments, "--no-cache")
+    return run
 
 
 def contents():
