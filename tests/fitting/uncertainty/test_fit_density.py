@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
-from support.jacobians import residuals
+from support.jacobians import functions
 from support.scenes.fits import E_INF, FAST, HURST, E, maxwell_columns
 from support.scenes.fits import THREE as SCENE
 
@@ -73,12 +73,9 @@ def test_it_is_minus_the_cost_and_level_at_the_fit(modulus):
 
 
 def test_its_curvature_is_the_inverse_covariance_but_for_the_bent_residuals(modulus):
-    structure, numbers, targets, *_ = modulus.problem
-    x = jnp.asarray(modulus.x)
-    rows_bend = jax.jit(jax.hessian(lambda x: residuals(structure, numbers, targets, x)))
+    rows, x = functions(modulus.problem)[0], jnp.asarray(modulus.x)
     curvature = -np.asarray(jax.jit(jax.hessian(log_density(modulus)))(x))
-    rows = residuals(structure, numbers, targets, x)
-    bent = np.einsum("i,ijk", rows, rows_bend(x))
+    bent = np.einsum("i,ijk", rows(x), jax.jit(jax.hessian(rows))(x))
     covariance = modulus.covariance / np.outer(modulus.values, modulus.values)  # of ln value
     np.testing.assert_allclose((curvature - bent) @ covariance, np.eye(4), atol=1e-8)
     assert np.abs(bent @ covariance).max() > 1e-3  # the test would see it missing
