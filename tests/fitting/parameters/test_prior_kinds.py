@@ -1,24 +1,21 @@
 """Priors of several numbers: smooth vectors of every kind, limits of sums, what another fit knows."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.special
 from scipy import stats
-from support.jacobians import residuals
+from support.jacobians import functions
+from support.jacobians import prior_rows as rows
 from support.scenes.fits import E_INF, ROAD, E
 
 import fitting
 import rubberfric as rf
 from fitting import Bounded, Correlated, Free, ModulusData, Positive, Smooth, Sum
 from fitting.parameters.correlated import whitener
-from fitting.parameters.priors import prior_residuals, prior_size, read_priors
 from fitting.parameters.scenes import path_over, scene_paths
-from fitting.parameters.variables import free_parameters, to_scene
 from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.problem import make_problem
-from rubberfric.scene.scene import cast
 
 OMEGA = np.logspace(0, 4, 5)  # [rad/s]
 T = np.array([260.0, 275.0, 285.0, 320.0])  # [K]
@@ -35,17 +32,6 @@ SCENE = rf.Scene(
 PRONY = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, [5e8, 5e7, 8e6], [1e-7, 1e-5, 1e-3])))
 BOTH = f"{E_INF} + {E}"
 PARTS = "upper.material.storage[:2] + upper.material.loss[0]"
-
-
-def rows(scene, free, prior, shift=0.0):
-    """Rows of the priors at the start plus a shift of x."""
-    scene = cast(scene, np.float64)
-    variables, constants, x = free_parameters(scene, free)
-    priors = read_priors(scene, variables, constants, prior)
-    x = jnp.asarray(x + shift)
-    found = np.asarray(prior_residuals(priors, to_scene(variables, constants, x), x))
-    assert found.size >= prior_size(priors)
-    return found
 
 
 # --- smooth
@@ -219,5 +205,5 @@ def test_rows_and_their_derivatives_are_those_of_the_padded_problem():
     problem = make_problem(
         SCENE, [data], free, {"upper.material.storage": Smooth(), key: known, PARTS: Sum(high=1e7)}
     )
-    plain = residuals(problem.structure, problem.numbers, problem.targets, jnp.asarray(problem.start))
+    plain = functions(problem)[0](problem.start)
     np.testing.assert_allclose(residual_rows(problem, problem.start), plain, rtol=1e-12, atol=1e-12)

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 from support.refusals import one_line
-from support.scenes.fits import E_INF, FOUR_WARM, E
+from support.scenes.fits import E_INF, FOUR_WARM, Q1, E
 
 from fitting import Bounded, Free, Positive, RmsSlope, Tied
 from fitting.parameters.variables import free_parameters
 from rubberfric.scene.scene import cast
 
 SCENE = cast(FOUR_WARM, np.float64)
+QR = "lower.spectrum.qr"
 
 
 @pytest.mark.parametrize(
@@ -45,35 +46,48 @@ def test_wrong_paths(path, text):
 
 
 @pytest.mark.parametrize(
-    ("rule", "text"),
-    [
-        (Positive(0.0), "starts at 0: must start at a value > 0, because it is Positive; give start="),
-        (Positive(-1.0), "starts at -1: must start at a value > 0, because it is Positive"),
-        (Positive([1.0, 2.0, -3.0, 4.0]), "starts at -3"),
-        (Positive([1.0, 2.0]), "start = [1.0, 2.0]: must be one number or 4 numbers"),
-        (Positive(np.nan), "start = nan: must be finite"),
-        (Free([1.0, np.inf, 1.0, 1.0]), "must be finite"),
-        (Bounded(0.0, 1e6), "starts at 5e+08: must start inside the bounds 0 ... 1e+06, not on them; give"),
-        (Bounded(2e6, 1e9), "starts at 2e+06: must start inside the bounds"),
-        (Bounded(0.0, 1.0, start=1.0), "starts at 1: must start inside the bounds 0 ... 1, not on them"),
-        (Bounded(0.0, 1.0, start=0.0), "starts at 0: must start inside the bounds"),
-    ],
-)
-def test_starts_that_the_rule_does_not_allow(rule, text):
-    assert text in one_line(lambda: free_parameters(SCENE, {E: rule}))
-
-
-@pytest.mark.parametrize(
     ("free", "text"),
     [
+        # starts that the rule does not allow
+        ({E: Positive(0.0)}, "starts at 0: must start at a value > 0, because it is Positive; give start="),
+        ({E: Positive(-1.0)}, "starts at -1: must start at a value > 0, because it is Positive"),
+        ({E: Positive([1.0, 2.0, -3.0, 4.0])}, "starts at -3"),
+        ({E: Positive([1.0, 2.0])}, "start = [1.0, 2.0]: must be one number or 4 numbers"),
+        ({E: Positive(np.nan)}, "start = nan: must be finite"),
+        ({E: Free([1.0, np.inf, 1.0, 1.0])}, "must be finite"),
+        (
+            {E: Bounded(0.0, 1e6)},
+            "starts at 5e+08: must start inside the bounds 0 ... 1e+06, not on them; give",
+        ),
+        ({E: Bounded(2e6, 1e9)}, "starts at 2e+06: must start inside the bounds"),
+        ({E: Bounded(0.0, 1.0, start=1.0)}, "starts at 1: must start inside the bounds 0 ... 1, not on them"),
+        ({E: Bounded(0.0, 1.0, start=0.0)}, "starts at 0: must start inside the bounds"),
+        # sets of free parameters
         ([E], "free: must be a dict of key paths"),
         ({E: Positive}, "must be Positive, Bounded, Free, Tied or RmsSlope"),
         ({E: Positive(), E + "[2]": Free()}, f"free['{E}[2]']: already free as '{E}'"),
         ({E + "[1:3]": Positive(), E + "[-2:]": Free()}, f"already free as '{E}[1:3]'"),
         ({E + "[3]": Positive(), E + "[-1]": Tied("gamma"), "gamma": Positive()}, "already free"),
+        # ties
+        ({E: Tied("gamma")}, "all parameters are Tied or RmsSlope; at least one must be free itself"),
+        ({Q1: RmsSlope(0.2)}, "all parameters are Tied or RmsSlope; at least one must be free itself"),
+        ({E: Tied(E + "[0]"), "gamma": Positive()}, "must be another key of free, one that is not tied"),
+        ({E: Tied(E), "gamma": Positive()}, "must be another key of free, one that is not tied itself"),
+        ({E: Tied(3), "gamma": Positive()}, "tied to 3: must be another key of free"),
+        ({E: Positive(), "gamma": Tied(E + "[:]")}, "must be another key of free"),
+        ({E: Positive(), "gamma": Tied(E)}, f"has 1 elements, but '{E}' has 4; tie it to a parameter"),
+        ({E + "[:3]": Tied(E + "[3:]"), E + "[3:]": Free(start=0.0)}, "starts at 0, so the ratio must be"),
+        ({"gamma": Positive(), E: Tied(E_INF), E_INF: Tied("gamma")}, "one that is not tied itself"),
+        ({Q1: RmsSlope(1.0), "gamma": Tied(Q1), E: Free()}, "must be another key of free, one that is not"),
+        # rules of cut-offs
+        ({QR: RmsSlope(1.0), E: Free()}, f"free['{QR}']: RmsSlope is for the q1 of a spectrum"),
+        ({E_INF: RmsSlope(1.0), E: Free()}, "RmsSlope is for the q1 of a spectrum; must end in .q1"),
+        # q0 <= qr <= q1
+        ({Q1: Positive(500.0)}, f"{Q1} starts at 500, below {QR} at 1000: the first must be >= the second"),
+        ({QR: Positive(), Q1: Tied(QR, 0.5)}, f"{Q1} starts at 500, below {QR} at 1000"),
     ],
 )
-def test_wrong_sets_of_free_parameters(free, text):
+def test_wrong_sets_of_rules(free, text):
     assert text in one_line(lambda: free_parameters(SCENE, free))
 
 
@@ -96,23 +110,3 @@ def test_wrong_sets_of_free_parameters(free, text):
 )
 def test_wrong_rules(make, text):
     assert text in one_line(make)
-
-
-@pytest.mark.parametrize(
-    ("free", "text"),
-    [
-        ({E: Tied("gamma")}, "tied to 'gamma': must be another key of free, one that is not tied itself"),
-        ({E: Tied(E + "[0]"), "gamma": Positive()}, "must be another key of free, one that is not tied"),
-        ({E: Tied(E), "gamma": Positive()}, "must be another key of free, one that is not tied itself"),
-        ({E: Tied(3), "gamma": Positive()}, "tied to 3: must be another key of free"),
-        ({E: Positive(), "gamma": Tied(E + "[:]")}, "must be another key of free"),
-        ({E: Positive(), "gamma": Tied(E)}, f"has 1 elements, but '{E}' has 4; tie it to a parameter"),
-        ({E + "[:3]": Tied(E + "[3:]"), E + "[3:]": Free(start=0.0)}, "starts at 0, so the ratio must be"),
-        ({"gamma": Positive(), E: Tied(E_INF), E_INF: Tied("gamma")}, "one that is not tied itself"),
-    ],
-)
-def test_wrong_ties(free, text):
-    message = one_line(lambda: free_parameters(SCENE, free))
-    assert text in message or (
-        text.startswith("tied to 'gamma'") and "all parameters are Tied or RmsSlope" in message
-    )

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from support.scenes.fits import E_INF, E
 
 import fitting
 import rubberfric as rf
@@ -17,7 +18,7 @@ ERROR = 0.04
 LOW = 2e6
 # Upper bound of E_inf, far above its true value.
 HIGH = 2e7
-NAMES = [f"upper.material.{name}" for name in ("E_inf", "E", "tau")]
+NAMES = [E_INF, f"{E}[0]", "upper.material.tau[0]"]
 
 
 def model(E_inf, E, tau, omega=OMEGA):
@@ -40,7 +41,7 @@ def scene(E_inf=4e6, E=6e6, tau=0.5):
     return rf.Scene(rf.Body(rf.Rigid()), rf.Body(rf.Prony(E_inf, [E], [tau])))
 
 
-FREE = {NAMES[0]: Bounded(LOW, HIGH), f"{NAMES[1]}[0]": Positive(), f"{NAMES[2]}[0]": Positive()}
+FREE = {NAMES[0]: Bounded(LOW, HIGH), NAMES[1]: Positive(), NAMES[2]: Positive()}
 
 
 def refitted(y, k, value, bounds=(LOW, HIGH), omega=OMEGA, error=ERROR, shortest=1e-4):
@@ -90,7 +91,7 @@ def test_the_interval_is_that_of_refits(at_bound):
     # The rises along the bounded parameter.
     for value, rise in zip(found.held[1:], found.rises[1:], strict=True):
         assert rise == pytest.approx(refitted(y, 0, value) - at_bound.chisqr, abs=2e-3)
-    for k, name in ((1, f"{NAMES[1]}[0]"), (2, f"{NAMES[2]}[0]")):
+    for k, name in enumerate(NAMES[1:], 1):
         low, high = ends_by_scipy(y, k, at_bound.chisqr, at_bound[name].value)
         covered = found.intervals.get(name)
         if covered is None:  # the error bar covers the interval to a fifth of itself
@@ -105,7 +106,7 @@ def test_the_interval_is_that_of_refits(at_bound):
 
 def test_two_parameters_at_bounds_are_followed_side_by_side():
     """Each is held apart from the other, until chi-square has passed the threshold on each side."""
-    shortest, names = 0.7, (NAMES[0], f"{NAMES[2]}[0]")
+    shortest, names = 0.7, (NAMES[0], NAMES[2])
     free = FREE | {names[1]: Bounded(shortest, 50.0)}
     result = fitting.fit(scene(tau=1.0), data(measured()), free)
     assert tuple(path.name for path in result.bounds) == names
@@ -133,7 +134,7 @@ def test_a_lower_solution_along_a_bound_is_returned(at_bound):
         assert (x is not None) == lower and len(bounds) == (not lower)
 
 
-WIDE = {NAMES[0]: Bounded(1e3, 5e6), f"{NAMES[1]}[0]": Positive(), f"{NAMES[2]}[0]": Positive()}
+WIDE = FREE | {NAMES[0]: Bounded(1e3, 5e6)}
 FAST = np.geomspace(20.0, 200.0, 8)
 
 
@@ -147,12 +148,11 @@ def test_error_bars_that_hold_at_the_bound_only_are_withheld(tmp_path):
     """E_inf is open between its bounds. The intervals of E and tau agree with refits by scipy."""
     y, measured_data = open_data()
     found = fitting.fit(scene(E_inf=1e5), measured_data, WIDE)
-    names = [f"{NAMES[1]}[0]", f"{NAMES[2]}[0]"]
-    assert found.success and all(name in found.withheld for name in (NAMES[0], *names))
+    assert found.success and all(name in found.withheld for name in NAMES)
     first = found.bounds[0]
     assert first.name == NAMES[0] and first.interval[1] > TRUTH["E_inf"]
     setting = {"bounds": (1e3, 5e6), "omega": FAST, "error": 0.05}
-    for k, name in ((1, names[0]), (2, names[1])):
+    for k, name in enumerate(NAMES[1:], 1):
         ends = ends_by_scipy(y, k, found.chisqr, found[name].value, **setting)
         assert ends[0] < list(TRUTH.values())[k] < ends[1]
         # Places between the held values are left out, and rows are not quite linear.
@@ -161,7 +161,7 @@ def test_error_bars_that_hold_at_the_bound_only_are_withheld(tmp_path):
         )
     text = found.report()
     assert "[[Bounds]]" in text and "95 % intervals by profile likelihood" in text
-    assert np.isnan(found[names[0]].stderr) and np.isnan(found.interval()[0]).all()
+    assert np.isnan(found[NAMES[1]].stderr) and np.isnan(found.interval()[0]).all()
     found.save(tmp_path / "fit.h5")
     again = fitting.FitResult.load(tmp_path / "fit.h5")
     assert again.bounds == found.bounds and again.further == found.further and again.report() == text
@@ -172,8 +172,7 @@ def test_error_bars_that_hold_at_the_bound_only_are_withheld(tmp_path):
 def test_another_minimum_of_the_same_cost_withholds_the_error_bar():
     """E'' at one frequency is the same for omega tau = 3 and 1/3."""
     one = ModulusData([1.0], [4e6], [0.3 * 6e6], [1e12], [3e4], body="upper", check_units=False)
-    found = fitting.fit(scene(tau=1.5), one, {f"{NAMES[2]}[0]": Positive()}, starts=8)
-    assert found[f"{NAMES[2]}[0]"].value == pytest.approx(3.0, rel=1e-3) or found[
-        f"{NAMES[2]}[0]"
-    ].value == pytest.approx(1 / 3, rel=1e-3)
-    assert "a minimum of chi-square" in found.withheld[f"{NAMES[2]}[0]"]
+    found = fitting.fit(scene(tau=1.5), one, {NAMES[2]: Positive()}, starts=8)
+    value = found[NAMES[2]].value
+    assert value == pytest.approx(3.0, rel=1e-3) or value == pytest.approx(1 / 3, rel=1e-3)
+    assert "a minimum of chi-square" in found.withheld[NAMES[2]]

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 import pytest
 from scipy import stats
-from support.scenes.fits import E_INF, FAST, SCENE, E, maxwell_columns
+from support.scenes.fits import E_INF, FAST, PLAIN, SCENE, E, linear_data, maxwell_columns
 
 import fitting
 import rubberfric as rf
@@ -19,19 +19,10 @@ pytest.importorskip("arviz_stats")
 OMEGA = np.logspace(0, 6, 10)
 
 
-def basis():
-    return maxwell_columns(OMEGA, SCENE.upper.material.tau)
-
-
-EXACT = basis() @ [5e7, 8e6, 3e6]
-
-
 @pytest.fixture(scope="module")
 def linear():
     """A problem that is linear in its numbers, with a prior of one."""
-    sigma = 0.2 * EXACT
-    measured = EXACT + sigma * np.random.default_rng(1).standard_normal(EXACT.size)
-    data = ModulusData(OMEGA, *np.split(measured, 2), *np.split(sigma, 2), check_units=False)
+    data = linear_data(PLAIN, OMEGA, 0.2, seed=1)
     free, prior = {E: Free(), E_INF: Free()}, {E_INF: Gaussian(2.5e6, 3e5)}
     return fitting.fit(SCENE, data, free, prior=prior, quadrature=FAST)
 
@@ -43,7 +34,7 @@ def samples(linear):
 
 def test_a_linear_problem_has_the_normal_posterior_of_the_textbook(linear, samples):
     data = linear.data[0]
-    rows = np.vstack([basis() / data.error[:, None], [0, 0, 1 / 3e5]])
+    rows = np.vstack([maxwell_columns(OMEGA, PLAIN.tau) / data.error[:, None], [0, 0, 1 / 3e5]])
     aim = np.append(data.measured / data.error, 2.5e6 / 3e5)
     covariance = np.linalg.inv(rows.T @ rows)
     mean = covariance @ rows.T @ aim
@@ -85,8 +76,7 @@ def test_a_bent_posterior_is_that_of_quadrature():
     assert draws.reliable and not np.allclose(draws.mean, result.values, rtol=0.05)
     E1, E_inf = np.linspace(1e3, 4e7, 500), np.linspace(1e6, 2e7, 502)[1:-1]
     one, other = np.meshgrid(E1, E_inf, indexing="ij")
-    a = np.array([1e-1, 3e3])[:, None] * np.asarray(SCENE.upper.material.tau)
-    storage, loss = a**2 / (1 + a**2), a / (1 + a**2)
+    storage, loss = np.split(maxwell_columns(data.omega, PLAIN.tau), 2)
     log_p = np.zeros(one.shape)
     width = 1.287
     for i in range(2):

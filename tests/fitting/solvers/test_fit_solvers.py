@@ -3,12 +3,10 @@
 import functools
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
-from support.jacobians import residuals, residuals_and_jacobian
-from support.scenes import fits
+from support.jacobians import functions, scipy_minimum
+from support.scenes import fit_problems, fits
 from support.scenes.fits import E_INF, E
 from support.scenes.fits import FOUR as SCENE
 
@@ -22,25 +20,18 @@ from fitting.solvers.problem import make_problem
 from fitting.solvers.runs import run_fits
 
 LM = LevenbergMarquardt()
-FREE = {E: Positive(), E_INF: Positive()}
 OMEGA = np.logspace(-2, 7, 20)
 
 
 def modulus_data(seed=0, omega=OMEGA):
-    return fits.modulus_data(SCENE.upper.material, omega, seed=seed)
+    return fits.modulus_data(fits.FOUR_TERMS, omega, seed=seed)
 
 
 @functools.cache
 def master(loss="linear"):
     """A modulus: 40 values, 5 free parameters; with one outlier in twenty if the loss is robust."""
-    data = modulus_data()
-    if loss != "linear":
-        data = data.replaced(np.where(np.arange(40) % 20 == 7, 3.0, 1.0) * data.measured)
-    return make_problem(SCENE, [data], FREE, loss=loss)
-
-
-def with_data(problem, measured):
-    return problem._replace(targets=problem.targets._replace(measured=np.log(measured)))
+    of = fit_problems.problem("moduli" if loss == "linear" else "moduli with outliers")
+    return make_problem(of.scene, [of.data], of.free, loss=loss)
 
 
 def test_fits_side_by_side_end_as_alone():
@@ -57,46 +48,22 @@ def test_fits_side_by_side_end_as_alone():
     assert end.status == CONVERGED and end.x[1] == starts[0, 1] and end.nfev <= together.nfev[0] + 2
 
 
-_rows = jax.jit(residuals, static_argnums=0)
-_both = jax.jit(residuals_and_jacobian, static_argnums=0)
-
-
-def other_program(problem):
-    """Residuals, and them with their Jacobian, as plain functions of x."""
-    at = (problem.structure, problem.numbers, problem.targets)
-    return functools.partial(_rows, *at), functools.partial(_both, *at)
-
-
-def deviations(problem, x):
-    """Standard deviations of x for least squares."""
-    jacobian = np.asarray(other_program(problem)[1](jnp.asarray(x))[1])
-    return np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
-
-
 # --- against other programs
 
 
 @pytest.mark.parametrize("loss", list(LOSS_WIDTHS))
 def test_minimum_of_every_loss_is_that_of_scipy(loss):
     problem = master(loss)
-    plain, both = other_program(problem)
-    theirs = least_squares(
-        lambda x: np.asarray(plain(x)),
-        problem.start,
-        lambda x: np.asarray(both(x)[1]),
-        loss=loss,
-        f_scale=LOSS_WIDTHS[loss],
-        xtol=1e-15,
-        ftol=1e-15,
-        gtol=1e-12,
-        max_nfev=2000,
-    )
+    assert (problem.structure.loss, problem.numbers.width) == (loss, LOSS_WIDTHS[loss])
+    theirs = scipy_minimum(problem, problem.start)
     ours = run_fits(LevenbergMarquardt(tolerance=1e-12), problem, problem.start[None]).row(0)
     assert ours.status == CONVERGED
     assert float(ours.cost) == pytest.approx(theirs.cost, rel=1e-8)
     # A cost that is 1e-9 of itself too high is this far from the minimum.
     off = np.sqrt(2e-9 * theirs.cost)
-    np.testing.assert_array_less(np.abs(ours.x - theirs.x) / deviations(problem, theirs.x), off)
+    jacobian = np.asarray(functions(problem)[1](theirs.x)[1])
+    deviations = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    np.testing.assert_array_less(np.abs(ours.x - theirs.x) / deviations, off)
 
 
 @pytest.mark.parametrize(
@@ -116,7 +83,8 @@ def test_first_order_methods_reach_the_same_minimum(solver, loss):
 
 def test_a_fit_that_starts_at_its_minimum_stays_there():
     exact = np.asarray(rf.complex_modulus(SCENE.upper.material, OMEGA))
-    problem = with_data(master(), np.concatenate([exact.real, exact.imag]))
+    measured = np.log([*exact.real, *exact.imag])
+    problem = master()._replace(targets=master().targets._replace(measured=measured))
     end = run_fits(LM, problem, problem.start[None]).row(0)
     assert end.status == PERFECT and end.njev <= 1
     np.testing.assert_allclose(end.x, problem.start, atol=1e-12)
@@ -127,10 +95,6 @@ def test_a_fit_that_starts_at_its_minimum_stays_there():
 
 
 # --- side by side
-
-
-def lead(targets):
-    return jax.tree.map(lambda a: a[None], targets)
 
 
 def test_the_size_of_a_batch_does_not_change_a_fit():
@@ -148,7 +112,7 @@ def test_the_size_of_a_batch_does_not_change_a_fit():
 def test_fits_of_different_data_keep_to_their_own():
     problem = master()
     measured = np.stack([np.log(modulus_data(seed).measured) for seed in range(5)])
-    targets = lead(problem.targets)._replace(measured=measured)
+    targets = jax.tree.map(lambda a: a[None], problem.targets)._replace(measured=measured)
     starts = np.tile(problem.start, (5, 1))
     runs = run_fits(LM, problem, starts, targets, batch=3)
     for i in range(5):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.cases.stored import slow_if
 from support.counting.compilations import compilations
-from support.jacobians import residuals_and_jacobian
+from support.jacobians import functions, residuals_and_jacobian
 from support.scenes.fits import E_INF, FAST, PLAIN, SCENE, E, friction_data
 
 import fitting
@@ -145,11 +145,6 @@ def test_padded_tables_are_the_same():
         longer = of.structure.variables.tree.unflatten(of.numbers.constants.leaves)
         assert longer.lower.spectrum.q.size == (13 if q1 in free else 16)
         assert longer.upper.material.shift.T.size == 8
-
-        at = jnp.asarray(problem.start)
-        plain = jax.jit(residuals_and_jacobian, static_argnums=0)(
-            problem.structure, problem.numbers, problem.targets, at
-        )
-        found = jax.jit(residuals_and_jacobian, static_argnums=0)(of.structure, of.numbers, of.targets, at)
+        plain, found = (functions(each)[1](problem.start) for each in (problem, of))
         for one, other in zip(plain, found, strict=True):
             np.testing.assert_allclose(one, of.kept(other), rtol=1e-9, atol=1e-10)

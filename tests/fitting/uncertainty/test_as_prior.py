@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from support.scenes.fits import AFFINE, E_INF, FAST, E, modulus_data
+from support.scenes.fits import AFFINE, E_INF, FAST, E, friction_data, linear_data, modulus_data
 from support.scenes.fits import THREE as SCENE
 
 import fitting
 import rubberfric as rf
-from fitting import Bounded, Correlated, FitResult, Free, FrictionData, ModulusData, Positive
+from fitting import Bounded, Correlated, FitResult, Free, ModulusData, Positive
 from fitting.uncertainty.posterior import joint_prior
 
 RUBBER = SCENE.upper.material
@@ -46,13 +46,7 @@ def test_two_fits_in_a_row_are_one_fit_of_all(first):
 def test_of_a_linear_problem_exactly():
     """Free numbers and absolute errors: the posterior is normal, nothing is neglected."""
     free = {E: Free(), E_INF: Free()}
-    E_exact = np.asarray(rf.complex_modulus(RUBBER, OMEGA))
-    sets = []
-    for seed in (3, 4):
-        noise = np.random.default_rng(seed).standard_normal((2, OMEGA.size))
-        sigma = 0.05 * E_exact.real, 0.05 * E_exact.imag
-        values = E_exact.real + sigma[0] * noise[0], E_exact.imag + sigma[1] * noise[1]
-        sets.append(ModulusData(OMEGA, *values, *sigma, check_units=False))
+    sets = [linear_data(RUBBER, OMEGA, 0.05, seed) for seed in (3, 4)]
     known = fitting.fit(SCENE, sets[0], free, quadrature=FAST)
     second = fitting.fit(known.scene, sets[1], free, prior=known.as_prior(), quadrature=FAST)
     both = fitting.fit(SCENE, sets, free, quadrature=FAST)
@@ -64,8 +58,7 @@ def test_of_a_linear_problem_exactly():
 def test_what_the_first_fit_leaves_open_stays_open():
     """Only the ratio of moduli matters to friction at light load: the prior knows it and not the size."""
     v = np.logspace(-4, 1, 12)
-    mu = np.asarray(rf.friction(SCENE, v, 1e4, quadrature=FAST))
-    friction = FrictionData(v, mu, pressure=1e4, relative=0.01)
+    friction = friction_data(SCENE, v, 1e4, error=0.0, relative=0.01)
     free = {E: Positive(), E_INF: Positive()}
     known = fitting.fit(SCENE, friction, free, quadrature=FAST)
     assert known.unidentified
@@ -84,7 +77,7 @@ def test_from_a_prony_series_to_friction_in_one_line():
     series = fitting.fit_prony(ONE, tau=TAU)
     scene = SCENE.replace(upper=rf.Body(series.material), gamma=0.4)
     v = np.logspace(-4, 0, 6)
-    data = FrictionData(v, rf.friction(SCENE, v, 1e5, quadrature=FAST), pressure=1e5, relative=0.01)
+    data = friction_data(SCENE, v, error=0.0, relative=0.01)
     free = {E: Positive(), E_INF: Positive(), "lower.spectrum.h_rms": Positive()}
     result = fitting.fit(scene, data, free, prior=series.as_prior("upper"), quadrature=FAST)
     assert result.success and not result.withheld

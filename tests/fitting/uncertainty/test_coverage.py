@@ -5,21 +5,19 @@ is free. Curves are computed once and kept in the folder of RUBBERFRIC_CURVES, i
 """
 
 import itertools
-import math
 import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 from problems import CONTACT_MODELS
-from support.cases.sliding_curves import COUNT, TERMS, curve, drawn_scene, is_resolved
-from support.scenes.fits import FAST, ROAD
+from support.cases.sliding_curves import COUNT, curve, drawn_scene, is_resolved, waves
+from support.scenes.fits import FAST, ROAD, E
+from support.scenes.fits import H_RMS as H
 
 import fitting
 import rubberfric as rf
 
-E = "upper.material.E"
-H = "lower.spectrum.h_rms"
 NOISE = 0.03  # relative error of the data
 # Relative error of the moduli in the initial guess, and their relative standard deviation in the prior.
 KNOWN = 0.3
@@ -42,17 +40,22 @@ def curves_of_long_periods(folder):
     return {number: curve(number, folder) for number in range(COUNT, 2 * COUNT)}
 
 
+def guessed(scene, random):
+    """Return moduli and height of a scene, and the start, free parameters and priors of its fit."""
+    truth = np.append(scene.upper.material.E, float(scene.lower.spectrum.h_rms))
+    guess = truth * np.exp(KNOWN * random.standard_normal(truth.size))
+    prior = {f"{E}[{k}]": fitting.Gaussian(value, KNOWN * value) for k, value in enumerate(guess[:-1])}
+    free = {path: fitting.Positive() for path in (*prior, H)}
+    return truth, scene.replace({E: guess[:-1], H: guess[-1]}), free, prior
+
+
 def fitted(number, friction, discrepancy=None, pressures=(0, 1), draw=None, keep=slice(None), **model):
     """Return the fit of a scene to its friction with noise, and the true moduli and height."""
     random = np.random.default_rng([8, number] if draw is None else [8, number, draw])
     scene, v, p = drawn_scene(number)
     mu = friction * np.exp(NOISE * random.standard_normal(friction.shape))
     data = [fitting.FrictionData(v[keep], mu[k][keep], pressure=p[k], relative=NOISE) for k in pressures]
-    truth = np.append(scene.upper.material.E, float(scene.lower.spectrum.h_rms))
-    guess = truth * np.exp(KNOWN * random.standard_normal(TERMS + 1))
-    start = scene.replace(**model).replace(E, guess[:-1]).replace(H, guess[-1])
-    prior = {f"{E}[{k}]": fitting.Gaussian(guess[k], KNOWN * guess[k]) for k in range(TERMS)}
-    free = {path: fitting.Positive() for path in (*prior, H)}
+    truth, start, free, prior = guessed(scene.replace(**model), random)
     fit = fitting.fit(start, data, free, prior=prior, quadrature=FAST, discrepancy=discrepancy)
     assert fit.success and fit.names[-1] == H
     return fit, truth
@@ -162,29 +165,18 @@ TWINS = 60
 AMPLITUDE = 0.2
 
 
-def waves(random, x, shortest, longest):
-    """A smooth error of amplitude 1 over x = ln v: three waves with lengths between these, in decades."""
-    lengths = math.log(10) * np.exp(random.uniform(np.log(shortest), np.log(longest), 3))
-    phases = random.uniform(0, 2 * np.pi, 3)
-    return math.sqrt(2 / 3) * np.sum(np.cos(2 * np.pi * x[:, None] / lengths + phases), 1)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("band", [(1, 2), (2, 4), (4, 8)])
 def test_intervals_survive_errors_of_any_width(band):
     """60 twins of 36 velocities over six decades, wrong by 20 %; moduli known to 30 %, the height free."""
     v = np.geomspace(1e-4, 1e2, 36)
     exact = np.asarray(rf.friction(FIVE, v, 1e5, quadrature=FAST))
-    truth = np.append(FIVE.upper.material.E, float(FIVE.lower.spectrum.h_rms))
     inside, amplitudes = [], []
     for twin in range(TWINS):
         random = np.random.default_rng([*band, twin])
         error = AMPLITUDE * waves(random, np.log(v), *band) + NOISE * random.standard_normal(v.size)
         data = fitting.FrictionData(v, exact * np.exp(error), pressure=1e5, relative=NOISE)
-        guess = truth * np.exp(KNOWN * random.standard_normal(truth.size))
-        prior = {f"{E}[{k}]": fitting.Gaussian(guess[k], KNOWN * guess[k]) for k in range(truth.size - 1)}
-        free = {path: fitting.Positive() for path in (*prior, H)}
-        start = FIVE.replace(E, guess[:-1]).replace(H, guess[-1])
+        truth, start, free, prior = guessed(FIVE, random)
         fit = fitting.fit(
             start, data, free, prior=prior, quadrature=FAST, discrepancy=fitting.Discrepancy(None)
         )

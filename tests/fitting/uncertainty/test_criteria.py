@@ -5,7 +5,19 @@ import dataclasses
 import numpy as np
 import pytest
 from scipy import integrate, stats
-from support.scenes.fits import AFFINE, E_INF, FAST, H_RMS, HURST, SCENE, E, maxwell_columns
+from support.scenes.fits import (
+    AFFINE,
+    E_INF,
+    FAST,
+    H_RMS,
+    HURST,
+    PLAIN,
+    SCENE,
+    E,
+    linear_data,
+    maxwell_columns,
+    noise,
+)
 
 import fitting
 import rubberfric as rf
@@ -17,15 +29,13 @@ OMEGA = np.logspace(0, 6, 6)
 
 
 def basis():
-    return maxwell_columns(OMEGA, SCENE.upper.material.tau)
+    return maxwell_columns(OMEGA, PLAIN.tau)
 
 
 @pytest.mark.parametrize("prior", [{}, {E_INF: Gaussian(2.5e6, 3e5)}])
 def test_of_a_linear_problem_every_value_is_predicted_as_without_it(prior):
-    exact = basis() @ [5e7, 8e6, 3e6]
-    sigma = 0.2 * exact
-    measured = exact + sigma * np.random.default_rng(1).standard_normal(exact.size)
-    data = ModulusData(OMEGA, *np.split(measured, 2), *np.split(sigma, 2), check_units=False)
+    data = linear_data(PLAIN, OMEGA, 0.2, seed=1)
+    measured, sigma = data.measured, data.error
     result = fitting.fit(SCENE, data, {E: Free(), E_INF: Free()}, prior=prior, quadrature=FAST)
     found = criteria(result)
     rows, aim = basis() / sigma[:, None], measured / sigma
@@ -52,8 +62,7 @@ def test_of_a_linear_problem_every_value_is_predicted_as_without_it(prior):
 
 def spectrum(errors):
     q = np.geomspace(2e2, 2e4, 9)
-    scatter = np.exp(0.2 * np.random.default_rng(2).standard_normal(q.size))
-    return SpectrumData(q, np.asarray(rf.power_spectrum(AFFINE, q)) * scatter, **errors)
+    return SpectrumData(q, np.asarray(rf.power_spectrum(AFFINE, q)) * noise(q.size, 0.2, 2), **errors)
 
 
 FREE = {H_RMS: Positive(), HURST: Bounded(0.0, 1.0)}
@@ -101,8 +110,7 @@ def test_a_robust_loss_leaves_out_by_its_own_density():
     free = {E_INF: Positive()}
     result = fitting.fit(SCENE, data, free, loss="soft_l1", quadrature=FAST)
     found = criteria(result)
-    a = omega[:, None] * np.asarray(SCENE.upper.material.tau)
-    parts = (a**2 / (1 + a**2)) @ [5e7, 8e6]
+    parts = maxwell_columns(omega, PLAIN.tau)[:7] @ [5e7, 8e6, 0]
 
     def density(x):
         z = (np.log((np.exp(x) + parts) / measured) / 0.1 / 1.287) ** 2
@@ -132,11 +140,9 @@ def test_a_value_that_alone_determines_a_number_has_leverage_one():
 
 def test_correlated_errors_of_the_theory_are_those_of_one_normal_distribution():
     """A discrepancy as whitened rows: every value from the conditional of all others, in closed form."""
-    exact = basis() @ [5e7, 8e6, 3e6]
-    sigma = 0.2 * exact
-    measured = exact + sigma * np.random.default_rng(4).standard_normal(exact.size)
-    data = ModulusData(OMEGA, *np.split(measured, 2), *np.split(sigma, 2), check_units=False)
-    i = np.arange(exact.size)
+    data = linear_data(PLAIN, OMEGA, 0.2, seed=4)
+    measured, sigma = data.measured, data.error
+    i = np.arange(measured.size)
     shared = np.eye(i.size) + 0.8 * np.exp(-0.5 * ((i[:, None] - i) / 2.0) ** 2)
     W = np.linalg.inv(np.linalg.cholesky(shared))
     C = shared * np.outer(sigma, sigma)

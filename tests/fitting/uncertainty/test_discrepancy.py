@@ -5,9 +5,9 @@ import math
 
 import numpy as np
 import pytest
-from support.cases.sliding_curves import drawn_scene
+from support.cases.sliding_curves import drawn_scene, waves
 from support.oracles.discrepancy_scan import scanned, squares
-from support.scenes.fits import AFFINE, FAST, PLAIN, SCENE, SHIFTED, WARM, write_job
+from support.scenes.fits import AFFINE, FAST, PLAIN, SCENE, SHIFTED, WARM, friction_data, write_job
 
 import fitting
 import rubberfric as rf
@@ -25,15 +25,17 @@ WIDTH = 1.15  # half a decade, which no parameter of the scene can follow
 
 
 def data_of(seed, amplitude=0.0, width=WIDTH, scene=SCENE):
-    """Friction of a scene times e^delta, and noise."""
+    """Friction of a scene with smooth errors and noise."""
     random = np.random.default_rng(seed)
     covariance = np.exp(-0.5 * (np.log(V[:, None] / V) / width) ** 2)
-    delta = (
-        amplitude * np.linalg.cholesky(covariance + 1e-9 * np.eye(V.size)) @ random.standard_normal(V.size)
-    )
-    friction = np.asarray(rf.friction(scene, V, 1e5, quadrature=FAST))
-    noisy = friction * np.exp(delta + ERROR * random.standard_normal(V.size))
-    return fitting.FrictionData(V, noisy, pressure=1e5, relative=ERROR)
+    root = np.linalg.cholesky(covariance + 1e-9 * np.eye(V.size))
+    return disturbed(scene, amplitude * root @ random.standard_normal(V.size), random)
+
+
+def disturbed(scene, delta, random):
+    """Friction of a scene times e^delta, and noise."""
+    data = friction_data(scene, V, error=0.0, relative=ERROR)
+    return data.replaced(data.measured * np.exp(delta + ERROR * random.standard_normal(V.size)))
 
 
 def fitted(data, discrepancy=None, scene=SCENE, free=FREE):
@@ -107,15 +109,10 @@ def test_bars_and_verdict_follow(off):
     assert f", and by {amplitude:.3g} % (estimated from the data" in off.report()
 
 
-def waves(seed, shortest, longest):
-    """A smooth random error of amplitude 0.2: three waves between these lengths, in decades."""
+def wavy_data(seed):
+    """Friction with errors of amplitude 0.2 that bend within a decade, and noise."""
     random = np.random.default_rng(seed)
-    lengths = math.log(10) * np.exp(random.uniform(np.log(shortest), np.log(longest), 3))
-    phases = random.uniform(0, 2 * np.pi, 3)
-    delta = 0.2 * math.sqrt(2 / 3) * np.sum(np.cos(2 * np.pi * np.log(V)[:, None] / lengths + phases), 1)
-    exact = np.asarray(rf.friction(SCENE, V, 1e5, quadrature=FAST))
-    noisy = exact * np.exp(delta + ERROR * random.standard_normal(V.size))
-    return fitting.FrictionData(V, noisy, pressure=1e5, relative=ERROR)
+    return disturbed(SCENE, 0.2 * waves(random, np.log(V), 1.0, 1.6), random)
 
 
 @pytest.mark.parametrize("known", [True, False])
@@ -169,8 +166,8 @@ def test_scenes_without_the_law_have_a_smallest_amplitude(off):
 
 @pytest.mark.slow
 def test_width_is_estimated(tmp_path):
-    """With errors of 0.2 that bend within a decade; a width of a decade needs 0.8 for them."""
-    data = waves(2, 1.0, 1.6)
+    """A width of a decade needs an amplitude of 0.8 for these data."""
+    data = wavy_data(2)
     found, fixed = fitted(data, fitting.Discrepancy()), fitted(data, fitting.Discrepancy(None, math.log(10)))
     assert 0.1 < found.discrepancy.remainder < 0.3 and found.discrepancy.width < 0.6 * math.log(10)
     assert found.discrepancy.remark == "" and len(found.discrepancy.parts) == 5
@@ -183,7 +180,7 @@ def test_width_is_estimated(tmp_path):
 
 
 def test_given_numbers_are_kept_and_judged():
-    data = waves(3, 1.0, 1.6)
+    data = wavy_data(3)
     found = fitted(data, fitting.Discrepancy(0.1, 3 * math.log(10)))
     assert (found.discrepancy.amplitude, found.discrepancy.width) == (0.1, 3 * math.log(10))
     assert not found.discrepancy.estimated and "times as likely" in found.report()
@@ -210,10 +207,8 @@ def test_the_prior_depends_on_the_contact_model(off):
 
 
 def test_errors_like_noise_are_reported():
-    random = np.random.default_rng(5)
-    exact = np.asarray(rf.friction(SCENE, V, 1e5, quadrature=FAST))
-    noisy = exact * np.exp(0.2 * random.standard_normal(V.size))
-    found = fitted(fitting.FrictionData(V, noisy, pressure=1e5, relative=ERROR), fitting.Discrepancy())
+    data = friction_data(SCENE, V, error=0.2, seed=5, relative=ERROR)
+    found = fitted(data, fitting.Discrepancy())
     assert "shortest tried, 0.1 decades" in found.report()
 
 

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
-from support.jacobians import residuals
-from support.scenes.fits import E_INF, FAST, HURST, E, maxwell_columns
+from support.jacobians import functions
+from support.scenes.fits import E_INF, FAST, HURST, E, linear_data, maxwell_columns
 from support.scenes.fits import THREE as SCENE
 
 import fitting
@@ -73,12 +73,9 @@ def test_it_is_minus_the_cost_and_level_at_the_fit(modulus):
 
 
 def test_its_curvature_is_the_inverse_covariance_but_for_the_bent_residuals(modulus):
-    structure, numbers, targets, *_ = modulus.problem
-    x = jnp.asarray(modulus.x)
-    rows_bend = jax.jit(jax.hessian(lambda x: residuals(structure, numbers, targets, x)))
+    rows, x = functions(modulus.problem)[0], jnp.asarray(modulus.x)
     curvature = -np.asarray(jax.jit(jax.hessian(log_density(modulus)))(x))
-    rows = residuals(structure, numbers, targets, x)
-    bent = np.einsum("i,ijk", rows, rows_bend(x))
+    bent = np.einsum("i,ijk", rows(x), jax.jit(jax.hessian(rows))(x))
     covariance = modulus.covariance / np.outer(modulus.values, modulus.values)  # of ln value
     np.testing.assert_allclose((curvature - bent) @ covariance, np.eye(4), atol=1e-8)
     assert np.abs(bent @ covariance).max() > 1e-3  # the test would see it missing
@@ -91,16 +88,12 @@ def other_problem(result, *arguments, **options):
 
 
 def test_of_a_linear_problem_it_is_a_gaussian(modulus):
-    basis = np.array([moduli(e[3], e[:3]) for e in np.eye(4)]).T
-    exact = basis @ [*np.asarray(RUBBER.E), 3e6]
-    sigma = 0.1 * exact
-    measured = exact + sigma * drawn(exact.size, 1.0)
-    data = ModulusData(OMEGA, *np.split(measured, 2), *np.split(sigma, 2), check_units=False)
+    data = linear_data(RUBBER, OMEGA)
     density = log_density(other_problem(modulus, [data], {E: Free(), E_INF: Free()}))
     scale = np.array([5e7, 8e6, 2e6, 3e6])  # a Free parameter is x times its start
-    weighted = basis * scale / sigma[:, None]
+    weighted = maxwell_columns(OMEGA, RUBBER.tau) * scale / data.error[:, None]
     covariance = np.linalg.inv(weighted.T @ weighted)
-    mean = covariance @ weighted.T @ (measured / sigma)
+    mean = covariance @ weighted.T @ (data.measured / data.error)
     at = stats.multivariate_normal(mean, covariance)
     for seed in range(3):
         x = mean + drawn(4, 0.1, seed)

@@ -17,12 +17,11 @@ from support.scenes.bars import (
     VELOCITY,
     basis,
     every_gap_is_explained,
-    linear_data,
     modulus,
     modulus_data,
 )
 from support.scenes.fit_problems import DRY
-from support.scenes.fits import E_INF, E
+from support.scenes.fits import E_INF, THREE_TERMS, E, friction_data, linear_data
 from support.scenes.fits import FAST as QUADRATURE
 from support.scenes.fits import THREE as SCENE
 
@@ -37,7 +36,7 @@ from fitting.uncertainty.covariance import uncertainty
 
 
 def test_covariance_of_a_linear_problem_is_its_closed_form():
-    data = linear_data()
+    data = linear_data(THREE_TERMS, OMEGA)
     result = fit(SCENE, data, {E: Free(), E_INF: Free()})
     weighted = basis() / data.error[:, None]
     covariance = np.linalg.inv(weighted.T @ weighted)
@@ -63,7 +62,7 @@ def test_covariance_of_a_linear_problem_is_its_closed_form():
 
 def test_covariance_is_that_of_scipys_curve_fit():
     """Nonlinear: a relaxation time is free too."""
-    data = linear_data(1, size=0.02)
+    data = linear_data(THREE_TERMS, OMEGA, 0.02, seed=1)
     free = {E: Positive(), E_INF: Positive(), "upper.material.tau[1]": Positive()}
     result = fit(SCENE, data, free)
 
@@ -223,8 +222,7 @@ def test_bootstrap_agrees_with_the_error_bars():
 @functools.cache
 def dry_data(points=12):
     velocity = np.logspace(-6, 1, points)
-    exact = np.asarray(rf.friction(DRY, velocity, 1e5, quadrature=QUADRATURE))
-    return FrictionData(velocity, exact, pressure=1e5, relative=0.1)
+    return friction_data(DRY, velocity, error=0.0, relative=0.1)
 
 
 def dry_problem(loss="linear", points=12):

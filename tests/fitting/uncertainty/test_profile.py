@@ -5,8 +5,9 @@ import warnings
 import numpy as np
 import pytest
 from scipy import optimize, stats
-from support.scenes.bars import BOTH, MODULI, TAU, linear_data, modulus_data
-from support.scenes.fits import E_INF, ROAD, THREE, E
+from support.scenes.bars import BOTH, MODULI, TAU, modulus_data
+from support.scenes.fit_problems import fitted
+from support.scenes.fits import E_INF, ROAD, E
 
 import fitting
 import rubberfric as rf
@@ -217,7 +218,7 @@ def test_ends_of_profiles():
 
 
 def test_profile_of_a_linear_problem_is_its_linear_interval():
-    result = fitting.fit(THREE, linear_data(), {E: fitting.Free(), E_INF: fitting.Free()})
+    result = fitted("linear")
     low, high = result.interval(0.9)
     profile = result.profile(f"{E}[1]", level=0.9)
     assert (profile.low, profile.high) == (pytest.approx(low[1], rel=1e-3), pytest.approx(high[1], rel=1e-3))

@@ -3,27 +3,16 @@
 import dataclasses
 
 import h5py
-import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix
 import pytest
-from scipy.optimize import least_squares
-from support.jacobians import residuals, residuals_and_jacobian
+from support.jacobians import functions, scipy_minimum
 from support.scenes.fit_problems import FEW, FITS, PARAMETERS, fitted, problem, same
 
 import fitting
 from fitting.results.hdf5 import save
 from rubberfric.io.hdf5 import read_object
-
-_rows = jax.jit(residuals, static_argnums=0)
-_both = jax.jit(residuals_and_jacobian, static_argnums=0)
-
-
-def functions(result):
-    """Residuals, and residuals with their Jacobian, as functions of x for other programs."""
-    at = result.problem.structure, result.problem.numbers, result.problem.targets
-    return lambda x: _rows(*at, jnp.asarray(x)), lambda x: _both(*at, jnp.asarray(x))
 
 
 def deviations(result):
@@ -45,7 +34,7 @@ def assert_same_minimum(result, cost, x, rel=1e-7):
 
 @pytest.mark.parametrize("name", PARAMETERS)
 def test_jacobian_is_that_of_the_residuals(name):
-    rows, both = functions(fitted(name))
+    rows, both = functions(fitted(name).problem)
     x = moved(fitted(name), 0.5)
     values, jacobian = both(x)
     np.testing.assert_allclose(values, rows(x), rtol=1e-9, atol=1e-9)
@@ -57,15 +46,7 @@ def test_jacobian_is_that_of_the_residuals(name):
 def test_minimum_is_that_of_scipy(name):
     """SciPy starts half an error away."""
     result = fitted(name)
-    rows, both = functions(result)
-    theirs = least_squares(
-        lambda x: np.asarray(rows(x)),
-        moved(result, 0.5),
-        lambda x: np.asarray(both(x)[1]),
-        loss=result.problem.structure.loss,
-        f_scale=float(result.problem.numbers.width),
-        **{"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-12, "max_nfev": 2000},
-    )
+    theirs = scipy_minimum(result.problem, moved(result, 0.5))
     assert_same_minimum(result, theirs.cost, theirs.x)
 
 
@@ -73,7 +54,7 @@ def test_minimum_is_that_of_scipy(name):
 @pytest.mark.parametrize("name", ["friction", "joint", "two bodies", "two scenes"])
 def test_minimum_is_that_of_optimistix(name):
     result = fitted(name)
-    rows, _ = functions(result)
+    rows, _ = functions(result.problem)
     solver = optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10)
     start = jnp.asarray(moved(result, 1.0))
     # If costs differ only by rounding it may not stop; the result reached is compared.
@@ -87,7 +68,7 @@ def test_covariance_is_the_inverse_of_the_normal_matrix(name):
     result = fitted(name)
     if result.problem.structure.loss != "linear" or result.unidentified:
         pytest.skip("robust losses have weights; unidentified directions are cut off")
-    jacobian = np.asarray(functions(result)[1](result.x)[1])
+    jacobian = np.asarray(functions(result.problem)[1](result.x)[1])
     covariance = np.linalg.inv(jacobian.T @ jacobian)
     np.testing.assert_allclose(result.uncertainty.deviation, np.sqrt(np.diag(covariance)), rtol=1e-6)
     scale = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))

@@ -10,6 +10,7 @@ minimum must hold the truth as often as they claim. With a line for each fit:
 """
 
 import dataclasses
+from operator import attrgetter
 
 import numpy as np
 import pytest
@@ -86,21 +87,14 @@ def measured(scene, kind, many, rng):
     return [friction] if many and kind == "heated" else [friction, area]
 
 
-def value_at(scene, name):
-    """The value of a scene at a key path."""
-    for step in name.split("."):
-        scene = getattr(scene, step)
-    return np.asarray(scene)
-
-
 def start_of(scene, names, rng):
     """A scene whose free numbers are a factor of 3 off, each to a drawn side, in order."""
     while True:
         at = {}
         for name in names:
-            value = value_at(scene, name)
+            value = np.asarray(attrgetter(name)(scene))
             off = 3.0 ** rng.choice([-1.0, 1.0], np.shape(value))
-            at[name] = rng.uniform(0.5, 0.9) if name.endswith("hurst") else np.asarray(value) * off
+            at[name] = rng.uniform(0.5, 0.9) if name.endswith("hurst") else value * off
         if "gamma" in at:
             at["gamma"] = rng.uniform(0.2, 0.8)
         try:
@@ -134,7 +128,7 @@ def studied(kind, many):
             inside = False
         lowest = min(2 * result.cost, 2 * known.cost)
         above = 2 * result.cost - lowest
-        true = np.concatenate([np.atleast_1d(value_at(truth, name)) for name in names])
+        true = np.concatenate([np.atleast_1d(attrgetter(name)(truth)) for name in names])
         low, high = result.interval(0.95)
         printed = np.isfinite(low)
         held = int(np.sum(((low < true) & (true < high))[printed]))

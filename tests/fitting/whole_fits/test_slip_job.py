@@ -3,20 +3,14 @@
 from pathlib import Path
 
 import numpy as np
+from support.scenes.fits import JOB_SCENE
 
 import fitting
 import rubberfric as rf
 from fitting.commands.job import read_job
 from fitting.commands.main import main
 
-SCENE = """
-[lower]
-material = { kind = "rigid" }
-spectrum = { kind = "self_affine", q0 = 100, qr = 1000, q1 = 1e4, hurst = 0.8, h_rms = 1e-4 }
-
-[upper]
-material = { kind = "prony", E_inf = 1e6, E = [1e8, 1e7], tau = [1e-6, 1e-4] }
-
+SCENE = f"""{JOB_SCENE}
 [shear]
 tau_f0 = 6e5
 c = 0.1

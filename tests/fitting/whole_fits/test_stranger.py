@@ -11,6 +11,7 @@ import hashlib
 import io
 import re
 import shutil
+import textwrap
 import warnings
 
 import pytest
@@ -61,12 +62,6 @@ SESSION = (
 TRUTH = {"shear.tau_f0": 2e6, "shear.c": 0.1, "shear.v0": 6e-3, "lower.spectrum.h_rms": 1.5e-4}
 
 
-def undone(text):
-    """A cell without the indentation that it has here."""
-    margin = min(len(line) - len(line.lstrip()) for line in text.splitlines() if line.strip())
-    return "\n".join(line[margin:] for line in text.strip("\n").splitlines()).rstrip()
-
-
 def entered(cell, names):
     """Return the output, warnings and error of a cell, as in a terminal."""
     printed = io.StringIO()
@@ -100,7 +95,7 @@ def folder(tmp_path, monkeypatch):
 def test_from_a_folder_of_exports_to_a_verdict(folder):
     before, names = sums(folder), {}
     assert len(SESSION) <= MOST
-    answers = [entered(undone(cell), names) for cell in SESSION]
+    answers = [entered(textwrap.dedent(cell).strip(), names) for cell in SESSION]
     assert answers[:-1] == [""] * (len(SESSION) - 1)  # no message on the way
     result = names["result"]
     assert result.verdict.explains and "[[Verdict]]" in answers[-1]

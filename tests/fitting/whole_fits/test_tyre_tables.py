@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from support.counting.compilations import compilations
 from support.published import needs
-from support.scenes.tyre import GAMMA, PRESSURE, read, road
+from support.scenes.tyre import GAMMA, PRESSURE, read, road, rubber
 
 import fitting
 import rubberfric as rf
@@ -29,11 +29,8 @@ SHARED = {f"*.{name}": rule for name, rule in FREE.items()}
 
 
 def scene(compound, hot, v0=6e-3):
-    f, storage, loss = read(f"master_curve_{compound}.csv")
-    celsius, factor = read(f"shift_factor_{compound}.csv")
-    shift = rf.TabulatedShift(celsius + 273.15, factor, 293.15)
     return rf.Scene(
-        rf.Body(rf.TabulatedModulus(2 * np.pi * f, storage, loss, shift=shift)),
+        rf.Body(rubber(compound, shifted=True)),
         rf.Body(rf.Rigid(), road()),
         gamma=GAMMA,
         area_correction=True,

@@ -9,6 +9,7 @@ have periods of two or four longest wavelengths; they take a quarter of an hour.
 """
 
 import json
+import math
 from pathlib import Path
 
 import jax
@@ -65,6 +66,13 @@ def drawn_scene(number):
         p = np.sqrt(low * high)
         low, high = (p, high) if float(np.asarray(rf.solve(scene, v[6], p).area)) < area else (low, p)
     return scene, v, np.array([p, 5 * p])
+
+
+def waves(random, x, shortest, longest):
+    """Return a smooth error of amplitude 1 over x = ln v: three waves with lengths in decades."""
+    lengths = math.log(10) * np.exp(random.uniform(np.log(shortest), np.log(longest), 3))
+    phases = random.uniform(0, 2 * np.pi, 3)
+    return math.sqrt(2 / 3) * np.sum(np.cos(2 * np.pi * x[:, None] / lengths + phases), 1)
 
 
 def is_resolved(number):

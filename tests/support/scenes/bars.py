@@ -5,7 +5,7 @@ from support.scenes import fits
 from support.scenes.fits import E_INF, THREE_TERMS, E
 
 import rubberfric as rf
-from fitting import Free, ModulusData, Positive
+from fitting import Free, Positive
 
 TAU = np.asarray(THREE_TERMS.tau)
 MODULI = np.asarray(THREE_TERMS.E)
@@ -25,15 +25,6 @@ def modulus_data(relative=0.03, noise=0.03, seed=0, omega=OMEGA, given=True):
 
 def basis(omega=OMEGA):
     return fits.maxwell_columns(omega, TAU)
-
-
-def linear_data(seed=0, size=0.1):
-    """A modulus with absolute errors; the model is linear in the moduli."""
-    exact = modulus()
-    values = np.concatenate([exact.real, exact.imag])
-    sigma = size * values
-    measured = values + sigma * np.random.default_rng(seed).standard_normal(values.size)
-    return ModulusData(OMEGA, *np.split(measured, 2), *np.split(sigma, 2), check_units=False)
 
 
 def every_gap_is_explained(result):

@@ -37,6 +37,14 @@ def modulus_data(material, omega, error=0.02, seed=0, **options):
     return fitting.ModulusData(omega, *values, **{"relative": error} | options)
 
 
+def linear_data(material, omega, size=0.1, seed=0):
+    """E' and E'' of a Prony series with absolute errors: the model is linear in E and E_inf."""
+    exact = maxwell_columns(omega, material.tau) @ [*material.E, material.E_inf]
+    sigma = size * exact
+    measured = exact + sigma * np.random.default_rng(seed).standard_normal(exact.size)
+    return fitting.ModulusData(omega, *np.split(measured, 2), *np.split(sigma, 2), check_units=False)
+
+
 def friction_data(scene, v, p=1e5, error=0.02, seed=0, quadrature=FAST, **options):
     """Friction of a scene with noise; the data state its size unless `relative` is given."""
     mu = np.asarray(rf.friction(scene, v, p, options.get("temperature"), quadrature=quadrature))
