@@ -1,4 +1,4 @@
-"""The law fitted to boundary elements: brute force, limits, profiles, refusals, files."""
+"""The law fitted to boundary elements: brute force, limits, profiles, refusals."""
 
 import jax
 import jax.numpy as jnp
@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from problems.scenes import GEL as RUBBER
 from problems.scenes import GENTLE as ROAD
-from support.folders import DATA
 from support.oracles.friction_law import brute_force
 
 import rubberfric as rf
@@ -238,11 +237,3 @@ LAYERED = rf.Body(RUBBER, layer=rf.Coating(1e-3, rf.Elastic(1e9, 0.3)))
 def test_refusals(call, message):
     with pytest.raises(ValueError, match=message):
         call()
-
-
-def test_files_keep_the_model(tmp_path):
-    rf.save_scene(tmp_path / "scene.h5", _scene())
-    assert rf.load_scene(tmp_path / "scene.h5").contact_model == "boundary_elements"
-    text = (DATA / "tread_on_asphalt.toml").read_text()
-    (tmp_path / "scene.toml").write_text('contact_model = "boundary_elements"\n' + text)
-    assert rf.load_scene(tmp_path / "scene.toml").contact_model == "boundary_elements"

@@ -54,15 +54,9 @@ def _held(scene, work, pressure, velocity=0.0):
     return float(high)
 
 
-with_and_without_S = pytest.mark.parametrize("corrected", [pytest.param(False, marks=pytest.mark.slow), True])
-
-
 @pytest.mark.slow
-@with_and_without_S
-@pytest.mark.parametrize(
-    ("share", "load"),
-    [(0.3, 4e5), *(pytest.param(*one, marks=pytest.mark.slow) for one in ((0.03, 3e4), (0.2, 1e5)))],
-)
+@pytest.mark.parametrize("corrected", [False, True])
+@pytest.mark.parametrize(("share", "load"), [(0.3, 4e5), (0.03, 3e4), (0.2, 1e5)])
 def test_area_separation_and_friction_are_those_of_the_load_that_the_formula_has(corrected, share, load):
     shear = rf.ContactShear(tau_f0=1e6, c=0.0, v0=1.0)
     scene = _scene(share * FULL, material=TREAD, area_correction=corrected, shear=shear)
