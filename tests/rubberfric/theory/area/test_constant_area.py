@@ -1,6 +1,5 @@
 """Adhesion of short range by its energy: contact that is held while the load falls."""
 
-import itertools
 import math
 
 import jax
@@ -8,6 +7,7 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
+from support.oracles.quadrature import composite
 
 import fitting
 import rubberfric as rf
@@ -86,12 +86,9 @@ def test_what_the_load_does_is_stored_or_comes_of_adhesion():
         found = rf.solve(scene, 0.0, p)
         held = np.array([_held(scene, work, one) for one in p])
         compliance = np.asarray(_compliance(plain, 0.0, held))
-        node, weight = np.polynomial.legendre.leggauss(12)
-        stored = []
-        for low, high in itertools.pairwise(held):
-            at = 0.5 * (low + high) + 0.5 * (high - low) * node
-            stored.append(0.5 * (high - low) * np.sum(weight * at * np.asarray(_compliance(plain, 0.0, at))))
-        stored = np.append(0.0, np.cumsum(stored)) - 0.5 * compliance * (held**2 - p**2)
+        at, weight = composite(held)
+        steps = (weight * at * np.asarray(_compliance(plain, 0.0, at))).reshape(held.size - 1, -1).sum(1)
+        stored = np.append(0.0, np.cumsum(steps)) - 0.5 * compliance * (held**2 - p**2)
         return np.asarray(found.area), np.asarray(found.separation), stored
 
     area, gap, stored = state(pressure)
