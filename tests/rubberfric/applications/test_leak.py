@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from problems import RIGID, ROAD, TREAD
 from support.oracles.differences import derivatives
-from support.oracles.effective_medium import Roughness, conductivity, distribution
+from support.oracles.effective_medium import conductivity, distribution
+from support.oracles.moments import Roughness
 
 import rubberfric as rf
 from rubberfric.applications import contact_conductance, leak_conductivity, leak_rate, percolation_pressure

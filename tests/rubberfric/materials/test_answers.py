@@ -35,8 +35,6 @@ def test_ends(material):
     static, glassy = reduced(material, np.array([1e-30, 1e30]))
     assert float(material.static_reduced()) == pytest.approx(static.real, rel=1e-12)
     assert float(material.glassy_reduced()) == pytest.approx(glassy.real, rel=1e-12)
-    at_rest = rf.complex_modulus(material, 1e-30)
-    assert float(material.static_modulus()) == pytest.approx(float(at_rest.real), rel=1e-12)
 
 
 @pytest.mark.parametrize("material", [ELASTIC, PRONY, SHEAR, TABLE], ids=NAMES)
@@ -62,10 +60,6 @@ def test_a_table_is_no_series():
     assert not TABLE.has_series
     assert (TABLE.loss_beyond, TABLE.loss_at_rest) == ("hold", True)
     assert not TABLE.replace(outside="fall").loss_at_rest
-    # Straight between the entries, over which it is rounded.
-    middle = (np.sqrt(x[1:] * x[:-1]) for x in (TABLE.omega, TABLE.storage, TABLE.loss))
-    omega, *moduli = middle
-    np.testing.assert_allclose(TABLE.modulus(omega), moduli[0] + 1j * moduli[1], rtol=1e-12)
     with pytest.raises(ValueError, match=r"^material must be a Prony series, got a TabulatedModulus$"):
         series_of(TABLE, 1.0)
 

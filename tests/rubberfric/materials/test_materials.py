@@ -39,9 +39,7 @@ def test_prony():
 
 
 def test_elastic_and_static():
-    modulus = rf.complex_modulus(rf.Elastic(2e6, 0.3), OMEGA)
-    assert modulus.shape == OMEGA.shape
-    assert (modulus == 2e6).all()
+    np.testing.assert_array_equal(rf.complex_modulus(rf.Elastic(2e6, 0.3), OMEGA), np.full(OMEGA.shape, 2e6))
     for material in (PRONY, rf.Elastic(2e6, 0.3), rf.TabulatedModulus(**TABLE)):
         modulus = rf.complex_modulus(material, 0.0)
         assert modulus.imag == 0
@@ -64,14 +62,6 @@ def test_table(outside):
     bends = np.diff([0, *slopes, 0]) * 0.1 / np.sqrt(2 * np.pi)
     at_knots = rf.complex_modulus(material, TABLE["omega"]).real
     np.testing.assert_allclose(at_knots, TABLE["storage"] * np.exp(bends), rtol=1e-12)
-
-
-def test_table_just_outside_its_range():
-    """E' held; E'' proportional to omega below and to 1/omega above."""
-    material = rf.TabulatedModulus(**TABLE)
-    below, above = rf.complex_modulus(material, 1e-5), rf.complex_modulus(material, 1e11)
-    np.testing.assert_allclose([below.real, below.imag], [3.7e6, 2.2e3], rtol=1e-12)
-    np.testing.assert_allclose([above.real, above.imag], [9.0e8, 4.5e6], rtol=1e-12)
 
 
 SHIFTS = [
@@ -97,7 +87,6 @@ def test_shift(law, T):
 def test_shifted_moduli():
     shifted = rf.Prony(3.6e6, E, TAU, shift=rf.WLF(8.86, 101.6, 293.15))
     assert (rf.complex_modulus(shifted, OMEGA) == rf.complex_modulus(PRONY, OMEGA)).all()
-    shifted = rf.Prony(3.6e6, E, TAU, shift=rf.WLF(8.86, 101.6, 293.15))
     omega, T = np.array([1e-2, 1.0, 1e5]), np.array([[280.0], [300.0]])
     both = rf.complex_modulus(shifted, omega, T)
     assert both.shape == (2, 3)

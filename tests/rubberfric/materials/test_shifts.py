@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from scipy.interpolate import PchipInterpolator
 from support.cases.stored import slow_if
+from support.oracles.oracle_solids import interpolated_log
 from support.scenes.shifts import ARRHENIUS, TABLE, WLF
 
 import rubberfric as rf
@@ -31,15 +31,6 @@ def test_arrhenius(T):
     assert ARRHENIUS.log_factor(T) == pytest.approx(min(float(exact), LARGEST), rel=1e-13, abs=1e-14)
 
 
-def pchip(T, factor):
-    """SciPy's interpolant of a table that goes on along its first and last lines."""
-    log = np.log(factor)
-    slopes = (np.diff(log) / np.diff(T))[[0, -1]]
-    beyond = np.array([T[0] - 500.0, T[-1] + 500.0])
-    log = np.concatenate([[log[0] - 500 * slopes[0]], log, [log[-1] + 500 * slopes[1]]])
-    return PchipInterpolator(np.concatenate([beyond[:1], T, beyond[1:]]), log)
-
-
 TABLES = {
     "two": ([280.0, 300.0], [30.0, 0.1]),
     "falling": ([263.15, 283.15, 303.15, 333.15], [3e3, 20.0, 0.2, 4e-3]),
@@ -58,9 +49,9 @@ def log_factor_and_slopes(law, T):
 def test_table(name):
     T, factor = map(np.asarray, TABLES[name])
     at = np.concatenate([np.linspace(T[0] - 60.0, T[-1] + 60.0, 301), T])
-    table, exact = rf.TabulatedShift(T, factor, 291.0), pchip(T, factor)
+    table, exact = rf.TabulatedShift(T, factor, 291.0), interpolated_log(T, factor)
     found, slopes = log_factor_and_slopes(table, at)
-    np.testing.assert_allclose(found, exact(at) - exact(291.0), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(found, exact(at) - exact(291.0), rtol=1e-13, atol=1e-13)
     np.testing.assert_allclose(found[301:], np.log(factor) - exact(291.0), rtol=1e-13, atol=1e-13)
     np.testing.assert_allclose(slopes, exact(at, 1), rtol=1e-10, atol=1e-12)
 
@@ -132,13 +123,6 @@ def test_finite_under_jit_at_every_temperature(law, T):
     value, slopes = log_factor_and_all_slopes(law, T)
     assert np.isfinite(value)
     assert all(np.isfinite(x).all() for x in jax.tree.leaves(slopes))
-
-
-def test_table_goes_on_along_its_end_lines_under_jit():
-    T, log_aT = np.asarray(TABLE.T), np.log(TABLE.aT)
-    for at, i, j in ((200.0, 0, 1), (400.0, -1, -2)):
-        line = TABLE.log_factor(T[i]) + (log_aT[i] - log_aT[j]) / (T[i] - T[j]) * (at - T[i])
-        assert jax.jit(TABLE.log_factor)(at) == pytest.approx(float(line), rel=1e-13)
 
 
 ROAD = rf.Body(rf.Rigid(), rf.TabulatedSpectrum([1e3, 1e4], [1e-13, 1e-17]))

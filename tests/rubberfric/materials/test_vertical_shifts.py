@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.oracles.oracle_solids import tabulated_factor
+from support.scenes import scene_files
 from support.scenes.fits import AFFINE as ROAD
 
 import fitting
@@ -117,52 +118,17 @@ def test_bulk_modulus():
         rf.PronyShear(1e6, [1e6], [1.0], 2e9, wlf(ENTROPIC))
 
 
-TOML = """
-[lower]
-material = { kind = "rigid" }
-spectrum = { kind = "self_affine", q0 = 1e2, qr = 1e3, q1 = 3e4, hurst = 0.8, h_rms = 5e-4 }
-[upper.material]
-kind = "prony"
-E_inf = 3e6
-E = [1e8]
-tau = [1e-6]
-[upper.material.shift]
-kind = "wlf"
-C1 = 8.86
-C2 = 101.6
-T_ref = 293.15
-vertical = { kind = "entropic", expansion = 6e-4 }
-"""
-
-
-def test_files_and_key_paths(tmp_path):
-    path = tmp_path / "scene.toml"
-    path.write_text(TOML)
-    scene = rf.load_scene(path)
-    assert scene.upper.material.shift.vertical.expansion == 6e-4
-    stored = tmp_path / "scene.h5"
-    rf.save_scene(stored, scene)
-    again = rf.load_scene(stored)
-    assert jax.tree.structure(again) == jax.tree.structure(scene)
-    assert jax.tree.leaves(again) == jax.tree.leaves(scene)
-    other = scene.replace("upper.material.shift.vertical.expansion", 1e-3)
-    assert other.upper.material.shift.vertical.expansion == 1e-3
-    assert "upper.material.shift.vertical.expansion" in scene._repr_html_()
-    path.write_text(TOML.replace('"entropic"', '"entropc"'))
-    with pytest.raises(ValueError, match=r"upper\.material\.shift\.vertical\.kind = 'entropc'"):
-        rf.load_scene(path)
+def test_scene_files(tmp_path):
     (tmp_path / "b.csv").write_text("T,bT\nK,-\n250,1.2\n300,1\n400,0.7\n")
-    path.write_text(TOML.replace('kind = "entropic", expansion = 6e-4', 'kind = "table", file = "b.csv"'))
-    assert rf.load_scene(path).upper.material.shift.vertical.bT.tolist() == [1.2, 1.0, 0.7]
 
+    def loaded(vertical):
+        content = scene_files.put(scene_files.FULL, {"lower.material.shift.vertical": vertical})
+        return rf.load_scene(scene_files.write_scene(tmp_path, content)).lower.material.shift.vertical
 
-def test_cards_without_rows_over_temperature_refuse_it():
-    material = prony(wlf(ENTROPIC))
-    with pytest.raises(ValueError, match=r"^material\.shift\.vertical = Entropic: must be None for lsdyna"):
-        rf.io.write_prony(None, material, "lsdyna", bulk=2e9, density=1100.0)
-    with pytest.raises(ValueError, match=r"^temperature is missing"):
-        rf.io.write_prony(None, material, "abaqus")
-    assert "*VISCOELASTIC" in rf.io.write_prony(None, material, "abaqus", shift=False).upper()
+    assert loaded({"kind": "table", "file": "b.csv"}).bT.tolist() == [1.2, 1.0, 0.7]
+    assert loaded({"kind": "entropic", "expansion": 6e-4}) == ENTROPIC
+    with pytest.raises(ValueError, match=r"lower\.material\.shift\.vertical\.kind = 'entropc'"):
+        loaded({"kind": "entropc", "expansion": 6e-4})
 
 
 def measured(law):

@@ -9,7 +9,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.cases.stored import slow_if
 
 import rubberfric as rf
 from rubberfric.scene.heating import diffusion
@@ -77,7 +76,7 @@ BRUTE = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("branch", ["rising", pytest.param("falling", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("branch", ["rising", "falling"])
 def test_brute_force_on_both_branches(branch):
     v, friction, rise = np.transpose(BRUTE[branch])
     found = solved(folded(branch), v)
@@ -195,7 +194,7 @@ def test_random_scenes_by_damped_brute_force(branch, begin):
     np.testing.assert_allclose(found[1], rises[:, -1], rtol=1e-8, atol=3e-13)
 
 
-# --- Energy, files, and failed convergence
+# --- Energy, and failed convergence
 
 
 def test_energy_is_what_friction_set_free():
@@ -223,12 +222,6 @@ def test_energy_is_what_friction_set_free():
     np.testing.assert_allclose(energy, law.radius * mu * PRESSURE / law.area_fraction, rtol=1e-12)
 
 
-def test_branch_in_files(tmp_path):
-    path = tmp_path / "scene.h5"
-    rf.save_scene(path, folded("falling"))
-    assert rf.load_scene(path).heating.branch == "falling"
-
-
 def test_what_did_not_converge_is_named(monkeypatch, recwarn):
     """For concrete values, unless the caller requests `converged`."""
     values = rf.Solution(friction=jnp.ones(5), converged=jnp.array([True, False, False, False, False]))
@@ -253,11 +246,8 @@ def test_what_did_not_converge_is_named(monkeypatch, recwarn):
     assert not recwarn.list
 
 
-ANALYSES = ["profile", "dissipated_power", "contact_stiffness", "stress_distribution"]
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("name", slow_if(lambda name: name != "dissipated_power", ANALYSES))
+@pytest.mark.parametrize("name", ["profile", "dissipated_power", "contact_stiffness", "stress_distribution"])
 def test_what_did_not_converge_is_named_by_the_analysis(name, monkeypatch, recwarn):
     """With the second of three points marked as not converged."""
     scene, v = folded(), np.array([1e-9, 0.1, 1e-9])

@@ -9,21 +9,21 @@ import math
 import numpy as np
 from scipy import special
 from scipy.interpolate import CubicSpline
+from support.oracles.moments import Roughness
+from support.oracles.quadrature import composite
 
-_NODE, _WEIGHT = (0.5 * x for x in np.polynomial.legendre.leggauss(12))
-_NODE = _NODE + 0.5
+ORDER = 12  # nodes of a panel
 
 
 class DmtAttraction:
     """A rough elastic half-space; `modulus` is E / (1 - nu^2)."""
 
     def __init__(self, q0, qr, q1, hurst, h_rms, modulus, gamma):
-        self.q0, self.qr, self.q1, self.hurst, self.modulus, self.gamma = q0, qr, q1, hurst, modulus, gamma
-        self.plateau = 1.0
-        self.plateau = h_rms**2 / (2 * math.pi * self.moment(1, q0, q1))
+        self.q0, self.qr, self.q1, self.modulus, self.gamma = q0, qr, q1, modulus, gamma
+        self.roughness = Roughness(q0, qr, q1, hurst, h_rms)
         log_x = np.linspace(-40, math.log(8), 20001)
-        at, weight = _composite(log_x)
-        steps = (weight * self._slope(np.exp(at))).reshape(-1, _NODE.size).sum(1)
+        at, weight = composite(log_x)
+        steps = (weight * self._slope(np.exp(at))).reshape(-1, ORDER).sum(1)
         # Psi, the integral of s' d ln x from x on.
         self.psi = CubicSpline(log_x, np.append(np.cumsum(steps[::-1])[::-1], 0.0))
 
@@ -36,23 +36,9 @@ class DmtAttraction:
             * (self.gamma + 3 * (1 - self.gamma) * special.erf(x) ** 2)
         )
 
-    def moment(self, m, low, high):
-        """Integrate q^m C; close ends lose no digits."""
-
-        def power(low, high, k):
-            return low**k * np.expm1(k * np.log1p((high - low) / low)) / k
-
-        decay, knee = 2 * (1 + self.hurst), self.qr
-        flat = power(np.minimum(low, knee), np.minimum(high, knee), m + 1)
-        steep = power(np.maximum(low, knee), np.maximum(high, knee), m + 1 - decay)
-        return self.plateau * (flat + knee**decay * steep)
-
-    def spectrum(self, q):
-        return self.plateau * np.maximum(q / self.qr, 1.0) ** (-2 * (1 + self.hurst))
-
     def stress(self, low, high):
         """Return G times the squared pressure, of the roughness between two wavevectors."""
-        return math.pi / 4 * self.modulus**2 * self.moment(3, low, high)
+        return self.modulus**2 / 8 * self.roughness.moment(2, low, high)
 
     def load_of(self, area):
         """Return the load at which contact without adhesion has an area."""
@@ -68,14 +54,14 @@ class DmtAttraction:
         grading = np.append(0.0, 10.0 ** np.linspace(-14, 0, 43))
         total = 0.0
         for edges in (knee * grading, knee + (length - knee) * grading):
-            at, weight = _composite(edges)
+            at, weight = composite(edges)
             beyond = q[:, None] * np.exp(at)
             rise = np.maximum(self.stress(q[:, None], beyond), 1e-300)
             x = np.minimum(0.5 * pressure / (P[:, None] * np.sqrt(rise)), 27.0)
             gap = x * np.where(x < 8, self.psi(np.log(np.minimum(x, 7.999))), 0.0)
             slope = x * self._slope(x)
             k = gap + slope + c * x * x * (slope - gap)
-            total = total + np.sum(weight * math.pi * beyond**3 * self.spectrum(beyond) * k, 1)
+            total = total + np.sum(weight * 0.5 * self.roughness.density(1, beyond) * k, 1)
         return 0.5 * self.modulus / pressure * P * total
 
     def attraction(self, pressure, reach):
@@ -83,22 +69,22 @@ class DmtAttraction:
         length, knee = math.log(self.q1 / self.q0), math.log(self.qr / self.q0)
         first = knee if knee > 0 else 0.5 * length
         # The contact begins to be lost at X = 6.5, where G is still linear in q - q0.
-        start = pressure**2 / 169 / (math.pi / 4 * self.modulus**2 * self.plateau * self.q0**4) / length
+        start = pressure**2 / 169 / (self.modulus**2 / 8 * self.roughness.density(2, self.q0)) / length
         start = min(start, 1e-3)
         rise = np.exp(np.linspace(math.log(start), 0, int(-3 * math.log(start)) + 1))
         middle = first + (length - first) * np.linspace(0, 0.5, 13)[1:]
         last = length - 0.5 * (length - first) * 0.25 ** np.arange(1, 22)
-        at, weight = _composite(np.concatenate([[0.0], first * rise, middle, last, [length]]))
+        at, weight = composite(np.concatenate([[0.0], first * rise, middle, last, [length]]))
         q = self.q0 * np.exp(at)
         G = self.stress(self.q0, q)
         X = 0.5 * pressure / np.sqrt(G)
-        density = math.pi / 4 * self.modulus**2 * self.spectrum(q) * q**4
+        density = self.modulus**2 / 8 * self.roughness.density(2, q)
         lost = weight * np.exp(-X * X) * X / math.sqrt(math.pi) * density / G
         some = lost > 1e-17
         if not some.any():
             return 1.0
         q, lost = q[some], lost[some]
-        u1, h = self._first_gap(q, pressure), np.sqrt(2 * math.pi * self.moment(1, q, self.q1))
+        u1, h = self._first_gap(q, pressure), np.sqrt(self.roughness.moment(0, q, self.q1))
         a, t = h / reach, u1 / h
         below = t < a
         bell = np.exp(-0.5 * np.minimum(t, 100.0) ** 2)
@@ -108,10 +94,3 @@ class DmtAttraction:
         mean = 0.5 * (np.where(below, near, far) + bell * special.erfcx((a + t) / math.sqrt(2)))
         area = math.erf(0.5 * pressure / math.sqrt(self.stress(self.q0, self.q1)))
         return area + np.sum(lost * mean)
-
-
-def _composite(edges):
-    """Return nodes and weights of the Gauss rule between each two edges, which are the last axis."""
-    width = np.diff(edges)[..., None]
-    shape = (*edges.shape[:-1], -1)
-    return (edges[..., :-1, None] + width * _NODE).reshape(shape), (width * _WEIGHT).reshape(shape)

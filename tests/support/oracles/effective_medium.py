@@ -7,48 +7,9 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import brentq
 from scipy.special import erf
+from support.oracles.quadrature import composite
 
 BELL = 2 / np.sqrt(np.pi)
-
-
-def composite(edges, order=16):
-    """Return nodes and weights of Gauss rules between edges."""
-    edges = np.asarray(edges, float)
-    x, w = np.polynomial.legendre.leggauss(order)
-    half = 0.5 * np.diff(edges)[:, None]
-    return (edges[:-1, None] + half * (1 + x)).ravel(), (half * w).ravel()
-
-
-class Roughness:
-    """Moments 2 pi int q^(1 + n) C dq of a SelfAffine with numbers q0, qr, q1, hurst, h_rms."""
-
-    def __init__(self, q0, qr, q1, hurst, h_rms):
-        self.q, self.powers, self.C = (q0, qr, q1), (0.0, -2 * (1 + hurst)), 1.0
-        self.C = h_rms**2 / self.moment(0, q0, q1)
-
-    def moment(self, n, low, high):
-        total = 0.0
-        for power, left, right in zip(self.powers, self.q[:-1], self.q[1:], strict=True):
-            a, b, e = np.clip(low, left, right), np.clip(high, left, right), power + n + 2
-            step = np.log(b / a)
-            grown = step if e == 0 else np.expm1(e * step) / e
-            total = total + self.C * (a / self.q[1]) ** power * a ** (n + 2) * grown
-        return 2 * np.pi * total
-
-    def find(self, slope2):
-        """Return q up to which the moment of order 2 is slope2."""
-        first = self.moment(2, self.q[0], self.q[1])
-        lower = slope2 <= first
-        left, start = np.where(lower, self.q[0], self.q[1]), np.where(lower, 0.0, first)
-        e = np.where(lower, *self.powers) + 4
-        return np.minimum(
-            left * np.exp(np.log1p(e * (slope2 - start) / self.density(2, left)) / e), self.q[2]
-        )
-
-    def density(self, n, q):
-        """Return d(moment) / d ln q."""
-        power = np.where(q < self.q[1], *self.powers)
-        return 2 * np.pi * self.C * (q / self.q[1]) ** power * q ** (n + 2)
 
 
 class Universal:
@@ -98,7 +59,7 @@ def distribution(roughness, stiffness, gamma):
     marks = np.log(np.sort([X_end, np.clip(X_kink, X_end * (1 + 1e-9), 5.2), 5.3]))
     # Next to q1 the integrand has a root of the distance from q1.
     grades = marks[0] + (marks[1] - marks[0]) * np.linspace(0, 1, 25) ** 3
-    log_X, weight = composite(np.append(grades, np.linspace(marks[1], marks[2], 13)[1:]))
+    log_X, weight = composite(np.append(grades, np.linspace(marks[1], marks[2], 13)[1:]), 16)
     X = np.exp(log_X)
     P, g = erf(X), 0.25 * np.exp(-2 * universal.x_of_X(log_X))
     share = weight * X * BELL * np.exp(-X * X)
@@ -131,11 +92,9 @@ def conductivity(area, share, u1, h, critical_area):
         -9 * h[:, None] * halves,
     ]
     edges = np.clip(np.sort(np.concatenate(edges, 1), 1), (u1 - 9 * h)[:, None], far)
-    x, w = np.polynomial.legendre.leggauss(8)
-    width = 0.5 * np.diff(edges)[..., None]
-    u = edges[:, :-1, None] + width * (1 + x)
-    bell = np.exp(-0.5 * ((u - u1[:, None, None]) / h[:, None, None]) ** 2) / h[:, None, None]
-    bell = share[:, None, None] * width * w * bell / np.sqrt(2 * np.pi)
+    u, weight = composite(edges, 8)
+    share, u1, h = (x[:, None] for x in (share, u1, h))
+    bell = share * weight * np.exp(-0.5 * ((u - u1) / h) ** 2) / (h * np.sqrt(2 * np.pi))
     u = np.abs(u)
 
     def excess(log_w):

@@ -35,6 +35,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import erf
 from support.oracles.oracle_solids import Solid
+from support.oracles.quadrature import composite
 
 
 def solve(case, halvings=150, order=12):
@@ -132,10 +133,7 @@ def _softened(softening, spectra, weight, q, active, order):
 def pressure_integral(sigma, g, gamma):
     """int_sigma^inf dp / (2 p) d(S P)/dp with P = erf(p / (2 sqrt g)), over p in u = ln(p / sigma)."""
     out = np.empty(g.size)
-    node, node_weight = np.polynomial.legendre.leggauss(12)
-    panels = 64
-    u01 = ((np.arange(panels)[:, None] + 0.5 * (node + 1)) / panels).ravel()
-    w01 = np.tile(0.5 * node_weight / panels, panels)
+    u01, w01 = composite(np.linspace(0, 1, 65))
     flat = g.ravel()
     for start in range(0, flat.size, 2000):
         # No roughness yet, no separation: as with a roughness so small that all underflows.
@@ -155,12 +153,9 @@ def corrected_G(g0, gamma):
         P = erf(0.5 / np.sqrt(G))
         return 1 / (gamma + (1 - gamma) * P**2)
 
-    node, node_weight = np.polynomial.legendre.leggauss(20)
-
     def piece(left, right):  # int_left^right e^s / S(e^s) ds
-        half = 0.5 * (right - left)
-        s = left[..., None] + half[..., None] * (1 + node)
-        return np.sum(np.exp(s) * inverse_S(np.exp(s)) * node_weight, -1) * half
+        s, weight = composite(np.stack([left, right], -1), 20)
+        return np.sum(np.exp(s) * inverse_S(np.exp(s)) * weight, -1)
 
     # S = 1 to rounding below G = 1e-2 (x = 5: erfc = 1e-12, and S' of it); start lower still.
     edges = np.linspace(np.log(2e-3), max(np.log(np.max(g0)) + 1, 0.0), 4001)
@@ -196,19 +191,16 @@ class _Spectrum:
         self.kinks = np.unique([q0, qr, q1])
         if "ratio" in data:
             self.shape = functools.partial(_stretched_shape, data)
-        # h_rms^2 = 2 pi int q C dq, by Gauss panels in ln q.
-        node, node_weight = np.polynomial.legendre.leggauss(20)
 
         def shape(q):
             return np.where(q < qr, 1.0, (q / qr) ** (-2 * (1 + H)))
 
+        # h_rms^2 = 2 pi int q C dq, by Gauss panels in ln q.
         total = 0.0
         for a, b in pairwise(self.kinks):
-            edges = np.linspace(0, np.log(b / a), 101)
-            half = 0.5 * np.diff(edges)[:, None]
-            t = edges[:-1, None] + half * (1 + node)
+            t, weight = composite(np.linspace(0, np.log(b / a), 101), 20)
             q = a * np.exp(t)
-            total += 2 * np.pi * np.sum(half * node_weight * q**2 * shape(q))
+            total += 2 * np.pi * np.sum(weight * q**2 * shape(q))
         C0 = data["h_rms"] ** 2 / total
         self._C = lambda q: C0 * shape(q)
 
@@ -246,7 +238,6 @@ def _table_shape(data, q, phi):
 
 def strain_knots(softening, spectra):
     """Wavevectors where factor times the rms slope is an entry of the table."""
-    node, node_weight = np.polynomial.legendre.leggauss(20)
     kinks = np.unique(np.concatenate([s.kinks for s in spectra]))
 
     def square_slope(q):
@@ -255,11 +246,9 @@ def strain_knots(softening, spectra):
             b = min(b, q)
             if b <= a:
                 break
-            edges = np.linspace(a, b, 200)
-            half = 0.5 * np.diff(edges)[:, None]
-            nodes = edges[:-1, None] + half * (1 + node)
+            nodes, weight = composite(np.linspace(a, b, 200), 20)
             C = sum(s(nodes) for s in spectra if s.covers(a, b))
-            total += 2 * np.pi * np.sum(half * node_weight * nodes**3 * C)
+            total += 2 * np.pi * np.sum(weight * nodes**3 * C)
         return total
 
     found = []
@@ -276,7 +265,6 @@ def _radial_mesh(spectra, solids, v, halvings, order, marks=()):
 
     A knot omega_k of a tabulated modulus starts to matter at q = omega_k / v, like (q - q_k)^(3/2).
     """
-    node, node_weight = np.polynomial.legendre.leggauss(order)
     ends = np.concatenate([s.kinks for s in spectra])
     if ends.size:
         knots = np.concatenate([s.kinks for s in solids]) / abs(v) if v else np.zeros(0)
@@ -291,12 +279,11 @@ def _radial_mesh(spectra, solids, v, halvings, order, marks=()):
         length = np.log1p((b - a) / a)
         plain = np.linspace(0, length, int(np.ceil(length / 0.2)) + 1)
         edges = np.concatenate([[0.0], plain[1] * 0.5 ** np.arange(halvings, 0, -1), plain[1:]])
-        half = 0.5 * np.diff(edges)[:, None]
-        nodes = edges[:-1, None] + half * (1 + node)
-        weight.append(half * node_weight)
+        nodes, weights = composite(np.stack([edges[:-1], edges[1:]], -1), order)
+        weight.append(weights)
         q.append(a * np.exp(nodes))
         for j in (0, 1):
-            active[j] += [on[j]] * len(half)
+            active[j] += [on[j]] * len(nodes)
     if not q:
         return (np.zeros((0, order)),) * 2 + (np.zeros((2, 0), bool),)
     return np.concatenate(weight), np.concatenate(q), np.array(active)

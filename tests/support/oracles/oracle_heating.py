@@ -14,6 +14,7 @@ import math
 import numpy as np
 from numpy.polynomial import chebyshev
 from support.oracles import oracle, oracle_solids
+from support.oracles.quadrature import composite
 
 POINTS = 48  # of the polynomials
 
@@ -98,11 +99,9 @@ def memory_panels(heating, v, q):
     lowest = 0.05 * min(np.min(q), diffused)
     count = math.ceil(math.log2(5e3 * max(np.max(q), diffused) / lowest))
     edges = np.concatenate([[0.0], lowest * 2.0 ** np.arange(count)])
-    node, weight = np.polynomial.legendre.leggauss(12)
-    half = 0.5 * np.diff(edges)[:, None]
-    k = (edges[:-1, None] + half * (1 + node)).ravel()
+    k, weight = composite(edges)
     rate = D * k**2
-    return k, (half * weight).ravel() * -np.expm1(-rate * t0) / rate
+    return k, weight * -np.expm1(-rate * t0) / rate
 
 
 def kernel(heating, v, q, q_source):

@@ -139,14 +139,19 @@ def shift_factor(shift, T):
 
 
 def tabulated_factor(temperatures, factors, T, T_ref):
-    """A factor over that at T_ref, from a monotone cubic through a table and a point on either end's line."""
-    T, T_ref, temperatures = (np.asarray(x, float) for x in (T, T_ref, temperatures))
+    """A factor over that at T_ref."""
+    law = interpolated_log(temperatures, factors)
+    return np.exp(law(T) - law(T_ref))
+
+
+def interpolated_log(temperatures, factors):
+    """ln of a factor: a monotone cubic through a table and a point on either end's line."""
+    temperatures = np.asarray(temperatures, float)
     log, far = np.log(factors), 1e3
     slopes = np.diff(log)[[0, -1]] / np.diff(temperatures)[[0, -1]]
     temperatures = np.concatenate([[temperatures[0] - far], temperatures, [temperatures[-1] + far]])
     log = np.concatenate([[log[0] - far * slopes[0]], log, [log[-1] + far * slopes[1]]])
-    law = PchipInterpolator(temperatures, log)
-    return np.exp(law(T) - law(T_ref))
+    return PchipInterpolator(temperatures, log)
 
 
 def vertical_factor(shift, T):

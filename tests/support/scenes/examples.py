@@ -25,7 +25,7 @@ def _objects():
     shear = rf.ContactShear(6.5e6, 0.1, 6e-3, arrhenius)
     softening = rf.Softening([1e-2, 0.1, 1.0], [1.0, 0.7, 0.4], [1.0, 1.1, 0.6], 1.2)
     adhesion, correlation = rf.Adhesion(0.05, limit="long", range=1e-8), rf.Correlation(0.7)
-    heating = rf.Heating(1.2e3, 1.6e3, 0.23, 1e-3, 0.05, 0.4, "background")
+    heating = rf.Heating(1.2e3, 1.6e3, 0.23, 1e-3, 0.05, 0.4, "background", "falling")
     body = rf.Body(prony, road, slab, thermal, softening)
     trapezoid, measured = rf.Trapezoid(0.2), rf.MeasuredPressure([0.0, 2.0, 1.0])
     patch = rf.Patch(0.1, 0.2, 5e7, trapezoid)

@@ -94,7 +94,7 @@ def attracted(hurst, load, tabor):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("force", [pytest.param(0.3, marks=pytest.mark.slow), 2.0])
+@pytest.mark.parametrize("force", [0.3, 2.0])
 def test_elements_have_the_sphere_of_johnson_kendall_and_roberts(force):
     """In a square; the contact covers a tenth of it, at Tabor 5."""
     n, length, radius, work = 256, 6e-5, 1e-4, 0.05
@@ -121,7 +121,7 @@ ROWS = (
     (0.2, 1 / 8, 0.3),
     (0.2, 1 / 4, 0.33),
 )
-SHORT = [pytest.param(*(hurst, *row, 512), marks=pytest.mark.slow) for hurst in (0.8, 0.5) for row in ROWS]
+SHORT = [(hurst, *row, 512) for hurst in (0.8, 0.5) for row in ROWS]
 
 
 @pytest.mark.slow

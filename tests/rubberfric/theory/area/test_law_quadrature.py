@@ -2,99 +2,13 @@
 
 import numpy as np
 import pytest
-from scipy import interpolate, optimize, special
+from scipy import interpolate
+from support.oracles.friction_law import friction_law
 
 import rubberfric as rf
-from rubberfric.theory.area.law_roughness import CONSTANTS
 
 TERMS = 5
 ROBUST = rf.Quadrature()
-
-
-def _panels(edges, order=12):
-    x, w = np.polynomial.legendre.leggauss(order)
-    half = np.diff(edges) / 2
-    return (edges[:-1, None] + half[:, None] * (1 + x)).ravel(), np.outer(half, w).ravel()
-
-
-def _law(E_of, road, velocity, pressure, *, step=0.06, per_e_fold=8):
-    """Return area and friction of self-affine roughness, for E / (1 - nu^2) as a function of omega.
-
-    Trapezoids in t, cos(phi) = 1 / cosh(t), up to t = 60, and Gauss panels in ln q, graded towards q0.
-    The modulus is evaluated at every node, without interpolation.
-    """
-    c = CONSTANTS
-    q0, qr, q1, hurst, h_rms = (float(getattr(road, k)) for k in ("q0", "qr", "q1", "hurst", "h_rms"))
-    t = step * np.arange(int(60 / step))
-    cosine, dphi = 1 / np.cosh(t), 1 / np.cosh(t)
-    dphi[0] /= 2
-    dphi /= dphi.sum()
-    end, roll = np.log(q1 / q0), np.log(qr / q0)
-    even = [np.linspace(a, b, 2 + int((b - a) * per_e_fold)) for a, b in ((0.0, roll), (roll, end)) if b > a]
-    graded = even[0][1] * 3.0 ** -np.arange(1, 31)
-    x, dx = _panels(np.unique(np.concatenate([*even, graded])))
-    y, dy = _panels(np.linspace(0, np.log(6), 9))
-    q, beyond = q0 * np.exp(x), q1 * np.exp(y)
-    falling = -2 * (1 + hurst)
-    C, C_end = (np.exp(falling * np.maximum(x - roll, 0.0)) for x in (x, end))
-    norm = h_rms**2 / (2 * np.pi * np.sum(q**2 * C * dx))
-    C, C_end = norm * C, norm * C_end
-    m0, m2, m4 = (2 * np.pi * np.sum(q ** (2 + n) * C * dx) for n in (0, 2, 4))
-    log_alpha = np.log(m0 * m4 / m2**2)
-    rise = 2 - 2 * hurst
-    plateau = q0**4 * np.expm1(4 * np.minimum(x, roll)) / 4
-    sloped = qr**4 * np.expm1(rise * np.maximum(x - roll, 0.0)) / rise
-    F = norm * (plateau + sloped) / (m2 / (2 * np.pi))
-    D, D_end = q**4 * C / (m2 / (2 * np.pi)), q1**4 * C_end / (m2 / (2 * np.pi))
-    E, E_beyond = (E_of(k[:, None] * velocity * cosine) for k in (q, beyond))
-
-    def means(E):
-        """Return ln E_g, ln E_r and ln E_h."""
-        log_E = np.log(np.abs(E))
-        low = log_E.min(1, keepdims=True)
-        squares = (np.exp(2 * log_E) @ dphi, np.exp(2 * (low - log_E)) @ dphi)
-        return log_E @ dphi, 0.5 * np.log(squares[0]), low[:, 0] - 0.5 * np.log(squares[1])
-
-    (g, r, h), (g_beyond, r_beyond, h_beyond) = means(E), means(E_beyond)
-    N2 = c.c_n * np.log(F / D + 0.25) ** 2
-    light = c.c_0 - c.c_D * np.log(D) + c.c_f * np.log(F) - N2
-    heavy = c.h_0 - c.h_D * np.log(D) + c.h_F * np.log(F) - N2
-    S_0 = 1 - 1 / (c.s_0 + c.s_alpha * log_alpha)
-
-    def tail(A):
-        return c.c_T * A * (1 - A) * D_end**c.c_e / ((1 + c.c_r * A) ** 2 * (1 + c.c_alpha * log_alpha))
-
-    def bound(A):
-        """Return -ln W_m."""
-        B = 1 - A
-        log_W = (np.log(A) + B**c.c_A * light + A * B * heavy) / B
-        return np.logaddexp(0, -c.n * log_W) * B / c.n
-
-    def log_effective(A):
-        B = (1 - A) ** c.a
-        here, there = D * np.exp(-bound(A)) * dx, c.k * D_end * tail(A) * dy
-        squares = np.sum(here * np.exp(2 * (B * g + (1 - B) * r)))
-        squares += np.sum(there * np.exp(2 * (B * g_beyond + (1 - B) * r_beyond)))
-        return 0.5 * np.log(squares / (here.sum() + there.sum()))
-
-    def excess(log_A):
-        A = np.exp(log_A)
-        load = np.sqrt(2) * pressure / (np.exp(log_effective(A)) * np.sqrt(m2))
-        return np.log(special.erf(load / np.sqrt(S_0 + (1 - S_0) * A**c.s))) - log_A
-
-    full = -1e-12
-    log_A = full if excess(full) > 0 else optimize.brentq(excess, -40, full, xtol=1e-14, rtol=1e-14)
-    A = np.exp(log_A)
-    B, E_eff = 1 - A, log_effective(A)
-    E_W = B**c.a * h + (1 - B**c.a) * r
-    odds = -np.log(np.expm1(bound(A))) + (c.c_v * B + c.c_w * A) * (E_eff - E_W)
-    W = special.expit(odds[:, None] + c.c_phi * B * (E_W[:, None] - np.log(np.abs(E))))
-    inside = np.sum(q**4 * C * dx * ((E.imag * W) @ (cosine * dphi)))
-    heat = (E_beyond.imag * np.exp(c.c_phi * (h_beyond[:, None] - np.log(np.abs(E_beyond))))) @ (
-        cosine * dphi
-    )
-    outside = tail(A) * q1**4 * C_end * np.sum(np.exp(-3 * y + c.c_b * (E_eff - h_beyond)) * heat * dy)
-    return A, np.pi / pressure * (inside + outside)
 
 
 def _prony(E_inf, E, tau, poisson):
@@ -108,7 +22,7 @@ def _prony(E_inf, E, tau, poisson):
 def _errors(numbers, road, velocity, pressure, quadrature=ROBUST):
     """Return the relative errors of area and friction of a Prony scene."""
     E_inf, E, tau, poisson = numbers
-    expected = _law(_prony(*numbers), road, velocity, pressure)
+    expected = friction_law(_prony(*numbers), road, velocity, pressure)[:2]
     # Equal numbers of terms need one compilation: the last term is divided.
     parts = TERMS - len(E) + 1
     E, tau = [*E[:-1], *[E[-1] / parts] * parts], [*tau, *[tau[-1]] * (parts - 1)]
@@ -179,5 +93,5 @@ def test_jagged_table(velocity):
     def modulus(omega):
         return np.exp(curve(np.log(np.maximum(omega, 1e-25))))
 
-    expected = _law(modulus, road, velocity, 1e5, step=0.03, per_e_fold=16)
+    expected = friction_law(modulus, road, velocity, 1e5, step=0.03, per_e_fold=16)[:2]
     np.testing.assert_allclose([found.area, found.friction], expected, rtol=1e-6)

@@ -67,10 +67,7 @@ CASES += [(_scene(share * p * reach, reach), p) for p, share, reach in LOADS]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("scene", "pressure"),
-    [pytest.param(*case, id=str(i), marks=[pytest.mark.slow] * (i > 0)) for i, case in enumerate(CASES)],
-)
+@pytest.mark.parametrize(("scene", "pressure"), CASES)
 def test_the_load_is_the_least_that_brute_force_allows(scene, pressure):
     """Nodes placed for another load gave areas of the plateau 2 to 800 times too large."""
     found, brute = _solve(scene, 0.0, pressure), _brute(scene)

@@ -48,10 +48,7 @@ def psi_at_end(x, gamma):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "gamma",
-    [pytest.param(gamma, marks=[pytest.mark.slow] * (gamma != 0.5)) for gamma in (0.0, 0.3, 0.5, 1.0)],
-)
+@pytest.mark.parametrize("gamma", [0.0, 0.3, 0.5, 1.0])
 def test_separation_weight(gamma):
     found = jax.jit(separation_weight)(jnp.array(X), gamma)
     exact = np.array([float(x * psi(x, gamma)) for x in X])
