@@ -1,9 +1,11 @@
 r"""Grip of a patch that slips: the brush model with the friction of a scene.
 
-The patch is a row of elastic elements. An element enters at the leading edge, sticks to the ground, and is
-sheared by the slip until the shear stress reaches the friction. It then slides to the trailing edge,
+The patch is a row of elastic elements. An element enters at :math:`s_0`, the leading edge of the contact,
+sticks to the ground, and is sheared by the slip until the shear stress reaches the friction. It then slides
+to the trailing edge,
 
-.. math:: \tau(s) = \begin{cases} k \sigma L s & s < s^* \\ p(s)\,\mu(v_s, p(s), T) & s > s^* \end{cases},
+.. math:: \tau(s) = \begin{cases} k \sigma L (s - s_0) & s < s^* \\
+          p(s)\,\mu(v_s, p(s), T) & s > s^* \end{cases},
           \qquad F = L w \int_0^1 \tau\, ds,\qquad M = L^2 w \int_0^1 \tau \left(s - \tfrac12\right) ds
 
 [Fromm 1941; Pacejka, Tire and Vehicle Dynamics, 3rd ed. 2012, chapter 3]. For the slip angle :math:`\alpha`
@@ -56,7 +58,7 @@ _PRESSURES = 8
 _NODES = 24
 # Number of slips among which the peak is searched.
 _SLIPS = 33
-# Number of even intervals in which the first sliding element is searched.
+# Number of even intervals, besides those between kinks, in which the first sliding element is searched.
 _INTERVALS = 64
 # Share of the length next to the leading edge, whose elements slide if the next ones do.
 _EDGE = 1e-12
@@ -70,7 +72,7 @@ class Grip(NamedTuple):
     force : tangential force, with the sign of the slip [N]
     coefficient : force / load [-]
     moment : aligning moment of a side force, with the sign of the slip, or None for a slip ratio [N m]
-    sliding : share of the length that slides [-]
+    sliding : share of the length of the contact that slides [-]
     """
 
     force: jax.Array
@@ -257,7 +259,8 @@ def peak_grip(
 def slip_stiffness(patch: Patch) -> jax.Array:
     r"""Return the slip stiffness dF/d(slip) at zero slip, k L^2 w / 2 [N], per rad or per slip ratio.
 
-    All elements stick at zero slip, so that friction does not matter.
+    All elements stick at zero slip, so that friction does not matter. L is the length of the contact, without
+    zeros at the ends of a `MeasuredPressure`.
 
     Examples
     --------
@@ -265,7 +268,8 @@ def slip_stiffness(patch: Patch) -> jax.Array:
     >>> round(float(rf.applications.slip_stiffness(patch)))  # in N per rad
     54000
     """
-    return 0.5 * patch.stiffness * patch.length**2 * patch.width
+    begin, end = patch.shape.contact()
+    return 0.5 * patch.stiffness * (patch.length * (end - begin)) ** 2 * patch.width
 
 
 def _conditions(dtype, slip, speed, load, kind):
@@ -304,24 +308,29 @@ def brush(
     mu : friction coefficients at `_pressures`, shape (pressures,)
     """
     shape, highest = patch.shape, patch.shape.highest()
+    begin, end = shape.contact()
     rise = patch.stiffness * jnp.abs(sigma) * patch.length
 
     def limit(s):
         relative = shape.relative(s)
         return mean * relative * _friction_at(mu, relative / highest)
 
-    start = _first_sliding(lambda s: rise * s - limit(s), sigma.dtype)
     kinks = jnp.asarray(shape.kinks(), sigma.dtype)
+    even = begin + (end - begin) * np.linspace(0.0, 1.0, _INTERVALS + 1)
+    # At the leading edge itself, stress and friction may both be 0.
+    places = jnp.sort(jnp.clip(jnp.concatenate([even, kinks]), begin + _EDGE * (end - begin), end))
+    places = jax.lax.stop_gradient(places.astype(sigma.dtype))
+    start = _first_sliding(lambda s: rise * (s - begin) - limit(s), places, begin)
     t, weight = (typed(table, sigma) for table in _clustered(_NODES))
     low = jnp.maximum(kinks[:-1], start)[:, None]
     length = jnp.maximum(kinks[1:], start)[:, None] - low
     s = low + length * t
     sliding = jnp.sign(sigma) * weight * length * limit(s)
     # With the sign of sigma in it, so that the slope at sigma = 0 is right.
-    sticking = patch.stiffness * sigma * patch.length * start**2
+    sticking = patch.stiffness * sigma * patch.length * (start - begin) ** 2
     force = 0.5 * sticking + jnp.sum(sliding)
-    moment = sticking * (start / 3 - 0.25) + jnp.sum(sliding * (s - 0.5))
-    return patch.area * force, patch.area * patch.length * moment, 1 - start
+    moment = sticking * ((start - begin) / 3 + (begin - 0.5) / 2) + jnp.sum(sliding * (s - 0.5))
+    return patch.area * force, patch.area * patch.length * moment, (end - start) / (end - begin)
 
 
 def _clustered(count):
@@ -330,12 +339,13 @@ def _clustered(count):
     return x * x * (3 - 2 * x), 6 * x * (1 - x) * w
 
 
-def _first_sliding(excess, dtype):
-    """Return the first s at which `excess` exceeds 0, or 1 if none does, with its derivatives."""
-    # At the edge itself stress and friction may both be 0.
-    grid = jnp.linspace(0.0, 1.0, _INTERVALS + 1, dtype=dtype).at[0].set(_EDGE)
-    over = jax.lax.stop_gradient(jax.vmap(excess)(grid[1:])) > 0
+def _first_sliding(excess, places, begin):
+    """Return the first s at which `excess` exceeds 0, or the last place if none does, with its derivatives.
+
+    `places` are in increasing order. Between two of them, `excess` changes its sign once at most.
+    """
+    over = jax.lax.stop_gradient(jax.vmap(excess)(places[1:])) > 0
     k = jnp.argmax(over)
-    start, has_root = root(excess, grid[k], grid[k + 1])
+    start, has_root = root(excess, places[k], places[k + 1])
     # Elements slide from the beginning if the stress exceeds the friction within the first interval.
-    return jnp.where(jnp.any(over), jnp.where(has_root, start, 0.0), 1.0)
+    return jnp.where(jnp.any(over), jnp.where(has_root, start, begin), places[-1])

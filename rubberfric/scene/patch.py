@@ -32,6 +32,10 @@ class PressureShape(Kind, abc.ABC):
         """Return the s between which the pressure is smooth, in increasing order, from 0 to 1."""
         return np.array([0.0, 1.0])
 
+    def contact(self) -> tuple[jax.Array | float, jax.Array | float]:
+        """Return the s where the contact begins and ends."""
+        return 0.0, 1.0
+
     @property
     def is_constant(self) -> bool:
         """True if the pressure is the same along the whole patch."""
@@ -124,6 +128,7 @@ class MeasuredPressure(PressureShape):
     Parameters
     ----------
     values : pressures in any unit, at least two, >= 0; only their ratios matter
+        Zeros at the ends are outside the contact. Behind a zero in between, all elements slide.
 
     Examples
     --------
@@ -155,6 +160,14 @@ class MeasuredPressure(PressureShape):
     def kinks(self) -> np.ndarray:
         """Return the places of the values."""
         return np.linspace(0.0, 1.0, self.values.shape[0])
+
+    def contact(self) -> tuple[jax.Array, jax.Array]:
+        """Return the places next to the first and last value above 0, where the pressure is 0, or 0 and 1."""
+        loaded = self.values > 0
+        last = loaded.shape[0] - 1
+        places = jnp.asarray(self.kinks(), self.values.dtype)
+        first, behind = jnp.argmax(loaded), jnp.argmax(loaded[::-1])
+        return places[jnp.maximum(first - 1, 0)], places[jnp.minimum(last - behind + 1, last)]
 
 
 @physical
