@@ -103,7 +103,7 @@ def test_keys_decide_the_draws(linear, samples):
     assert other.x.shape == (2, 20, 3)
     assert seen == [(chain, draw) for chain in range(2) for draw in range(1, 221)]
     assert not np.any(other.x == samples.x[:, :20])
-    assert not other.reliable
+    assert not other.reliable and ", not reliable" in repr(other) and "not" not in repr(samples)
     assert (
         "NOT RELIABLE: " in other.report() and "effective draws, but needs 200: draw more" in other.report()
     )

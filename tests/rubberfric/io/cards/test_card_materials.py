@@ -235,6 +235,8 @@ def test_rows_over_temperature_are_a_vertical_shift(text, options, factors, tmp_
         (DYNA.replace("2000.0", "2000.0       0.0         1"), MPA, "has EF = 1: must be 0"),
         (DYNA.replace("_TITLE", "_MOISTURE_TITLE"), MPA, "must have no suffix except _TITLE"),
         (RUBBER.replace("0.495         0", "0.495         1"), MPA, "has N = 1, a fit to test data"),
+        (ABAQUS.replace("30., 0.5", "0., 0.5"), MPA, "Young's modulus 0: must be > 0"),
+        ("".join(SOFT).replace(f"{1:10}\n", f"{1:10}{'':10}{2e3:20}\n"), MPA, "has K_v = 2000: must be 0"),
         (HARD[0] + SOFT[1], MPA, "/MAT/LAW42 is missing or incomplete for /VISC/PRONY/1"),
         (BEGIN.format("kg", "mm", "ms") + "".join(SOFT), MPA, "the units kg, mm, ms: must be in s"),
         (BEGIN.format("kg", "m", "s") + "".join(SOFT), MPA, "must agree with unit_stress = 'MPa'"),
@@ -256,6 +258,8 @@ def test_a_scene_file_names_the_material_and_leaves_out_its_shift(tmp_path):
     path.write_text(f'lower.material = {{{keys}}}\nupper.material = {{kind = "rigid"}}\n')
     material = rf.load_scene(path).lower.material
     assert float(material.E_inf) == pytest.approx(2e6) and material.shift is None
+    path.write_text(path.read_text().replace("= false", '= {kind = "wlf", C1 = 10, C2 = 90, T_ref = 290}'))
+    assert float(rf.load_scene(path).lower.material.shift.C1) == 10.0
     path.write_text(path.read_text().replace(', name = "B"', ""))
     assert "name must be one of 'A', 'B'" in refused(tmp_path / "cards.inp", lambda: rf.load_scene(path))
 

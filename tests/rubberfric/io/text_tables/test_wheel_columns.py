@@ -42,6 +42,26 @@ def test_conditions_and_forces_of_a_wheel(tmp_path, titles, row):
 
 
 @pytest.mark.parametrize(
+    "titles",
+    [
+        "slip angle [deg],speed [km/h],load [N],side force coefficient [-]",
+        "Schräglaufwinkel [°];Geschwindigkeit [km/h];Last [N];Seitenkraftbeiwert",
+    ],
+)
+@pytest.mark.parametrize("sign", [1, -1])
+def test_sliding_velocity_of_a_wheel_at_a_slip_angle(tmp_path, titles, sign):
+    """The columns of the LAT100."""
+    between = ";" if ";" in titles else ","
+    rows = [between.join(map(str, row)) for row in ((sign * 1, 0.2, 75, 0.6), (sign * 6, 2.0, 75, 0.75))]
+    path = tmp_path / "wheel.csv"
+    path.write_text("\n".join([titles, *rows]) + "\n", encoding="utf-8")
+    data = fitting.read(path, area=3e-4)
+    np.testing.assert_allclose(data.velocity, [9.696e-4, 5.807e-2], rtol=1e-4)
+    np.testing.assert_allclose(data.friction, [0.6, 0.75])
+    np.testing.assert_allclose(data.pressure, 2.5e5)
+
+
+@pytest.mark.parametrize(
     ("slip", "value", "velocity", "force"),
     [
         ("slip angle [deg]", 30.0, 10 * 0.5, 400.0),
