@@ -136,6 +136,15 @@ def test_a_misalignment_cancels(angle, sign):
     assert f"misalignment of {sign * math.degrees(angle) + 0.0:+.3g} deg" in data.history[0]
 
 
+def test_friction_with_the_sign_of_the_velocity_reversed():
+    """Some rigs record the force on the sample, others that on the counterface."""
+    run = strokes([5.0, 20.0], [0.7, 0.9], angle=0.05)
+    run["Ft [N]"] = [-force for force in run["Ft [N]"]]
+    np.testing.assert_allclose(fitting.read(run, area=AREA, fold=True).friction, [0.7, 0.9], rtol=1e-12)
+    run = {"v [mm/s]": [5, 5, -5, -5], "mu": [-0.85, -0.83, 0.76, 0.76], "p [bar]": [2.0] * 4}
+    np.testing.assert_allclose(fitting.read(run, fold=True).friction, [0.8], rtol=1e-14)
+
+
 def test_a_zero_error_of_the_friction_force_cancels():
     data = fitting.read(strokes([5.0], [0.8], zero=(6.0, 0.0)), area=AREA, fold=True)
     np.testing.assert_allclose(data.friction, [0.8], rtol=1e-14)
