@@ -43,6 +43,14 @@ def all_kinds(scene=TRUTH):
     ]
 
 
+def test_rows_are_the_grip_at_angles_and_ratios():
+    angles, ratios, _ = all_kinds()
+    problem = make_problem(TRUTH, [angles, ratios], {"patch.stiffness": Positive()})
+    rows = np.asarray(rows_of(problem.structure, problem.numbers, jnp.asarray(problem.start)))
+    np.testing.assert_allclose(rows[: ANGLE.size], np.log(angles.force), rtol=1e-8)
+    np.testing.assert_allclose(rows[ANGLE.size :], ratios.force, rtol=1e-8)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", [TRUTH, TRUTH.replace("upper.material", TABLE)], ids=["series", "table"])
 def test_derivatives(scene):
