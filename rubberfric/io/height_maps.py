@@ -28,7 +28,7 @@ from rubberfric.roughness.heights import fill_holes, find_outliers
 
 # A spectrum of interpolated heights is too low. Above this share of holes it says little about the surface.
 MOST_HOLES = 0.25
-LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}  # units [m]
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}  # units [m]
 _LENGTH_IN_BRACKETS = re.compile(r".*[\[(]([^\[\]()]+)[\])]\s*")
 _HOLES = frozenset(("", "nan", "n/a", "na", "bad", "no data", "null", "none", "-", "--", "---", "***"))
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]")
@@ -51,9 +51,10 @@ def read_traces(path: StrPath, outliers: float | None = None) -> tuple[np.ndarra
     ----------
     path : text table or .xlsx with positions in the first column, and one trace of heights in each further
         column. Titles are arbitrary. The unit of length is in brackets behind a title, or in the row below. A
-        column before the positions that counts the points is skipped. NaN is a dropout, and so are the
-        numbers that `without_sentinels` finds. Up to a quarter of
-        the heights of a trace may be dropouts, which are interpolated. A warning states their share.
+        column before the positions that counts the points, without a unit of length, is skipped. NaN is a
+        dropout, and so are the numbers that `without_sentinels` finds. Up to a quarter of the heights of a
+        trace may be dropouts, which are interpolated. A warning states their share. Falling positions are
+        reversed, with their heights.
     outliers : standard deviations beyond which a height is a spike, as in `read_heights`, or None
 
     Returns
@@ -82,7 +83,8 @@ def read_traces(path: StrPath, outliers: float | None = None) -> tuple[np.ndarra
     if table.bad:
         raise ValueError(table.bad[0][1])
     rows = table.rows
-    if len(titles[0]) > 2 and [fields[0].rstrip("0").rstrip(".") for _, fields in rows[:2]] == ["1", "2"]:
+    counts = [fields[0].rstrip("0").rstrip(".") for _, fields in rows[:2]] == ["1", "2"]
+    if len(titles[0]) > 2 and counts and not _states_length(*(row[0] for row in titles)):
         # The first column counts the points.
         titles, rows = [row[1:] for row in titles], [(line, fields[1:]) for line, fields in rows]
     columns = enumerate(zip(*titles, strict=True), start=1)
@@ -97,9 +99,20 @@ def read_traces(path: StrPath, outliers: float | None = None) -> tuple[np.ndarra
             raise ValueError(f"{path}: line {line}: must be finite")
     values[:, 1:] = without_sentinels(path, values[:, 1:])
     x, *heights = (values * scales).T
-    heights = _bridged(path, x, np.array(heights))
+    heights = np.array(heights)
+    if np.all(np.diff(x) < 0):
+        x, heights = x[::-1].copy(), heights[:, ::-1].copy()
+    heights = _bridged(path, x, heights)
     spikes = _outliers(path, heights, outliers, profiles=True)
     return x, _bridged(path, x, np.where(spikes, np.nan, heights), warn=False)
+
+
+def _states_length(title, *below):
+    """Return True if a title, its brackets or the row below have a unit of length."""
+    bracket = _LENGTH_IN_BRACKETS.fullmatch(title)
+    return any(
+        plain_unit(text) in LENGTHS for text in (title, *below, *(bracket.groups() if bracket else ()))
+    )
 
 
 def _length(path, number, title, *below):
