@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.cases.cut import CASES, SMOOTH, TYRE, by_paper, cut, ordinary
-from support.oracles.differences import derivatives
+from support.oracles.numerical import derivatives
 
 import rubberfric as rf
 

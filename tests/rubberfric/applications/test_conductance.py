@@ -9,7 +9,7 @@ import pytest
 import scipy.integrate
 import scipy.special
 from problems import RIGID, ROAD, SHIFTED_TREAD, TREAD, WORN
-from support.oracles.differences import derivatives
+from support.oracles.numerical import derivatives
 
 import rubberfric as rf
 from rubberfric.applications import contact_conductance

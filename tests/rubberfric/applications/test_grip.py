@@ -12,7 +12,7 @@ import scipy.interpolate
 import scipy.optimize
 from problems import ROAD, SHEAR, SHIFTED_TREAD
 from support.cases.stored import slow_if
-from support.oracles.differences import derivatives
+from support.oracles.numerical import derivatives
 
 import rubberfric as rf
 from rubberfric import MeasuredPressure, Patch, Trapezoid

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from problems import RIGID, ROAD, TREAD
-from support.oracles.differences import derivatives
 from support.oracles.effective_medium import conductivity, distribution
 from support.oracles.moments import Roughness
+from support.oracles.numerical import derivatives
 
 import rubberfric as rf
 from rubberfric.applications import contact_conductance, leak_conductivity, leak_rate, percolation_pressure

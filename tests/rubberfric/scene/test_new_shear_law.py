@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from problems import ROAD, WLF
-from support.oracles.differences import derivatives
+from support.oracles.numerical import derivatives
 from support.scenes.fits import FAST
 
 import fitting

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import special
 from scipy.interpolate import CubicSpline
 from support.oracles.moments import Roughness
-from support.oracles.quadrature import composite
+from support.oracles.numerical import composite
 
 ORDER = 12  # nodes of a panel
 

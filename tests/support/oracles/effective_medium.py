@@ -7,7 +7,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import brentq
 from scipy.special import erf
-from support.oracles.quadrature import composite
+from support.oracles.numerical import composite
 
 BELL = 2 / np.sqrt(np.pi)
 

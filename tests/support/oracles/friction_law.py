@@ -2,7 +2,7 @@
 
 import numpy as np
 from scipy import optimize, special
-from support.oracles.quadrature import composite
+from support.oracles.numerical import composite
 
 from rubberfric.theory.area.law_roughness import CONSTANTS
 

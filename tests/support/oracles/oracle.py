@@ -34,8 +34,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import brentq
 from scipy.special import erf
+from support.oracles.numerical import composite
 from support.oracles.oracle_solids import Solid
-from support.oracles.quadrature import composite
 
 
 def solve(case, halvings=150, order=12):

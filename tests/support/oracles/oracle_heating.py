@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numpy.polynomial import chebyshev
 from support.oracles import oracle, oracle_solids
-from support.oracles.quadrature import composite
+from support.oracles.numerical import composite
 
 POINTS = 48  # of the polynomials
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
-from support.oracles.quadrature import composite
+from support.oracles.numerical import composite
 
 import fitting
 import rubberfric as rf
