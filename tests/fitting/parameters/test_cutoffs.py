@@ -11,6 +11,7 @@ import fitting
 import rubberfric as rf
 from fitting import Bounded, Positive, RmsSlope
 from fitting.commands.job import read_job
+from fitting.parameters.constraints import last_wavevector
 from fitting.parameters.variables import element_names, free_parameters, to_scene
 from fitting.solvers.problem import make_problem
 
@@ -24,6 +25,11 @@ V = np.logspace(-4, 0, 7)  # [m/s]
 
 def friction_of(scene):
     return friction_data(scene, V, 2e5, error=0.0, temperature=293.15, relative=0.01)
+
+
+def test_the_largest_cutoff_of_a_profile_is_the_end_of_the_table():
+    assert last_wavevector(CUT, Q1) == 1e6
+    assert last_wavevector(SCENE.replace("lower.spectrum", AFFINE.lower.spectrum), Q1) == np.inf
 
 
 @pytest.mark.slow

@@ -47,6 +47,14 @@ def test_reduced_modulus(material):
     np.testing.assert_allclose(on_grid, at_points, rtol=1e-12, atol=1e-30)
 
 
+@pytest.mark.parametrize("outside", ["fall", "hold", "none"])
+def test_splines_of_a_table(outside):
+    """Inside and beyond the table."""
+    table, omega = TABLE.replace(outside=outside), np.logspace(-14, 14, 57)
+    splines = jax.jit(lambda solid, omega: solid.quick().reduced_modulus(omega))(table, omega)
+    np.testing.assert_allclose(splines, reduced(table, omega), rtol=1e-7)
+
+
 @pytest.mark.parametrize("material", [ELASTIC, PRONY], ids=NAMES[:2])
 def test_series(material):
     omega = np.logspace(-6, 6, 13)
