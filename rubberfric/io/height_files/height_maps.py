@@ -1,4 +1,4 @@
-"""Profiles and height maps of profilometers and microscopes, as text.
+"""Height maps of profilometers and microscopes, as text.
 
 ::
 
@@ -17,120 +17,26 @@ from typing import NamedTuple
 import numpy as np
 
 from rubberfric.base.atomic import StrPath, as_path, is_number
-from rubberfric.base.checks import POSITIVE, as_leaf, check_values, closest, shown, warn_caller
-from rubberfric.io.exports import headless
-from rubberfric.io.text_tables.lines import above_numbers, has_fields
+from rubberfric.base.checks import closest, shown
+from rubberfric.io.height_files.holes import (
+    LEAST_DIFFERENT,
+    LENGTHS,
+    MOST_HOLES,
+    outliers_of,
+    without_sentinels,
+)
+from rubberfric.io.text_tables.lines import has_fields
 from rubberfric.io.text_tables.preamble import ImageHeader, stated_image
-from rubberfric.io.text_tables.sentinels import LEAST_DIFFERENT, without_sentinels
 from rubberfric.io.text_tables.units import plain_unit
 from rubberfric.io.text_tables.workbooks import read_export
-from rubberfric.roughness.heights import fill_holes, find_outliers
+from rubberfric.roughness.heights import fill_holes
 
-# A spectrum of interpolated heights is too low. Above this share of holes it says little about the surface.
-MOST_HOLES = 0.25
-LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}  # units [m]
-_LENGTH_IN_BRACKETS = re.compile(r".*[\[(]([^\[\]()]+)[\])]\s*")
 _HOLES = frozenset(("", "nan", "n/a", "na", "bad", "no data", "null", "none", "-", "--", "---", "***"))
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]")
 # Positions of one row of points may differ by this share of the spacing.
 _SAME = 0.05
 # Largest relative difference between the given spacing and the stated one, which may be rounded.
 _SAME_SPACING = 0.02
-
-
-def read_traces(path: StrPath, outliers: float | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Read the traces of a profilometer, for `rubberfric.roughness.spectrum_of_profile`.
-
-    ::
-
-        x,trace 1,trace 2            Weg [mm];Spur 1 [µm];Spur 2 [µm]
-        mm,um,um                     0,00;-60,2;522,5
-        0.00,-60.2,522.5             ...
-
-    Parameters
-    ----------
-    path : text table or .xlsx with positions in the first column, and one trace of heights in each further
-        column. Titles are arbitrary. The unit of length is in brackets behind a title, or in the row below. A
-        column before the positions that counts the points is skipped. NaN is a dropout, and so are the
-        numbers that `without_sentinels` finds. Up to a quarter of
-        the heights of a trace may be dropouts, which are interpolated. A warning states their share.
-    outliers : standard deviations beyond which a height is a spike, as in `read_heights`, or None
-
-    Returns
-    -------
-    Tuple of the positions, shape (n,), and the heights, shape (traces, n) [m]
-
-    Raises
-    ------
-    ValueError : no numbers, fewer than two columns, a unit that is not a length, or an invalid number
-
-    Examples
-    --------
-    >>> x, heights = rf.io.read_traces("data/laboratory/stylus.csv")
-    >>> heights.shape, round(1e3 * float(x[-1]), 6)
-    ((6, 2048), 20.47)
-    """
-    text = read_export(path)
-    titles_and_numbers = above_numbers(text)
-    if titles_and_numbers is None:
-        raise ValueError(f"{path}: must have rows with a position and at least one height")
-    if not (titles := titles_and_numbers[0]):
-        raise ValueError(f"{path}: begins with numbers: must have titles with length units, such as x [mm]")
-    if all(map(_LENGTH_IN_BRACKETS.fullmatch, titles[-1][1:])):
-        titles = titles[-1:]  # the line above belongs to a preamble
-    lines, table = text.splitlines(), headless(path, text, ["-"] * len(titles[0]))
-    if table.bad:
-        raise ValueError(table.bad[0][1])
-    rows = table.rows
-    if len(titles[0]) > 2 and [fields[0].rstrip("0").rstrip(".") for _, fields in rows[:2]] == ["1", "2"]:
-        # The first column counts the points.
-        titles, rows = [row[1:] for row in titles], [(line, fields[1:]) for line, fields in rows]
-    columns = enumerate(zip(*titles, strict=True), start=1)
-    scales = [_length(path, number, *texts) for number, texts in columns]
-    values = np.empty((len(rows), len(scales)))
-    for row, (line, fields) in zip(values, rows, strict=True):
-        try:
-            row[:] = [float(field) for field in fields]
-        except ValueError:
-            raise ValueError(f"{path}: line {line}: {lines[line - 1][:60]!r}: must be numbers") from None
-        if not np.isfinite(row[0]) or np.isinf(row).any():
-            raise ValueError(f"{path}: line {line}: must be finite")
-    values[:, 1:] = without_sentinels(path, values[:, 1:])
-    x, *heights = (values * scales).T
-    heights = _bridged(path, x, np.array(heights))
-    spikes = _outliers(path, heights, outliers, profiles=True)
-    return x, _bridged(path, x, np.where(spikes, np.nan, heights), warn=False)
-
-
-def _length(path, number, title, *below):
-    """Return the length unit in a title or in the row below [m]."""
-    bracket = _LENGTH_IN_BRACKETS.fullmatch(title)
-    written = below[0] if below else bracket[1] if bracket else title
-    unit, in_title = plain_unit(written), plain_unit(bracket[1]) if bracket else None
-    if unit not in LENGTHS:
-        known = closest(unit, tuple(LENGTHS))
-        raise ValueError(f"{path}: column {number} {title!r}: unit {written!r}: {known}")
-    if in_title in LENGTHS and in_title != unit:
-        raise ValueError(
-            f"{path}: column {number} {title!r}: unit {written!r} below contradicts the title; must be equal"
-        )
-    return LENGTHS[unit]
-
-
-def _bridged(path, x, heights, warn=True):
-    """Interpolate dropouts (NaN) along each trace, and return the heights."""
-    hole = np.isnan(heights)
-    if not hole.any():
-        return heights
-    if (share := hole.mean(1).max()) > MOST_HOLES:
-        raise ValueError(f"{path}: {share:.0%} of a trace are dropouts: must be at most {MOST_HOLES:.0%}")
-    if warn:
-        warn_caller(
-            f"{path}: {hole.mean():.1%} of the heights are dropouts and are interpolated", UserWarning
-        )
-    for height, missing in zip(heights, hole, strict=True):
-        height[missing] = np.interp(x[missing], x[~missing], height[~missing])
-    return heights
 
 
 class HeightMap(NamedTuple):
@@ -212,26 +118,12 @@ def read_heights(
         heights = (without_sentinels(path, values) if sentinels else values) * units[0]
     hole = ~np.isfinite(heights)
     heights = fill_holes(heights) if outliers is not None and hole.mean() <= MOST_HOLES else heights
-    hole |= _outliers(path, heights, outliers)
+    hole |= outliers_of(path, heights, outliers)
     if hole.mean() > MOST_HOLES:
         raise ValueError(
             f"{path}: {hole.mean():.0%} of the points are holes: must be at most {MOST_HOLES:.0%}"
         )
     return HeightMap(fill_holes(np.where(hole, np.nan, heights)), float(dx), float(dy), float(hole.mean()))
-
-
-def _outliers(path, heights, threshold, profiles=False):
-    """Return a mask of outliers, and warn about them. All False if the threshold is None."""
-    if threshold is None:
-        return np.zeros(heights.shape, bool)
-    name = f"{path}: outliers"
-    check_values(name, as_leaf(name, threshold, 0), POSITIVE)
-    mask = find_outliers(heights, threshold, profiles=profiles)
-    if mask.any():
-        warn_caller(
-            f"{path}: {mask.mean():.2%} of the heights are outliers and are interpolated", UserWarning
-        )
-    return mask
 
 
 def _table(path):
