@@ -7,7 +7,8 @@
     0,00;0,01;                      ...
 
 A file has a row x, y, z for each point, or a grid of heights whose spacing the caller gives. A height that is
-empty, `NaN` or `n/a` is a hole, and so is a missing row. Programs also write numbers such as -9999, 32767 or
+empty, `NaN` or `n/a` is a hole, and so is a missing row. A separator at the end of every row is no hole.
+Programs also write numbers such as -9999, 32767 or
 1e38 for holes, see `without_sentinels`.
 """
 
@@ -25,7 +26,7 @@ from rubberfric.io.height_files.holes import (
     outliers_of,
     without_sentinels,
 )
-from rubberfric.io.text_tables.lines import has_fields
+from rubberfric.io.text_tables.lines import has_fields, trimmed, without_trailing_separators
 from rubberfric.io.text_tables.preamble import ImageHeader, stated_image
 from rubberfric.io.text_tables.units import plain_unit
 from rubberfric.io.text_tables.workbooks import read_export
@@ -64,7 +65,8 @@ def read_heights(
 ) -> HeightMap:
     """Read a height map, for `rubberfric.roughness.spectrum_of_topography`.
 
-    Holes are filled smoothly: every height in a hole becomes the mean of its four neighbours.
+    Holes are filled smoothly: every height in a hole becomes the mean of its four neighbours. `holes` of the
+    result states their share.
 
     Parameters
     ----------
@@ -72,7 +74,7 @@ def read_heights(
     spacing : dx = dy, or (dx, dy), of a grid of heights, > 0 [m]
         The rows of the file are along y. None means that the file has the columns x, y and z, or that
         lines of Gwyddion above a grid state its size ("# Width: 10 µm", "# Height: 10 µm").
-    unit : unit of the numbers in the file, "m", "mm", "um" or "nm"
+    unit : unit of the numbers in the file, "m", "cm", "mm", "um", "nm", "pm" or "Å"
         None takes the unit from titles such as "x [mm]", or from a line "# Value units: m".
     sentinels : if True, numbers such as -9999 become holes, see `without_sentinels`, and a warning names them
         False keeps them as heights, for example the exactly flat ground of a groove.
@@ -177,15 +179,17 @@ def _rows(path, text):
     best: list = []
     every: list = []
     for separator in ("\t", ";", ",", None):
-        split = [(k, [field.strip() for field in line.split(separator)]) for k, line in lines]
-        rows = [(k, fields) for k, fields in split if len(fields) > 1 and all(map(_is_value, fields))]
-        rows = [(k, fields) for k, fields in rows if any(field.lower() not in _HOLES for field in fields)]
+        fields_of_lines = [[field.strip() for field in line.split(separator)] for _, line in lines]
+        fields_of_lines = without_trailing_separators(fields_of_lines, _has_height)
+        split = [(k, fields) for (k, _), fields in zip(lines, fields_of_lines, strict=True)]
+        rows = [(k, fields) for k, fields in split if len(fields) > 1 and _has_height(fields)]
         if len(rows) > len(best):
             best, every = rows, split
     if not best:
         raise ValueError(f"{path}: must have rows of numbers")
-    first, last = best[0][0], best[-1][0]
-    above = [fields for k, fields in every if k < first and len(fields) == len(best[0][1])]
+    first, last, width = best[0][0], best[-1][0], len(best[0][1])
+    above = [trimmed(fields, width) for k, fields in every if k < first]
+    above = [fields for fields in above if len(fields) == width]
     # Rows of holes between the others stay, because they are rows of the grid.
     rows = [(k, fields) for k, fields in every if first <= k <= last]
     for k, fields in [*rows, *((k, fields) for k, fields in every if k > last)]:
@@ -193,6 +197,11 @@ def _rows(path, text):
             shown_row = " ".join(fields)[:60]
             raise ValueError(f"{path}: line {k}: {shown_row!r}: must be numbers; remove or mend this line")
     return above[-1] if above else [], rows
+
+
+def _has_height(fields):
+    """Return True for numbers and holes with at least one number."""
+    return all(map(_is_value, fields)) and any(field.lower() not in _HOLES for field in fields)
 
 
 def _is_value(field):

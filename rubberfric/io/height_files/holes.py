@@ -4,11 +4,14 @@ import numpy as np
 
 from rubberfric.base.atomic import StrPath
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values, warn_caller
+from rubberfric.io.text_tables.units import plain_unit
 from rubberfric.roughness.heights import find_outliers
+from rubberfric.roughness.topography import LENGTH_UNITS
 
 # A spectrum of interpolated heights is too low. Above this share of holes it says little about the surface.
 MOST_HOLES = 0.25
-LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}  # units [m]
+# Units of lengths in the spelling of `plain_unit` [m].
+LENGTHS = {unit: length for unit, length in LENGTH_UNITS.items() if unit == plain_unit(unit)}
 # No height in any unit is as large. 1.7e38 and 3.4e38 stand for holes.
 _NO_HEIGHT = 1e30
 # Numbers that often stand for holes.

@@ -4,8 +4,9 @@ import re
 
 import numpy as np
 
-from rubberfric.base.atomic import StrPath
+from rubberfric.base.atomic import StrPath, is_number
 from rubberfric.base.checks import closest, warn_caller
+from rubberfric.io.columns import known_name
 from rubberfric.io.exports import headless
 from rubberfric.io.height_files.holes import LENGTHS, MOST_HOLES, outliers_of, without_sentinels
 from rubberfric.io.text_tables.lines import above_numbers
@@ -27,15 +28,16 @@ def read_traces(path: StrPath, outliers: float | None = None) -> tuple[np.ndarra
     Parameters
     ----------
     path : text table or .xlsx with positions in the first column, and one trace of heights in each further
-        column. Titles are arbitrary. The unit of length is in brackets behind a title, or in the row below. A
-        column before the positions that counts the points is skipped. NaN is a dropout, and so are the
-        numbers that `without_sentinels` finds. Up to a quarter of
-        the heights of a trace may be dropouts, which are interpolated. A warning states their share.
+        column. Titles are arbitrary. The unit of length, such as mm, is in brackets behind a title, or in the
+        row below. A column before the positions that counts the points is skipped, if neither its title nor
+        its unit is one of positions. Positions may be in any order. NaN is a dropout, and so are the numbers
+        that `without_sentinels` finds. Up to a quarter of the heights of a trace may be dropouts, which are
+        interpolated. A warning states their share.
     outliers : standard deviations beyond which a height is a spike, as in `read_heights`, or None
 
     Returns
     -------
-    Tuple of the positions, shape (n,), and the heights, shape (traces, n) [m]
+    Tuple of the increasing positions, shape (n,), and the heights, shape (traces, n) [m]
 
     Raises
     ------
@@ -59,10 +61,11 @@ def read_traces(path: StrPath, outliers: float | None = None) -> tuple[np.ndarra
     if table.bad:
         raise ValueError(table.bad[0][1])
     rows = table.rows
-    if len(titles[0]) > 2 and [fields[0].rstrip("0").rstrip(".") for _, fields in rows[:2]] == ["1", "2"]:
-        # The first column counts the points.
-        titles, rows = [row[1:] for row in titles], [(line, fields[1:]) for line, fields in rows]
-    columns = enumerate(zip(*titles, strict=True), start=1)
+    first = 1
+    if len(titles[0]) > 2 and _counts([row[0] for row in titles], [fields for _, fields in rows]):
+        first, titles = 2, [row[1:] for row in titles]
+        rows = [(line, fields[1:]) for line, fields in rows]
+    columns = enumerate(zip(*titles, strict=True), start=first)
     scales = [_length(path, number, *texts) for number, texts in columns]
     values = np.empty((len(rows), len(scales)))
     for row, (line, fields) in zip(values, rows, strict=True):
@@ -73,10 +76,22 @@ def read_traces(path: StrPath, outliers: float | None = None) -> tuple[np.ndarra
         if not np.isfinite(row[0]) or np.isinf(row).any():
             raise ValueError(f"{path}: line {line}: must be finite")
     values[:, 1:] = without_sentinels(path, values[:, 1:])
-    x, *heights = (values * scales).T
+    # An instrument that moves backwards writes decreasing positions.
+    x, *heights = (values[np.argsort(values[:, 0], kind="stable")] * scales).T
     heights = _bridged(path, x, np.array(heights))
     spikes = outliers_of(path, heights, outliers, profiles=True)
     return x, _bridged(path, x, np.where(spikes, np.nan, heights), warn=False)
+
+
+def _counts(texts, rows):
+    """Return True if the first column, with some texts in its titles, counts the points before positions."""
+    names = {known_name(spelled)[0] for text in texts for spelled in (text, text.lower())}
+    units = {plain_unit(unit) for text in texts for unit in (text, *_LENGTH_IN_BRACKETS.findall(text))}
+    if "x" in names or not units.isdisjoint(LENGTHS) or not all(is_number(fields[0]) for fields in rows[:2]):
+        return False
+    # Heights do not increase or decrease throughout, so the first column then holds positions without a unit.
+    steps = np.diff([float(fields[1]) for fields in rows if is_number(fields[1])])
+    return [float(fields[0]) for fields in rows[:2]] == [1, 2] and (np.all(steps > 0) or np.all(steps < 0))
 
 
 def _length(path, number, title, *below):

@@ -277,7 +277,7 @@ def test_an_image_of_gwyddion(tmp_path, heights):
     [
         ("m", {"spacing": 2e-6}, "states 4.8e-05 m x 5.1e-05 m for 24 x 17 points, 2e-06 m and 3e-06"),
         ("m", {"unit": "nm"}, "unit = 'nm': the file states 'm'; leave unit out"),
-        ("V", {}, "unit 'V': must be one of m, mm, um, nm"),
+        ("V", {}, "unit 'V': must be one of m, cm, mm, um, nm"),
     ],
 )
 def test_an_image_of_gwyddion_and_other_statements(tmp_path, heights, unit, options, message):

@@ -28,7 +28,7 @@ def test_traces_of_a_profilometer(tmp_path, text):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("[µm]", "", "column 2 'Spur 1': unit 'Spur 1': must be one of m, mm, um, nm"),
+        ("[µm]", "", "column 2 'Spur 1': unit 'Spur 1': must be one of m, cm, mm, um, nm"),
         ("[nm]", "[in]", "column 3 'Spur 2 [in]': unit 'in': must be one of m"),
         ("-54,3", "x", "line 3: '0,01;x;-520': must be numbers"),
         ("-54,3", "inf", "line 3: must be finite"),
