@@ -139,7 +139,7 @@ def _spectrum_parser() -> Parser:
     add("data", metavar="DATA", help="table of heights or of a spectrum")
     add("--map", action="store_true", help="the file is a height map: x, y, z or a grid")
     add("--spacing", nargs="+", type=float, metavar="M", help="dx, or dx and dy, of a grid of heights [m]")
-    add("--unit", metavar="UNIT", help="unit of a height map without units: m, mm, um, nm")
+    add("--unit", metavar="UNIT", help="unit of a height map without units: m, cm, mm, um, nm")
     text = "normalisation of a spectrum: C, C_iso, C_1D, C_1D_one_sided, W1, Wr, ISO_8608 ..."
     add("--normalisation", metavar="NAME", help=text)
     text = "Hurst exponent, if a spectrum along a line is taken as self-affine without a roll-off"

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from rubberfric.io.hdf5 import read_quadrature as read_quadrature
     from rubberfric.io.hdf5 import write_object as write_object
     from rubberfric.io.hdf5 import write_quadrature as write_quadrature
-    from rubberfric.io.height_maps import HeightMap as HeightMap
-    from rubberfric.io.height_maps import read_heights as read_heights
-    from rubberfric.io.height_maps import read_traces as read_traces
+    from rubberfric.io.height_files.height_maps import HeightMap as HeightMap
+    from rubberfric.io.height_files.height_maps import read_heights as read_heights
+    from rubberfric.io.height_files.traces import read_traces as read_traces
     from rubberfric.io.prony_cards import read_prony as read_prony
     from rubberfric.io.prony_cards import write_prony as write_prony
     from rubberfric.io.results import Curves as Curves

@@ -22,7 +22,7 @@ from rubberfric.base.atomic import StrPath
 from rubberfric.base.checks import check_choice, closest, listed, shown
 from rubberfric.io.columns import COLUMNS, SET_VALUES, TRANSIENTS, quantities_of
 from rubberfric.io.exports import TextTable, find_table, headless, pick, suggested_columns
-from rubberfric.io.height_maps import read_traces
+from rubberfric.io.height_files.traces import read_traces
 from rubberfric.io.text_tables.derived import RELATIONS, plan_for, with_derived, with_wheel_names
 from rubberfric.io.text_tables.frames import DataFrame, Frame, as_source
 from rubberfric.io.text_tables.lines import text_above_numbers

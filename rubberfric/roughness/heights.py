@@ -21,11 +21,19 @@ import scipy
 
 from rubberfric.base.checks import FINITE, NONNEGATIVE, POSITIVE, ArrayLike, as_leaf, check_values
 
-# Median of the absolute value of a normal variable, over its standard deviation.
-_MEDIAN = 0.6745
+# Share of the distances from neighbours below the quantile that is their scale. The rest may be outliers, or
+# steps between plateaus.
+_MOST = 0.8
+# This quantile of the absolute value of a normal variable, over its standard deviation.
+_QUANTILE = 1.2816
 # Standard deviations from which on a height is an outlier. Gaussian surfaces have none, also smooth ones, and
 # roads have steep edges, whose deviations are larger.
 USUAL_OUTLIER = 10.0
+# Growth of the scale of distances, at twice the spacing, above which there are steps between plateaus. The
+# scale of smooth Gaussian surfaces grows by 4 to 5, and in samples of few distances rarely by more than 7.
+_JUMP = 7.0
+# Fewest distances of a wider spacing. In smaller samples the growth scatters more.
+_FEWEST = 64
 # The tip of a profilometer cannot follow curvatures above this share of one over its radius.
 _FOLLOWED = 0.5
 # Distances per octave at which curvatures are computed.
@@ -39,12 +47,11 @@ def find_outliers(
 ) -> np.ndarray:
     r"""Return a mask of the heights that deviate from their neighbours as no other height does.
 
-    .. math:: \min(d_x, d_y) > \text{threshold}\; \frac{\operatorname{median}(d_x, d_y)}{0.6745},\qquad
-              d_x = |h - m_x|
+    .. math:: \min(d_x, d_y) > \text{threshold}\; \frac{Q_{0.8}(d_x, d_y)}{1.2816},\qquad d_x = |h - m_x|
 
     m_x and m_y are the medians of the four nearest heights along x and y. A profile has d_x only.
-    The median is taken over all points. The scale is at least the smallest distance of
-    two different heights, the resolution of the instrument.
+    Q_0.8 is the 80 % quantile of all distances. The scale behind the threshold is at least the smallest
+    distance of two different heights, the resolution of the instrument.
 
     Parameters
     ----------
@@ -57,6 +64,15 @@ def find_outliers(
     spikes within two points of the end of a profile or a corner of a map. Neighbours of a spike may be
     masked, too.
 
+    Notes
+    -----
+    Quantised heights have plateaus. Levelling tilts the plateaus, so the smallest distance of two different
+    heights becomes a rounding error. Most distances d may then be far below a step of the heights. The scale
+    is therefore also computed from every 2nd, 4th, 8th, ... height. From one of these spacings to the next,
+    the scale of smooth Gaussian surfaces grows by a factor of 4 to 5. A growth by more than 7 is a step
+    between plateaus, and the larger scale at this spacing and the next is used. Spikes must then exceed about
+    ten steps.
+
     Examples
     --------
     >>> profile = 1e-6 * np.sin(0.1 * np.arange(50))
@@ -66,15 +82,34 @@ def find_outliers(
     """
     h = _finite(heights)
     check_values("threshold", as_leaf("threshold", threshold, 0), POSITIVE)
-    axes = (-1,) if profiles else tuple(range(h.ndim))
-    distances = np.array([_from_neighbours(h, axis) for axis in axes])
-    inside = np.isfinite(distances)
-    if not inside.any():
+    distances = _distances(h, profiles)
+    if not np.isfinite(distances).any():
         return np.zeros(h.shape, bool)
-    steps = np.diff(np.unique(h))
-    scale = max(np.median(distances[inside]) / _MEDIAN, steps.min(initial=np.inf) if steps.size else 0.0)
     nearest = distances.min(0)
-    return np.isfinite(nearest) & (nearest > threshold * scale)
+    return np.isfinite(nearest) & (nearest > threshold * _scale_of_distances(h, profiles))
+
+
+def _scale_of_distances(h, profiles):
+    """Return the standard deviation of the distances from neighbours, or a step of heights with plateaus."""
+    steps = np.diff(np.unique(h))
+    resolution = steps.min() if steps.size else 0.0
+    every_second = (..., slice(None, None, 2)) if profiles else (slice(None, None, 2),) * h.ndim
+    scales: list[float] = []
+    while True:
+        distances = _distances(h, profiles)
+        inside = distances[np.isfinite(distances)]
+        if scales and inside.size < _FEWEST:
+            break
+        scales.append(max(np.quantile(inside, _MOST) / _QUANTILE, resolution))
+        h = h[every_second]
+    jumps = [k for k in range(1, len(scales)) if scales[k] > _JUMP * scales[k - 1]]
+    # At the jump itself, the quantile may lie between a plateau and a step.
+    return max(scales[jumps[-1] : jumps[-1] + 2]) if jumps else scales[0]
+
+
+def _distances(h, profiles):
+    """Return the distances of all heights from their neighbours, with one entry for each axis."""
+    return np.array([_from_neighbours(h, axis) for axis in ((-1,) if profiles else range(h.ndim))])
 
 
 def _from_neighbours(h, axis):

@@ -300,12 +300,18 @@ def _spacing(x, n, name="x"):
             raise ValueError(f"{name} = {float(x)!r}: must be > 0 [m]")
         return float(x)
     spacing = (x[-1] - x[0]) / (n - 1)
+    if spacing < 0:
+        raise ValueError(
+            f"{name} decreases from {float(x[0]):g} to {float(x[-1]):g}: positions must increase; reverse"
+            f" positions and heights: {name}[::-1], heights[..., ::-1]"
+        )
     # Instruments round positions, so neighbours may differ by more than the grid does.
     uneven = np.abs(x - x[0] - spacing * np.arange(n))
     if not spacing > 0 or uneven.max() > _EVEN * spacing:
         i = int(np.argmax(uneven))
         raise ValueError(
-            f"{name}[{i}] = {float(x[i])!r}: positions must increase evenly, to {_EVEN:.0%} of {spacing:g}"
+            f"{name}[{i}] = {float(x[i])!r}: positions must increase evenly, to {_EVEN:.0%} of {spacing:g};"
+            " sort them, and interpolate the heights to even positions"
         )
     return float(spacing)
 

@@ -142,8 +142,7 @@ def checked_rows(
     commas = with_commas > 0 and with_commas >= with_points
     good, bad = [], []
     for line, fields in rows:
-        while len(fields) > count and not fields[-1]:
-            fields = fields[:-1]
+        fields = trimmed(fields, count)
         if all(place in unread for place in range(len(fields), count)):
             fields = [*fields, *[""] * (count - len(fields))]
         if len(fields) != count:
@@ -157,6 +156,31 @@ def checked_rows(
             continue
         good.append((line, [f.replace(",", ".") if _DECIMAL_COMMA.fullmatch(f) else f for f in fields]))
     return good, bad
+
+
+def trimmed(fields: list[str], count: int) -> list[str]:
+    """Return fields without empty ones at the end, but at least `count` fields."""
+    while len(fields) > count and not fields[-1]:
+        fields = fields[:-1]
+    return fields
+
+
+def without_trailing_separators(
+    rows: list[list[str]], are_values: Callable[[list[str]], bool]
+) -> list[list[str]]:
+    """Drop the last columns that are empty in every row of values. Lines of a text end with separators there.
+
+    Parameters
+    ----------
+    rows : fields of all lines
+    are_values : returns True for the fields of a row of values, without empty fields at the end
+    """
+    ends = []
+    for row in rows:
+        fields = trimmed(row, 0)
+        if are_values(fields):
+            ends.append(len(row) - len(fields))
+    return [trimmed(row, len(row) - min(ends)) for row in rows] if ends and min(ends) else rows
 
 
 def _has_point(field: str) -> bool:
@@ -174,9 +198,11 @@ def above_numbers(
     lines = [line.removeprefix("##") for line in text.splitlines() if has_fields(line) or line[:2] == "##"]
     for separator in ("\t", ";", ",", None):
         rows = [split_fields(line, separator) for line in lines]
+        rows = without_trailing_separators(rows, lambda row: len(row) > 1 and are_numbers(row))
         numbers = [i for i, row in enumerate(rows) if len(row) > 1 and are_numbers(row)]
         if numbers:
             first = numbers[0]
-            titles = [row for row in rows[:first] if len(row) == len(rows[first])][-2:]
+            width = len(rows[first])
+            titles = [row for row in (trimmed(row, width) for row in rows[:first]) if len(row) == width][-2:]
             return titles, max((rows[i] for i in numbers), key=len)
     return None

@@ -207,6 +207,11 @@ of_topography = rf.roughness.spectrum_of_topography
         (lambda: of_profile(0.0, FLAT), "x = 0.0: must be > 0"),
         (lambda: of_profile(np.arange(19), FLAT), "x of shape (19,): must be a finite spacing, or 20"),
         (lambda: of_profile(np.arange(20) ** 2, FLAT), "positions must increase evenly"),
+        (lambda: of_profile(np.arange(20) ** 2, FLAT), "interpolate the heights to even positions"),
+        (
+            lambda: of_profile(-np.arange(20.0), FLAT),
+            "x decreases from -0 to -19: positions must increase; reverse positions and heights: x[::-1],",
+        ),
         (lambda: of_profile(1.0, FLAT[:5]), "heights of shape (5,), type float64: must be real, 1-dim"),
         (lambda: of_profile(1.0, FLAT + np.nan), "heights[0] is not finite; fill in"),
         (lambda: of_profile(1.0, FLAT, window="kaiser"), "window = 'kaiser': must be one of hann, none"),

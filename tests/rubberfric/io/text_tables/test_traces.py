@@ -41,25 +41,3 @@ def test_traces_of_a_profilometer(tmp_path, text):
 def test_faulty_traces(tmp_path, old, new, message):
     path = put(tmp_path, TRACES.replace(old, new))
     assert message in refused(path, lambda: rf.io.read_traces(path))
-
-
-@pytest.mark.parametrize("first", ["x [um],z1 [nm],z2 [nm]\n", "x,z1,z2\num,nm,nm\n"])
-def test_positions_that_begin_with_1_and_2_are_no_counter(tmp_path, first):
-    x, heights = rf.io.read_traces(put(tmp_path, first + "1,5,50\n2,6,60\n3,7,70\n"))
-    np.testing.assert_allclose(x, [1e-6, 2e-6, 3e-6])
-    np.testing.assert_allclose(heights, [[5e-9, 6e-9, 7e-9], [5e-8, 6e-8, 7e-8]])
-
-
-def test_a_column_that_counts_is_skipped(tmp_path):
-    x, heights = rf.io.read_traces(put(tmp_path, "No.,x [um],z [nm]\n1,0,5\n2,1,6\n3,2,7\n"))
-    np.testing.assert_allclose(x, [0, 1e-6, 2e-6])
-    np.testing.assert_allclose(heights, [[5e-9, 6e-9, 7e-9]])
-
-
-def test_falling_positions_are_reversed_and_dropouts_lie_between_their_neighbours(tmp_path):
-    rows = [f"{9 - k},{'nan' if k == 4 else k}" for k in range(10)]
-    path = put(tmp_path, "x [mm],z [um]\n" + "\n".join(rows) + "\n")
-    with pytest.warns(UserWarning, match=r"10.0% of the heights are dropouts"):
-        x, heights = rf.io.read_traces(path)
-    np.testing.assert_allclose(x, 1e-3 * np.arange(10))
-    np.testing.assert_allclose(heights, [1e-6 * np.arange(9, -1, -1)])

@@ -1,10 +1,17 @@
-"""Numbers that programs write for missing heights, such as -9999, 32767 and 1e38."""
+"""Holes in measured heights: numbers such as -9999, 32767 and 1e38 for missing heights, and outliers."""
 
 import numpy as np
 
 from rubberfric.base.atomic import StrPath
-from rubberfric.base.checks import warn_caller
+from rubberfric.base.checks import POSITIVE, as_leaf, check_values, warn_caller
+from rubberfric.io.text_tables.units import plain_unit
+from rubberfric.roughness.heights import find_outliers
+from rubberfric.roughness.topography import LENGTH_UNITS
 
+# A spectrum of interpolated heights is too low. Above this share of holes it says little about the surface.
+MOST_HOLES = 0.25
+# Units of lengths in the spelling of `plain_unit` [m].
+LENGTHS = {unit: length for unit, length in LENGTH_UNITS.items() if unit == plain_unit(unit)}
 # No height in any unit is as large. 1.7e38 and 3.4e38 stand for holes.
 _NO_HEIGHT = 1e30
 # Numbers that often stand for holes.
@@ -59,3 +66,17 @@ def _sentinel(heights: np.ndarray) -> float | None:
         if usual or (count > 1 and (gap > size or float(value) in _LIMITS)):
             return float(value)
     return None
+
+
+def outliers_of(path, heights, threshold, profiles=False):
+    """Return a mask of outliers, and warn about them. All False if the threshold is None."""
+    if threshold is None:
+        return np.zeros(heights.shape, bool)
+    name = f"{path}: outliers"
+    check_values(name, as_leaf(name, threshold, 0), POSITIVE)
+    mask = find_outliers(heights, threshold, profiles=profiles)
+    if mask.any():
+        warn_caller(
+            f"{path}: {mask.mean():.2%} of the heights are outliers and are interpolated", UserWarning
+        )
+    return mask

@@ -1,4 +1,4 @@
-"""Profiles and height maps of profilometers and microscopes, as text.
+"""Height maps of profilometers and microscopes, as text.
 
 ::
 
@@ -7,7 +7,8 @@
     0,00;0,01;                      ...
 
 A file has a row x, y, z for each point, or a grid of heights whose spacing the caller gives. A height that is
-empty, `NaN` or `n/a` is a hole, and so is a missing row. Programs also write numbers such as -9999, 32767 or
+empty, `NaN` or `n/a` is a hole, and so is a missing row. A separator at the end of every row is no hole.
+Programs also write numbers such as -9999, 32767 or
 1e38 for holes, see `without_sentinels`.
 """
 
@@ -17,133 +18,26 @@ from typing import NamedTuple
 import numpy as np
 
 from rubberfric.base.atomic import StrPath, as_path, is_number
-from rubberfric.base.checks import POSITIVE, as_leaf, check_values, closest, shown, warn_caller
-from rubberfric.io.exports import headless
-from rubberfric.io.text_tables.lines import above_numbers, has_fields
+from rubberfric.base.checks import closest, shown
+from rubberfric.io.height_files.holes import (
+    LEAST_DIFFERENT,
+    LENGTHS,
+    MOST_HOLES,
+    outliers_of,
+    without_sentinels,
+)
+from rubberfric.io.text_tables.lines import has_fields, trimmed, without_trailing_separators
 from rubberfric.io.text_tables.preamble import ImageHeader, stated_image
-from rubberfric.io.text_tables.sentinels import LEAST_DIFFERENT, without_sentinels
 from rubberfric.io.text_tables.units import plain_unit
 from rubberfric.io.text_tables.workbooks import read_export
-from rubberfric.roughness.heights import fill_holes, find_outliers
+from rubberfric.roughness.heights import fill_holes
 
-# A spectrum of interpolated heights is too low. Above this share of holes it says little about the surface.
-MOST_HOLES = 0.25
-LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}  # units [m]
-_LENGTH_IN_BRACKETS = re.compile(r".*[\[(]([^\[\]()]+)[\])]\s*")
 _HOLES = frozenset(("", "nan", "n/a", "na", "bad", "no data", "null", "none", "-", "--", "---", "***"))
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]")
 # Positions of one row of points may differ by this share of the spacing.
 _SAME = 0.05
 # Largest relative difference between the given spacing and the stated one, which may be rounded.
 _SAME_SPACING = 0.02
-
-
-def read_traces(path: StrPath, outliers: float | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Read the traces of a profilometer, for `rubberfric.roughness.spectrum_of_profile`.
-
-    ::
-
-        x,trace 1,trace 2            Weg [mm];Spur 1 [µm];Spur 2 [µm]
-        mm,um,um                     0,00;-60,2;522,5
-        0.00,-60.2,522.5             ...
-
-    Parameters
-    ----------
-    path : text table or .xlsx with positions in the first column, and one trace of heights in each further
-        column. Titles are arbitrary. The unit of length is in brackets behind a title, or in the row below. A
-        column before the positions that counts the points, without a unit of length, is skipped. NaN is a
-        dropout, and so are the numbers that `without_sentinels` finds. Up to a quarter of the heights of a
-        trace may be dropouts, which are interpolated. A warning states their share. Falling positions are
-        reversed, with their heights.
-    outliers : standard deviations beyond which a height is a spike, as in `read_heights`, or None
-
-    Returns
-    -------
-    Tuple of the positions, shape (n,), and the heights, shape (traces, n) [m]
-
-    Raises
-    ------
-    ValueError : no numbers, fewer than two columns, a unit that is not a length, or an invalid number
-
-    Examples
-    --------
-    >>> x, heights = rf.io.read_traces("data/laboratory/stylus.csv")
-    >>> heights.shape, round(1e3 * float(x[-1]), 6)
-    ((6, 2048), 20.47)
-    """
-    text = read_export(path)
-    titles_and_numbers = above_numbers(text)
-    if titles_and_numbers is None:
-        raise ValueError(f"{path}: must have rows with a position and at least one height")
-    if not (titles := titles_and_numbers[0]):
-        raise ValueError(f"{path}: begins with numbers: must have titles with length units, such as x [mm]")
-    if all(map(_LENGTH_IN_BRACKETS.fullmatch, titles[-1][1:])):
-        titles = titles[-1:]  # the line above belongs to a preamble
-    lines, table = text.splitlines(), headless(path, text, ["-"] * len(titles[0]))
-    if table.bad:
-        raise ValueError(table.bad[0][1])
-    rows = table.rows
-    counts = [fields[0].rstrip("0").rstrip(".") for _, fields in rows[:2]] == ["1", "2"]
-    if len(titles[0]) > 2 and counts and not _states_length(*(row[0] for row in titles)):
-        # The first column counts the points.
-        titles, rows = [row[1:] for row in titles], [(line, fields[1:]) for line, fields in rows]
-    columns = enumerate(zip(*titles, strict=True), start=1)
-    scales = [_length(path, number, *texts) for number, texts in columns]
-    values = np.empty((len(rows), len(scales)))
-    for row, (line, fields) in zip(values, rows, strict=True):
-        try:
-            row[:] = [float(field) for field in fields]
-        except ValueError:
-            raise ValueError(f"{path}: line {line}: {lines[line - 1][:60]!r}: must be numbers") from None
-        if not np.isfinite(row[0]) or np.isinf(row).any():
-            raise ValueError(f"{path}: line {line}: must be finite")
-    values[:, 1:] = without_sentinels(path, values[:, 1:])
-    x, *heights = (values * scales).T
-    heights = np.array(heights)
-    if np.all(np.diff(x) < 0):
-        x, heights = x[::-1].copy(), heights[:, ::-1].copy()
-    heights = _bridged(path, x, heights)
-    spikes = _outliers(path, heights, outliers, profiles=True)
-    return x, _bridged(path, x, np.where(spikes, np.nan, heights), warn=False)
-
-
-def _states_length(title, *below):
-    """Return True if a title, its brackets or the row below have a unit of length."""
-    bracket = _LENGTH_IN_BRACKETS.fullmatch(title)
-    return any(
-        plain_unit(text) in LENGTHS for text in (title, *below, *(bracket.groups() if bracket else ()))
-    )
-
-
-def _length(path, number, title, *below):
-    """Return the length unit in a title or in the row below [m]."""
-    bracket = _LENGTH_IN_BRACKETS.fullmatch(title)
-    written = below[0] if below else bracket[1] if bracket else title
-    unit, in_title = plain_unit(written), plain_unit(bracket[1]) if bracket else None
-    if unit not in LENGTHS:
-        known = closest(unit, tuple(LENGTHS))
-        raise ValueError(f"{path}: column {number} {title!r}: unit {written!r}: {known}")
-    if in_title in LENGTHS and in_title != unit:
-        raise ValueError(
-            f"{path}: column {number} {title!r}: unit {written!r} below contradicts the title; must be equal"
-        )
-    return LENGTHS[unit]
-
-
-def _bridged(path, x, heights, warn=True):
-    """Interpolate dropouts (NaN) along each trace, and return the heights."""
-    hole = np.isnan(heights)
-    if not hole.any():
-        return heights
-    if (share := hole.mean(1).max()) > MOST_HOLES:
-        raise ValueError(f"{path}: {share:.0%} of a trace are dropouts: must be at most {MOST_HOLES:.0%}")
-    if warn:
-        warn_caller(
-            f"{path}: {hole.mean():.1%} of the heights are dropouts and are interpolated", UserWarning
-        )
-    for height, missing in zip(heights, hole, strict=True):
-        height[missing] = np.interp(x[missing], x[~missing], height[~missing])
-    return heights
 
 
 class HeightMap(NamedTuple):
@@ -171,7 +65,8 @@ def read_heights(
 ) -> HeightMap:
     """Read a height map, for `rubberfric.roughness.spectrum_of_topography`.
 
-    Holes are filled smoothly: every height in a hole becomes the mean of its four neighbours.
+    Holes are filled smoothly: every height in a hole becomes the mean of its four neighbours. `holes` of the
+    result states their share.
 
     Parameters
     ----------
@@ -179,7 +74,7 @@ def read_heights(
     spacing : dx = dy, or (dx, dy), of a grid of heights, > 0 [m]
         The rows of the file are along y. None means that the file has the columns x, y and z, or that
         lines of Gwyddion above a grid state its size ("# Width: 10 µm", "# Height: 10 µm").
-    unit : unit of the numbers in the file, "m", "mm", "um" or "nm"
+    unit : unit of the numbers in the file, "m", "cm", "mm", "um", "nm", "pm" or "Å"
         None takes the unit from titles such as "x [mm]", or from a line "# Value units: m".
     sentinels : if True, numbers such as -9999 become holes, see `without_sentinels`, and a warning names them
         False keeps them as heights, for example the exactly flat ground of a groove.
@@ -225,26 +120,12 @@ def read_heights(
         heights = (without_sentinels(path, values) if sentinels else values) * units[0]
     hole = ~np.isfinite(heights)
     heights = fill_holes(heights) if outliers is not None and hole.mean() <= MOST_HOLES else heights
-    hole |= _outliers(path, heights, outliers)
+    hole |= outliers_of(path, heights, outliers)
     if hole.mean() > MOST_HOLES:
         raise ValueError(
             f"{path}: {hole.mean():.0%} of the points are holes: must be at most {MOST_HOLES:.0%}"
         )
     return HeightMap(fill_holes(np.where(hole, np.nan, heights)), float(dx), float(dy), float(hole.mean()))
-
-
-def _outliers(path, heights, threshold, profiles=False):
-    """Return a mask of outliers, and warn about them. All False if the threshold is None."""
-    if threshold is None:
-        return np.zeros(heights.shape, bool)
-    name = f"{path}: outliers"
-    check_values(name, as_leaf(name, threshold, 0), POSITIVE)
-    mask = find_outliers(heights, threshold, profiles=profiles)
-    if mask.any():
-        warn_caller(
-            f"{path}: {mask.mean():.2%} of the heights are outliers and are interpolated", UserWarning
-        )
-    return mask
 
 
 def _table(path):
@@ -298,15 +179,17 @@ def _rows(path, text):
     best: list = []
     every: list = []
     for separator in ("\t", ";", ",", None):
-        split = [(k, [field.strip() for field in line.split(separator)]) for k, line in lines]
-        rows = [(k, fields) for k, fields in split if len(fields) > 1 and all(map(_is_value, fields))]
-        rows = [(k, fields) for k, fields in rows if any(field.lower() not in _HOLES for field in fields)]
+        fields_of_lines = [[field.strip() for field in line.split(separator)] for _, line in lines]
+        fields_of_lines = without_trailing_separators(fields_of_lines, _has_height)
+        split = [(k, fields) for (k, _), fields in zip(lines, fields_of_lines, strict=True)]
+        rows = [(k, fields) for k, fields in split if len(fields) > 1 and _has_height(fields)]
         if len(rows) > len(best):
             best, every = rows, split
     if not best:
         raise ValueError(f"{path}: must have rows of numbers")
-    first, last = best[0][0], best[-1][0]
-    above = [fields for k, fields in every if k < first and len(fields) == len(best[0][1])]
+    first, last, width = best[0][0], best[-1][0], len(best[0][1])
+    above = [trimmed(fields, width) for k, fields in every if k < first]
+    above = [fields for fields in above if len(fields) == width]
     # Rows of holes between the others stay, because they are rows of the grid.
     rows = [(k, fields) for k, fields in every if first <= k <= last]
     for k, fields in [*rows, *((k, fields) for k, fields in every if k > last)]:
@@ -314,6 +197,11 @@ def _rows(path, text):
             shown_row = " ".join(fields)[:60]
             raise ValueError(f"{path}: line {k}: {shown_row!r}: must be numbers; remove or mend this line")
     return above[-1] if above else [], rows
+
+
+def _has_height(fields):
+    """Return True for numbers and holes with at least one number."""
+    return all(map(_is_value, fields)) and any(field.lower() not in _HOLES for field in fields)
 
 
 def _is_value(field):

@@ -1,0 +1,1 @@
+"""Readers of measured heights: height maps, traces of profilometers, and their holes."""
