@@ -29,8 +29,26 @@ class PressureShape(Kind, abc.ABC):
         """Return the largest pressure divided by the mean."""
 
     def kinks(self) -> jax.Array | np.ndarray:
-        """Return the s between which the pressure is smooth, in increasing order, from 0 to 1."""
+        """Return the s between which the pressure is smooth, in increasing order, from 0 to 1.
+
+        Between two neighbouring ones, the pressure is > 0 everywhere or 0 everywhere.
+        """
         return np.array([0.0, 1.0])
+
+    def contacts(self) -> tuple[jax.Array, jax.Array]:
+        """Return where the contact of each part between two `kinks` begins, and whether the part is loaded.
+
+        Returns
+        -------
+        Tuple of the index of the kink at which the contact of each part begins, and an array that is True for
+        loaded parts. Both have shape (kinks - 1,). A contact begins at the first kink, and at kinks without
+        pressure.
+        """
+        kinks = jnp.asarray(self.kinks())
+        begins = self.relative(kinks[:-1]) == 0
+        index = jnp.arange(begins.shape[0])
+        loaded = self.relative(0.5 * (kinks[:-1] + kinks[1:])) > 0
+        return jax.lax.cummax(jnp.where(begins, index, 0)), loaded
 
     @property
     def is_constant(self) -> bool:
@@ -124,6 +142,9 @@ class MeasuredPressure(PressureShape):
     Parameters
     ----------
     values : pressures in any unit, at least two, >= 0; only their ratios matter
+        A value 0 separates contacts, as a groove does: an element leaves it without deflection. Zeros at the
+        ends of a record are outside the contact. Replace readings below the threshold of a sensor by 0,
+        because elements with a small pressure slide, and continue to slide until their contact ends.
 
     Examples
     --------
