@@ -52,7 +52,8 @@ class SlipData(Measured):
 
     Notes
     -----
-    At small slip all elements stick, and the force depends on stiffness * length^2 * width / 2 alone
+    At small slip all elements stick, and the force depends on stiffness * length^2 * width / 2 alone. If a
+    measured pressure contains zeros, the lengths of the contacts replace the length of the patch
     (`rubberfric.applications.slip_stiffness`). A fit separates stiffness and length by aligning moments
     (`MomentData`). The error of the brush model is not known; no fit was compared with measured slip curves.
 

@@ -1,11 +1,9 @@
 r"""Grip of a patch that slips: the brush model with the friction of a scene.
 
-The patch is a row of elastic elements. An element enters at :math:`s_0`, the leading edge of the contact,
-sticks to the ground, and is sheared by the slip until the shear stress reaches the friction. It then slides
-to the trailing edge,
+The patch is a row of elastic elements. An element enters at the leading edge, sticks to the ground, and is
+sheared by the slip until the shear stress reaches the friction. It then slides to the trailing edge,
 
-.. math:: \tau(s) = \begin{cases} k \sigma L (s - s_0) & s < s^* \\
-          p(s)\,\mu(v_s, p(s), T) & s > s^* \end{cases},
+.. math:: \tau(s) = \begin{cases} k \sigma L s & s < s^* \\ p(s)\,\mu(v_s, p(s), T) & s > s^* \end{cases},
           \qquad F = L w \int_0^1 \tau\, ds,\qquad M = L^2 w \int_0^1 \tau \left(s - \tfrac12\right) ds
 
 [Fromm 1941; Pacejka, Tire and Vehicle Dynamics, 3rd ed. 2012, chapter 3]. For the slip angle :math:`\alpha`
@@ -14,8 +12,15 @@ and for the slip ratio :math:`\kappa`, at the travelling speed V,
 .. math:: \sigma = \tan|\alpha|,\quad v_s = V \sin|\alpha| \qquad\text{or}\qquad
           \sigma = \frac{|\kappa|}{1 + \kappa},\quad v_s = V |\kappa|
 
-The sliding speed :math:`v_s` is the same along the patch. The stress is continuous at :math:`s^*`, so that
-:math:`s^*` carries no first derivative of F.
+The sliding speed :math:`v_s` is the same along the patch.
+
+An element without pressure carries no stress, and loses its deflection. Places without pressure, such as a
+groove or the ends of a measured pressure, therefore separate contacts. In each contact, from :math:`s_0` to
+:math:`s_1`, elements enter at :math:`s_0`, stick with the stress :math:`k \sigma L (s - s_0)`, and slide from
+:math:`s^*` to :math:`s_1`. They do not stick again before :math:`s_1`, even if the pressure rises. Force and
+moment are sums over all contacts. Derivatives by measured pressures are taken for a fixed set of contacts.
+
+The stress is continuous at :math:`s^*`, so that :math:`s^*` carries no first derivative of F.
 
 The model leaves out the change of the sliding speed along the patch, the deformation of the carcass, camber,
 water, and the temperature that an element gains in earlier turns. The first one changes the force by -2 to +3
@@ -58,10 +63,14 @@ _PRESSURES = 8
 _NODES = 24
 # Number of slips among which the peak is searched.
 _SLIPS = 33
-# Number of even intervals, besides those between kinks, in which the first sliding element is searched.
+# Number of intervals of the patch in which the first sliding element of a contact is searched. They are even
+# between two kinks of the pressure.
 _INTERVALS = 64
-# Share of the length next to the leading edge, whose elements slide if the next ones do.
-_EDGE = 1e-12
+# Smallest number of these intervals between two kinks, where the friction stress is slightly curved.
+_LEAST_INTERVALS = 4
+# Share of the length next to the beginning of a contact, whose elements slide if the next ones do. It is at
+# least this many units of rounding of s.
+_EDGE, _EDGE_ROUNDING = 1e-12, 16
 
 
 class Grip(NamedTuple):
@@ -72,7 +81,7 @@ class Grip(NamedTuple):
     force : tangential force, with the sign of the slip [N]
     coefficient : force / load [-]
     moment : aligning moment of a side force, with the sign of the slip, or None for a slip ratio [N m]
-    sliding : share of the length of the contact that slides [-]
+    sliding : share of the length in contact that slides [-]
     """
 
     force: jax.Array
@@ -259,8 +268,8 @@ def peak_grip(
 def slip_stiffness(patch: Patch) -> jax.Array:
     r"""Return the slip stiffness dF/d(slip) at zero slip, k L^2 w / 2 [N], per rad or per slip ratio.
 
-    All elements stick at zero slip, so that friction does not matter. L is the length of the contact, without
-    zeros at the ends of a `MeasuredPressure`.
+    All elements in contact stick at zero slip, so that friction does not matter. If places without pressure
+    separate contacts of lengths L_i, L^2 is the sum of L_i^2.
 
     Examples
     --------
@@ -268,8 +277,9 @@ def slip_stiffness(patch: Patch) -> jax.Array:
     >>> round(float(rf.applications.slip_stiffness(patch)))  # in N per rad
     54000
     """
-    begin, end = patch.shape.contact()
-    return 0.5 * patch.stiffness * (patch.length * (end - begin)) ** 2 * patch.width
+    parts = _parts(patch, jnp.result_type(patch.stiffness))
+    squares = _power(parts, parts.high, 2)
+    return 0.5 * patch.stiffness * patch.length**2 * patch.width * jnp.sum(squares)
 
 
 def _conditions(dtype, slip, speed, load, kind):
@@ -295,6 +305,28 @@ def _friction_at(mu, relative):
     return chebyshev_sum(coefficients, 2 * safe_root(jnp.maximum(relative, 0.0)) - 1)
 
 
+class _Parts(NamedTuple):
+    """Parts of a patch between two kinks of the pressure, each of shape (parts,)."""
+
+    low: jax.Array  # s at the ends of the part
+    high: jax.Array
+    first: jax.Array  # index of the first part of the same contact
+    origin: jax.Array  # s at which the contact begins
+    loaded: jax.Array
+
+
+def _parts(patch, dtype):
+    kinks = jnp.asarray(patch.shape.kinks(), dtype)
+    first, loaded = patch.shape.contacts()
+    return _Parts(kinks[:-1], kinks[1:], first, kinks[first], loaded)
+
+
+def _power(parts, end, exponent):
+    """Return (s - origin)^exponent at `end` minus its value at the beginning of a part; 0 if not loaded."""
+    change = (end - parts.origin) ** exponent - (parts.low - parts.origin) ** exponent
+    return jnp.where(parts.loaded, change, 0.0)
+
+
 def brush(
     patch: Patch, sigma: jax.Array, mean: jax.Array, mu: jax.Array
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
@@ -308,29 +340,29 @@ def brush(
     mu : friction coefficients at `_pressures`, shape (pressures,)
     """
     shape, highest = patch.shape, patch.shape.highest()
-    begin, end = shape.contact()
+    parts = _parts(patch, sigma.dtype)
     rise = patch.stiffness * jnp.abs(sigma) * patch.length
 
     def limit(s):
         relative = shape.relative(s)
         return mean * relative * _friction_at(mu, relative / highest)
 
-    kinks = jnp.asarray(shape.kinks(), sigma.dtype)
-    even = begin + (end - begin) * np.linspace(0.0, 1.0, _INTERVALS + 1)
-    # At the leading edge itself, stress and friction may both be 0.
-    places = jnp.sort(jnp.clip(jnp.concatenate([even, kinks]), begin + _EDGE * (end - begin), end))
-    places = jax.lax.stop_gradient(places.astype(sigma.dtype))
-    start = _first_sliding(lambda s: rise * (s - begin) - limit(s), places, begin)
+    def excess(s):
+        return rise * (s - parts.origin[:, None]) - limit(s)
+
+    start = _first_sliding(excess, parts)
     t, weight = (typed(table, sigma) for table in _clustered(_NODES))
-    low = jnp.maximum(kinks[:-1], start)[:, None]
-    length = jnp.maximum(kinks[1:], start)[:, None] - low
-    s = low + length * t
+    length = (parts.high - start)[:, None]
+    s = start[:, None] + length * t
     sliding = jnp.sign(sigma) * weight * length * limit(s)
     # With the sign of sigma in it, so that the slope at sigma = 0 is right.
-    sticking = patch.stiffness * sigma * patch.length * (start - begin) ** 2
-    force = 0.5 * sticking + jnp.sum(sliding)
-    moment = sticking * ((start - begin) / 3 + (begin - 0.5) / 2) + jnp.sum(sliding * (s - 0.5))
-    return patch.area * force, patch.area * patch.length * moment, (end - start) / (end - begin)
+    sticking = patch.stiffness * sigma * patch.length
+    squares, cubes = _power(parts, start, 2), _power(parts, start, 3)
+    force = 0.5 * sticking * jnp.sum(squares) + jnp.sum(sliding)
+    arms = cubes / 3 + 0.5 * (parts.origin - 0.5) * squares
+    moment = sticking * jnp.sum(arms) + jnp.sum(sliding * (s - 0.5))
+    in_contact = jnp.sum(jnp.where(parts.loaded, parts.high - parts.low, 0.0))
+    return patch.area * force, patch.area * patch.length * moment, jnp.sum(length) / in_contact
 
 
 def _clustered(count):
@@ -339,13 +371,27 @@ def _clustered(count):
     return x * x * (3 - 2 * x), 6 * x * (1 - x) * w
 
 
-def _first_sliding(excess, places, begin):
-    """Return the first s at which `excess` exceeds 0, or the last place if none does, with its derivatives.
+def _first_sliding(excess, parts):
+    """Return the s in each part from which elements slide, or its end if they stick, with derivatives.
 
-    `places` are in increasing order. Between two of them, `excess` changes its sign once at most.
+    `excess` maps s of shape (parts, n) to the stress of sticking elements minus the friction stress.
     """
-    over = jax.lax.stop_gradient(jax.vmap(excess)(places[1:])) > 0
-    k = jnp.argmax(over)
-    start, has_root = root(excess, places[k], places[k + 1])
+    low, high = parts.low, parts.high
+    count = max(_LEAST_INTERVALS, -(-_INTERVALS // low.shape[0]))
+    u = jnp.linspace(0.0, 1.0, count + 1, dtype=low.dtype)
+    grid = low[:, None] * (1 - u) + high[:, None] * u
+    # Where a contact begins, stress and friction may both be 0.
+    edge = jnp.maximum(_EDGE, _EDGE_ROUNDING * float(jnp.finfo(low.dtype).eps) * low)
+    grid = grid.at[:, 0].add(jnp.where(low == parts.origin, edge, 0.0))
+    over = parts.loaded[:, None] & (jax.lax.stop_gradient(excess(grid[:, 1:])) > 0)
+    k = jnp.argmax(over, 1)[:, None]
+    ends = (jnp.take_along_axis(grid, i, 1) for i in (k, k + 1))
+    start, has_root = (x[:, 0] for x in root(excess, *ends))
     # Elements slide from the beginning if the stress exceeds the friction within the first interval.
-    return jnp.where(jnp.any(over), jnp.where(has_root, start, begin), places[-1])
+    crosses = jnp.any(over, 1)
+    start = jnp.where(crosses, jnp.where(has_root, start, low), high)
+    # All parts slide that follow in the same contact.
+    index = jnp.arange(low.shape[0])
+    last = jax.lax.cummax(jnp.where(crosses, index, -1))
+    slid = (index > 0) & (jnp.roll(last, 1) >= parts.first)
+    return jnp.where(slid, low, start)

@@ -29,12 +29,26 @@ class PressureShape(Kind, abc.ABC):
         """Return the largest pressure divided by the mean."""
 
     def kinks(self) -> jax.Array | np.ndarray:
-        """Return the s between which the pressure is smooth, in increasing order, from 0 to 1."""
+        """Return the s between which the pressure is smooth, in increasing order, from 0 to 1.
+
+        Between two neighbouring ones, the pressure is > 0 everywhere or 0 everywhere.
+        """
         return np.array([0.0, 1.0])
 
-    def contact(self) -> tuple[jax.Array | float, jax.Array | float]:
-        """Return the s where the contact begins and ends."""
-        return 0.0, 1.0
+    def contacts(self) -> tuple[jax.Array, jax.Array]:
+        """Return where the contact of each part between two `kinks` begins, and whether the part is loaded.
+
+        Returns
+        -------
+        Tuple of the index of the kink at which the contact of each part begins, and an array that is True for
+        loaded parts. Both have shape (kinks - 1,). A contact begins at the first kink, and at kinks without
+        pressure.
+        """
+        kinks = jnp.asarray(self.kinks())
+        begins = self.relative(kinks[:-1]) == 0
+        index = jnp.arange(begins.shape[0])
+        loaded = self.relative(0.5 * (kinks[:-1] + kinks[1:])) > 0
+        return jax.lax.cummax(jnp.where(begins, index, 0)), loaded
 
     @property
     def is_constant(self) -> bool:
@@ -128,7 +142,9 @@ class MeasuredPressure(PressureShape):
     Parameters
     ----------
     values : pressures in any unit, at least two, >= 0; only their ratios matter
-        Zeros at the ends are outside the contact. Behind a zero in between, all elements slide.
+        A value 0 separates contacts, as a groove does: an element leaves it without deflection. Zeros at the
+        ends of a record are outside the contact. Replace readings below the threshold of a sensor by 0,
+        because elements with a small pressure slide, and continue to slide until their contact ends.
 
     Examples
     --------
@@ -160,14 +176,6 @@ class MeasuredPressure(PressureShape):
     def kinks(self) -> np.ndarray:
         """Return the places of the values."""
         return np.linspace(0.0, 1.0, self.values.shape[0])
-
-    def contact(self) -> tuple[jax.Array, jax.Array]:
-        """Return the places next to the first and last value above 0, where the pressure is 0, or 0 and 1."""
-        loaded = self.values > 0
-        last = loaded.shape[0] - 1
-        places = jnp.asarray(self.kinks(), self.values.dtype)
-        first, behind = jnp.argmax(loaded), jnp.argmax(loaded[::-1])
-        return places[jnp.maximum(first - 1, 0)], places[jnp.minimum(last - behind + 1, last)]
 
 
 @physical
