@@ -120,7 +120,8 @@ def independent_modes(
     sums = np.cumsum(np.pad([alone * ratio, alone], ((0, 0), (1, 0))), axis=1)
     weighted, weight = sums[:, end] - sums[:, first]
     ratio = np.maximum(weighted / weight, 1.0)
-    return alone / ratio, count / all_pairs / ratio
+    # One mode at least holds the power of a bin.
+    return np.maximum(alone / ratio, np.minimum(alone, 1.0)), count / all_pairs / ratio
 
 
 def unbiased(

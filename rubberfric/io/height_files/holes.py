@@ -68,7 +68,9 @@ def _sentinel(heights: np.ndarray) -> float | None:
     return None
 
 
-def outliers_of(path, heights, threshold, profiles=False):
+def outliers_of(
+    path: StrPath, heights: np.ndarray, threshold: float | None, profiles: bool = False
+) -> np.ndarray:
     """Return a mask of outliers, and warn about them. All False if the threshold is None."""
     if threshold is None:
         return np.zeros(heights.shape, bool)
