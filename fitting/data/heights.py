@@ -64,8 +64,8 @@ def resolved_ends(measured: MeasuredSpectrum | ArealSpectrum) -> tuple[float | N
     """Return the first and last wavevector to fit [1/m]. None stands for the end of the data."""
     if isinstance(measured, ArealSpectrum):
         return float(measured.q[0]), None
-    begin, end = whole_bins(measured.q, measured.C)
-    q1 = min(measured.resolved().q1, float(measured.q[end - 1]))
+    begin, _ = whole_bins(measured.q, measured.C)
+    q1 = measured.resolved().q1
     enough = np.sum((measured.q >= measured.q[begin]) & (measured.q <= q1))
     q0 = float(measured.q[begin]) if measured.dimensions == 1 or begin > 0 else None
     return q0, q1 if enough > _LEAST_FITTED + (measured.dimensions == 1) else None

@@ -68,9 +68,10 @@ _SLIPS = 33
 _INTERVALS = 64
 # Smallest number of these intervals between two kinks, where the friction stress is slightly curved.
 _LEAST_INTERVALS = 4
-# Share of the length next to the beginning of a contact, whose elements slide if the next ones do. It is at
-# least this many units of rounding of s.
-_EDGE, _EDGE_ROUNDING = 1e-12, 16
+# Share of the length next to the beginning of a contact, whose elements slide if the next ones do.
+_EDGE = 1e-12
+# Smallest such share in units of rounding of s, so that s differs from the beginning.
+_EDGE_ROUNDING = 16
 
 
 class Grip(NamedTuple):

@@ -8,8 +8,7 @@
 
 A file has a row x, y, z for each point, or a grid of heights whose spacing the caller gives. A height that is
 empty, `NaN` or `n/a` is a hole, and so is a missing row. A separator at the end of every row is no hole.
-Programs also write numbers such as -9999, 32767 or
-1e38 for holes, see `without_sentinels`.
+Programs also write numbers such as -9999, 32767 or 1e38 for holes, see `without_sentinels`.
 """
 
 import re

@@ -157,9 +157,7 @@ def test_long_waves_of_a_single_profile_are_unknown():
 
     line = np.asarray(rf.roughness.line_spectrum(road, q))
     modes, error = np.full(q.size, 2), np.full(q.size, 0.1)
-    measured = Profile(
-        q, line, modes, error, 50.0, 0.0, 0.35e-3, 1, 0.35e-3, 2.0, None, modes / 2, np.zeros(q.size)
-    )
+    measured = Profile(q, line, modes, error, 50.0, 0.0, 0.35e-3, 1, 0.35e-3, 2.0, None, line, error)
     fit = fitting.fit_spectrum(measured)
     assert fit.remarks[-1].endswith("so that h_rms agrees with the rms height of the profiles, 0.00035 m")
     assert float(fit.spectrum.h_rms) == pytest.approx(0.35e-3, rel=1e-3)

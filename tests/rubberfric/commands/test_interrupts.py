@@ -141,6 +141,30 @@ def test_a_command_called_from_python_is_interrupted(answer, which):
     assert answer(work, which) == (128 + which, f"rubberfric: {LOST}")
 
 
+TRACED = """
+import signal, sys, time
+from rubberfric.commands.interrupts import Interrupts
+try:
+    with Interrupts("rubberfric", process=False):
+        signal.raise_signal(signal.SIGINT)
+        for _ in range(1200):
+            time.sleep(0.05)
+except KeyboardInterrupt:
+    print("now", flush=True)
+sys.settrace(lambda *_: None)
+def traced():
+    print("traced")
+traced()
+"""
+
+
+def test_a_debugger_goes_on_after_an_interrupted_command():
+    """In Python 3.11, an exception that was dropped made every traced call wait forever."""
+    program = [sys.executable, "-c", TRACED]
+    done = subprocess.run(program, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout) == (0, "now\ntraced\n")
+
+
 def test_a_command_called_from_python_does_not_lose_a_signal_in_a_weak_reference(answer, monkeypatch):
     """Python prints and ignores an exception in the callback of a weak reference."""
 
