@@ -3,7 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from problems import POINTS, PROBLEMS, covering, distinct, each
+from problems import POINTS, PROBLEMS, compiled, covering, distinct, each
 
 import rubberfric as rf
 
@@ -63,6 +63,21 @@ def test_a_point_alone_equals_itself_in_a_curve(problem):
             np.testing.assert_allclose(
                 alone[0], together[quantity][i], rtol=0 if exact else 1e-9, err_msg=quantity
             )
+
+
+# Stiffness that depends on the wavevector is evaluated on a grid of frequencies for so many points.
+MANY = 64
+
+
+@each(distinct(PROBLEMS.values()), ("rubber on elastic base",))
+def test_a_long_curve_has_the_values_of_its_points(problem):
+    velocity = curve(problem)[0]
+    between = np.geomspace(1e-3, 1e3, MANY - POINTS) * (problem.velocity or 1e-2)
+    arguments = problem._replace(velocity=np.concatenate([between, velocity])).arguments
+    names = rf.quantities_of(problem.scene)
+    results = compiled(arguments, names, None)
+    few = problem.solved(velocity=velocity)
+    assert_equal({name: x[-POINTS:] for name, x in results.items()}, few, 1e-9)
 
 
 @each_part

@@ -115,8 +115,8 @@ def E_r_S_bar(
     q: jax.Array,
     omega: jax.Array | None,
     T: jax.Array | None,
-    softened: Softened | None = None,
-    unit: NumberLike = 1.0,
+    softened: Softened | None,
+    unit: NumberLike,
 ) -> jax.Array:
     """Return E_r Sbar = 2 / (q M) of a body, divided by `unit` [Pa]; complex unless omega is None.
 

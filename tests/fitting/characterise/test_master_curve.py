@@ -234,6 +234,15 @@ def test_shifts_of_glassy_sweeps_are_regular(seed):
     assert abs(error[0]) < 3 * curve.stderr[0] / np.log(10)
 
 
+def test_offsets_are_those_from_the_curve_and_its_hidden_shift(found):
+    """Residuals that are made of an offset of each sweep and of a shift that the curve allows for."""
+    count = found.T.size
+    hidden, own = np.linspace(-0.2, 0.3, count), np.stack([np.arange(count), np.arange(count) ** 2])
+    sweep = np.repeat(np.arange(count), found.shifts.t.size // count)
+    shifts = found.shifts._replace(hidden=hidden)
+    np.testing.assert_allclose(shifts.offsets((own + hidden)[:, sweep], sweep)[0], own, atol=1e-12)
+
+
 def test_bad_points_are_named_and_lose_weight(found):
     data = isotherms()
     storage = np.array(data.storage)

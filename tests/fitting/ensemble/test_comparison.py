@@ -76,6 +76,15 @@ def test_names_and_the_least_wrong(fits):
     assert any("the fit of 'two' did not converge" in line for line in table.words)
 
 
+def test_priors_that_differ_are_named(fits):
+    """Their order does not matter, even if two of them are equal."""
+    modulus, same = fitting.Gaussian(8e7, 1e7), fitting.Gaussian(8e7, 1e7)
+    first, other_order = {E: modulus, E_INF: same}, {E_INF: same, E: modulus}
+    for second, differ in ((other_order, False), ({E: modulus}, True)):
+        results = [dataclasses.replace(fits["one"], prior=prior) for prior in (first, second)]
+        assert any("their priors differ" in line for line in fitting.compare(results).words) == differ
+
+
 def test_a_value_that_decides_alone_is_named():
     data = ModulusData([1.0, 2.0, 1e5], [3e6, 3e6, 3e7], [8e3, 2e4, 3e7], relative=[0.3, 0.3, 0.003])
     pair = [fitted(terms, data) for terms in (1, 2)]

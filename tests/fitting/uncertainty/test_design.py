@@ -136,6 +136,19 @@ def test_gain_is_the_part_of_the_variance_that_one_measurement_takes():
     np.testing.assert_allclose(found.gain, part, rtol=1e-6, atol=1e-9)
 
 
+def test_gain_in_the_variance_of_the_numbers():
+    """A number at its bound counts with its own variance, not with that of the number it is fitted by."""
+    rubber, omega = TRUTH.lower.material, np.logspace(0, 6, 12)
+    E = rf.complex_modulus(rubber, omega)
+    data = fitting.ModulusData(omega, E.real, E.imag, relative=0.05)
+    free = {"lower.material.E_inf": fitting.Bounded(2 * float(rubber.E_inf), 1e8, start=1e7)}
+    fit = fitting.fit(TRUTH, data, free | {"lower.material.E": fitting.Positive()}, quadrature=QUICK)
+    assert list(fit.uncertainty.withheld) == ["lower.material.E_inf"]
+    found = fitting.design(fit, candidates=CANDIDATES, criterion="A", n=1)
+    part = 1 - np.sum(found.after**2) / np.sum(found.before**2)
+    assert found.gain[found.index[0]] == pytest.approx(part, rel=1e-6)
+
+
 def test_measurements_that_will_be_made_anyway_count(designed):
     free = {"quadrature": QUICK, "prior": PRIOR, "criterion": WANTED}
     later = fitting.design(TRUTH, FREE, candidates=CANDIDATES, n=3, already=designed, **free)

@@ -24,6 +24,14 @@ def test_wlf(T):
     assert WLF.log_factor(T) == pytest.approx(min(float(exact), LARGEST), rel=1e-10, abs=1e-14)
 
 
+def test_slopes_of_wlf_vanish_at_and_below_its_pole():
+    """ln a_T does not change there, see `WLF`."""
+    for T in (WLF.T_ref - WLF.C2, 150.0):
+        assert WLF.log_factor(T) == LARGEST
+        slopes = jax.grad(lambda law, T: law.log_factor(T), (0, 1))(jax.tree.map(float, WLF), T)
+        assert all(float(slope) == 0 for slope in jax.tree.leaves(slopes))
+
+
 @pytest.mark.parametrize("T", [1.0, 200.0, 293.15, 293.1500001, 1e4])
 def test_arrhenius(T):
     with mp.workdps(30):
