@@ -203,7 +203,7 @@ def _folded_strokes(where: str, table: Table, steps: Steps, history: list[str]) 
             sections += [bins.rows[i][k], bins.rows[j][k]]
             speeds.append(bins.speed[i][k])
             places.append((strokes[i], strokes[j]))
-    cycle = folded(table, sections, pairs, history, "bin of a cycle")
+    cycle = folded(table, sections, pairs, history, ("bin of a cycle", "bins of cycles"))
     history += slowing_hysteresis(table, sections, places, np.array(speeds))
     return cycle | {"v": np.array(speeds)}
 
@@ -292,13 +292,13 @@ def folded(
     sections: Sequence[np.ndarray],
     cycles: Sequence[tuple[int, int]],
     history: list[str],
-    noun: str = "cycle",
+    nouns: tuple[str, str] = ("cycle", "cycles"),
 ) -> Table:
     """Return a row for each pair of sections in opposite directions, with the hysteresis as sigma.
 
     The offset of mu, which is equal for both directions, cancels. sigma is the scatter of the offset between
     cycles, which is also the scatter of mu if the strokes are independent, times `student_factor`. With one
-    cycle, sigma is the offset itself.
+    cycle, sigma is the offset itself. `nouns` name a pair, and several pairs, in the history.
     """
     means = {name: np.array([values[rows].mean() for rows in sections]) for name, values in table.items()}
     speed = np.abs(means["v"])
@@ -332,9 +332,9 @@ def folded(
     if sigma == 0:
         error = "no hysteresis, errors unknown"
     else:
-        error = f"hysteresis {sigma:.2g} is sigma" + ("" if several else f", the offset of the only {noun}")
+        error = f"hysteresis {sigma:.2g} is sigma" + ("" if several else f", the offset of the only {nouns[0]}")
     history.append(
-        f"folded, {len(cycles)} {noun}{'s' * several}: mu = {formula}; offset of mu {offset.mean():+.3g}, a"
+        f"folded, {len(cycles)} {nouns[several]}: mu = {formula}; offset of mu {offset.mean():+.3g}, a"
         f" misalignment of {angle:+.3g} deg or a zero error; {error}"
         + (f"; {left} sections without a partner left out" if left else "")
     )

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.checks import NONNEGATIVE, POSITIVE, between
+from rubberfric.base.checks import NONNEGATIVE, POSITIVE, between, is_concrete
 from rubberfric.base.objects.fields import Number, Vector, child, leaf
 from rubberfric.base.objects.physical import Kind, PhysicalObject, physical
 
@@ -159,6 +159,8 @@ class MeasuredPressure(PressureShape):
     def _check(self) -> None:
         if np.shape(self.values)[0] < 2:
             raise ValueError("MeasuredPressure.values has one pressure: must have at least two")
+        if is_concrete(self.values) and not np.any(self.values):
+            raise ValueError("MeasuredPressure.values: all pressures are 0: one must be > 0")
 
     def _shape(self):
         values = self.values

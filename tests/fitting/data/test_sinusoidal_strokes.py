@@ -1,6 +1,7 @@
 """Sinusoidal strokes, made from a known friction mu(v) that rises with ln v, and read back."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -70,6 +71,7 @@ def test_speeds(names, given, history):
     assert any(line.startswith(history) for line in data.history)
     assert any("misalignment of +3 deg" in line for line in data.history)
     assert any("5 bins of |v|, 5 per decade" in line for line in data.history)
+    assert any(re.match(r"folded, \d+ bins of cycles: mu = ", line) for line in data.history)
 
 
 @pytest.mark.parametrize(("names", "given", "history"), WAYS)

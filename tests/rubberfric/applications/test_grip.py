@@ -270,6 +270,7 @@ def grip_with(**change):
         (lambda: Patch(-L, W, K), "Patch.length = -0.12"),
         (lambda: Trapezoid(0.6), "Trapezoid.ramp = 0.6: must be between"),
         (lambda: MeasuredPressure([1.0]), "must have at least two"),
+        (lambda: MeasuredPressure([0.0, 0.0, 0.0]), "all pressures are 0: one must be > 0"),
         (lambda: MeasuredPressure([1.0, -1.0]), "MeasuredPressure.values[1] = -1"),
     ],
 )
