@@ -332,7 +332,8 @@ def folded(
     if sigma == 0:
         error = "no hysteresis, errors unknown"
     else:
-        error = f"hysteresis {sigma:.2g} is sigma" + ("" if several else f", the offset of the only {nouns[0]}")
+        error = f"hysteresis {sigma:.2g} is sigma"
+        error += "" if several else f", the offset of the only {nouns[0]}"
     history.append(
         f"folded, {len(cycles)} {nouns[several]}: mu = {formula}; offset of mu {offset.mean():+.3g}, a"
         f" misalignment of {angle:+.3g} deg or a zero error; {error}"

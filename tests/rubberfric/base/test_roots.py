@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy
 
-from rubberfric.base.roots import first, root, zero
+from rubberfric.base.roots import _search, first, root, zero
 
 # Function and bracket.
 FUNCTIONS = {
@@ -57,6 +57,13 @@ def test_zeros_from_1e_minus_30_to_1e30(power):
     found, changes = jax.jit(lambda: root(function, jnp.full(61, -80.0), jnp.full(61, 80.0)))()
     assert changes.all()
     np.testing.assert_allclose(found, np.log(zeros), rtol=1e-14, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["cosine", "cube in a wide bracket", "exponential", "steep"])
+def test_smooth_functions_take_a_few_evaluations(name):
+    """Bisection alone takes more than 50."""
+    function, low, high = FUNCTIONS[name]
+    assert _search(function, jnp.array(low), jnp.array(high)).round <= 25
 
 
 def test_functions_may_overflow_within_the_bracket():

@@ -235,6 +235,7 @@ def test_rows_over_temperature_are_a_vertical_shift(text, options, factors, tmp_
         (DYNA.replace("2000.0", "2000.0       0.0         1"), MPA, "has EF = 1: must be 0"),
         (DYNA.replace("_TITLE", "_MOISTURE_TITLE"), MPA, "must have no suffix except _TITLE"),
         (RUBBER.replace("0.495         0", "0.495         1"), MPA, "has N = 1, a fit to test data"),
+        (RUBBER.replace("100.0\n", "100.0       0.2\n"), MPA, "term 1 has [0.2"),
         (ABAQUS.replace("30., 0.5", "0., 0.5"), MPA, "Young's modulus 0: must be > 0"),
         ("".join(SOFT).replace(f"{1:10}\n", f"{1:10}{'':10}{2e3:20}\n"), MPA, "has K_v = 2000: must be 0"),
         (HARD[0] + SOFT[1], MPA, "/MAT/LAW42 is missing or incomplete for /VISC/PRONY/1"),
