@@ -14,6 +14,8 @@ FUNCTIONS = {
     "cube in a wide bracket": (lambda x: x**3 - 2, 0.0, 1e3),
     "exponential": (lambda x: jnp.exp(x) - 1e5, -30.0, 200.0),
     "falling": (lambda x: 0.3 - x, -1.0, 2.0),
+    "falling slowly": (lambda x: 1e-9 * (0.3 - x), -1.0, 2.0),
+    "rising slowly": (lambda x: 1e-9 * (x - 0.3), -1.0, 2.0),
     "steep": (lambda x: jnp.tanh(50 * (x - 0.77)), -5.0, 9.0),
     "step": (lambda x: jnp.where(x > 0.123, 1.0, -1.0), -1.0, 1.0),
     "kink": (lambda x: jnp.where(x > 0.4, 1e6 * (x - 0.4), 1e-3 * (x - 0.4)), -3.0, 2.0),
