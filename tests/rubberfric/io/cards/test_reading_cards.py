@@ -115,6 +115,7 @@ LONG = rf.Prony(1e6, np.ones(18), 10.0 ** np.arange(18), 0.5)
         ((LONG, "lsdyna", {"bulk": 2e9, "density": 1e3}), "has 18 terms: must be at most 18, including"),
         ((SHEAR, "abaqus", {"bulk": 1e9}), "bulk = 1000000000.0: must not be given; the PronyShear has"),
         ((SOFT, "abaqus", {"bulk": 1e6}), "bulk = 1e+06 Pa: must be > 1/3 of the glassy Young's modulus"),
+        ((rf.PronyShear(1e6, [9e6], [1.0], 5e6),), "bulk = 5e+06 Pa: must be > 2/3 of the glassy shear"),
         ((rf.Prony(0.0, [1.0], [1.0]),), "material has relaxed modulus 0: must be > 0 for abaqus"),
         ((SOFT, "abaqus", {"density": 1e3, "unit_stress": "GPa"}), "must be Pa or MPa if a density is given"),
         ((SHEAR, "pyvisco", {"shift": False}), "shear and bulk weights must be equal for pyvisco"),
