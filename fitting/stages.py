@@ -18,11 +18,11 @@ from fitting.solvers.evaluation import model_rows, residual_rows
 from fitting.solvers.further import fit_further
 from fitting.solvers.objective import (
     INTERRUPTED,
-    NEGLIGIBLE,
     OUT_OF_STEPS,
     RUNNING,
     STALLED,
     UNMOVED,
+    negligible,
     succeeded,
     was_interrupted,
 )
@@ -249,7 +249,7 @@ def distinct_minima(problem: Problem, runs: Sequence[Runs]) -> tuple[Minimum, ..
         if not succeeded(run.status):
             continue
         cost = float(run.cost)
-        if minima and cost - minima[-1].cost <= NEGLIGIBLE * max(1.0, minima[-1].cost):
+        if minima and cost - minima[-1].cost <= negligible(minima[-1].cost):
             minima[-1] = minima[-1]._replace(count=minima[-1].count + 1)
         else:
             minima.append(Minimum(cost, 1, problem.values(run.x)))

@@ -24,7 +24,7 @@ from fitting.parameters.plausible import implausible
 from fitting.parameters.variables import to_x
 from fitting.solvers.evaluation import costs_at, errors_of_slopes, evaluate_rows
 from fitting.solvers.levenberg_marquardt import NEAR_MINIMUM
-from fitting.solvers.objective import NEGLIGIBLE, was_interrupted
+from fitting.solvers.objective import negligible, was_interrupted
 from fitting.solvers.ordered import edges, put_in_order
 from fitting.solvers.residuals import padded
 from fitting.solvers.runs import run_fits
@@ -265,7 +265,7 @@ def _follow(solved, which, seconds):
 
 def _is_lower(solved, rise):
     """Return True if a rise of chi-square is negative, by more than a negligible gain of the cost."""
-    return rise < -2 * NEGLIGIBLE * max(1.0, solved.cost)
+    return rise < -2 * negligible(solved.cost)
 
 
 def _path(i, sides):

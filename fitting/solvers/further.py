@@ -14,7 +14,7 @@ import numpy as np
 
 from fitting.parameters.variables import Array
 from fitting.solvers.evaluation import costs_at
-from fitting.solvers.objective import NEGLIGIBLE, succeeded, was_interrupted
+from fitting.solvers.objective import negligible, succeeded, was_interrupted
 from fitting.solvers.ordered import put_in_order
 from fitting.solvers.problem import Problem
 from fitting.solvers.runs import Runs
@@ -91,7 +91,7 @@ def fit_further(
                 end = end._replace(status=new.status)
             break
         results.append(new)
-        little = NEGLIGIBLE * max(1.0, float(end.cost))
+        little = negligible(float(end.cost))
         if succeeded(new.status) and new.cost < end.cost + little:
             lower = new.cost < end.cost - little or not succeeded(end.status)
             agreed = 1 if lower else agreed + 1

@@ -121,6 +121,11 @@ class Iterate(NamedTuple):
     own: Any  # arrays of the solver
 
 
+def negligible(cost: float | np.ndarray) -> np.ndarray:
+    """Return the largest negligible difference from a cost."""
+    return NEGLIGIBLE * np.maximum(1.0, cost)
+
+
 def unless_done(before: Iterate, after: Iterate) -> Iterate:
     """Return `after`, the iterate after a step, or `before` if the fit has already ended."""
     running = before.status == RUNNING

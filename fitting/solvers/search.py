@@ -26,10 +26,10 @@ from fitting.parameters.variables import VANISHED, Array, Variables
 from fitting.solvers.evaluation import costs_at, errors_of_rows, errors_of_slopes, evaluate_rows
 from fitting.solvers.objective import (
     INTERRUPTED,
-    NEGLIGIBLE,
     PERFECT,
     STALLED,
     UNMOVED,
+    negligible,
     succeeded,
     was_interrupted,
 )
@@ -162,7 +162,7 @@ def confirm_minimum(
             break
         costs = costs_at(problem, places)
         spent[0] += len(places)
-        least = end.cost - NEGLIGIBLE * max(1.0, end.cost)
+        least = end.cost - negligible(end.cost)
         lower = costs.min() < least
         tried = [int(np.argmin(costs))] if lower else [i for i in inner if np.isfinite(costs[i])]
         before = end

@@ -19,7 +19,7 @@ from fitting.solvers.levenberg_marquardt import (
     first_trial,
     plan_step,
 )
-from fitting.solvers.objective import CONVERGED, NEGLIGIBLE, NOT_FINITE, RUNNING, Iterate
+from fitting.solvers.objective import CONVERGED, NOT_FINITE, RUNNING, Iterate, negligible
 from fitting.solvers.options import Solver
 from fitting.solvers.ordered import put_on_bounds, slopes_of_x, x_of, z_of
 from fitting.solvers.problem import FitStructure, Numbers, Problem, Targets
@@ -124,7 +124,7 @@ class Engine(NamedTuple):
         if not np.any(status == RUNNING):
             return after
         there = after._replace(x=x, cost=costs, status=status, nfev=after.nfev + 1, njev=after.njev + 1)
-        highest = after.cost + 0.01 * NEGLIGIBLE * np.maximum(1.0, after.cost)
+        highest = after.cost + 0.01 * negligible(after.cost)
         for _ in range(2):
             there = self._levenberg_marquardt_step(targets, there)
             lower = tried & (np.asarray(there.cost) < highest)

@@ -17,7 +17,7 @@ import numpy as np
 
 from fitting.solvers.evaluation import costs_at
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
-from fitting.solvers.objective import NEGLIGIBLE, succeeded, was_interrupted
+from fitting.solvers.objective import negligible, succeeded, was_interrupted
 from fitting.solvers.problem import Problem
 from fitting.solvers.runs import Runs, run_fits
 from fitting.uncertainty.likelihood_profile import LikelihoodProfile
@@ -105,10 +105,6 @@ class _Trace:
             rise = np.maximum(2 * (self.cost - self.lowest), 0.0)
         return np.sqrt(np.where(self.good, rise, np.nan))
 
-    def little(self, cost):
-        # Largest negligible difference from a cost.
-        return NEGLIGIBLE * max(1.0, cost)
-
     def add(self, starts, free=False):
         """Return the results of fits from `starts`, with the profiled element fixed unless `free`."""
         problem, size = self.anchor.problem, self.x.shape[1]
@@ -142,7 +138,7 @@ class _Trace:
             starts[:, self.i] = [self.at[k] for k, _ in pairs]
             costs, chosen = costs_at(self.anchor.problem, starts), {}
             for row, (k, _) in enumerate(pairs):
-                worse = not self.good[k] or costs[row] < self.cost[k] - self.little(self.cost[k])
+                worse = not self.good[k] or costs[row] < self.cost[k] - negligible(self.cost[k])
                 if np.isfinite(costs[row]) and worse and (k not in chosen or costs[row] < costs[chosen[k]]):
                     chosen[k] = row
             if not chosen:
@@ -167,7 +163,7 @@ class _Trace:
         """Fit all parameters again from a fit with a cost below the known minimum; True if there is one."""
         known = self.anchor.cost if self.better is None else self.better[1]
         k = self.best
-        if self.stopped or self.cost[k] >= known - self.little(known):
+        if self.stopped or self.cost[k] >= known - negligible(known):
             return False
         runs = self.add(self.x[k : k + 1], free=True)
         lower = bool(succeeded(runs.status[0])) and runs.cost[0] <= self.cost[k]

@@ -127,6 +127,7 @@ CHAINS = 1 + 3 / (5 * 7**2) + 99 / (175 * 7**4) + 513 / (875 * 7**6) + 42039 / (
         (SOFT[0] + HARD[0] + HARD[1] + SOFT[1], MPA | {"name": "name 1"}, RADIOSS),
         ("".join(OGDEN), MPA, RADIOSS),
         (BEGIN.format("Mg", "mm", "s") + "".join(SOFT), MPA, RADIOSS),
+        (BEGIN.replace(">", "<").format("Mg", "mm", "s") + "".join(SOFT), MPA, RADIOSS),
         (BEGIN.format("t", "mm", "s") + "".join(SOFT), MPA, RADIOSS),
         (BEGIN.format("ton", "mm", "s") + "".join(SOFT), MPA, RADIOSS),
     ],

@@ -49,7 +49,7 @@ def test_abaqus_cards_have_the_modulus(material):
 
 
 def test_abaqus_incompressible():
-    text = rf.io.write_prony(None, SOFT)
+    text = rf.io.write_prony(None, SOFT.replace("E", np.append(0.0, E[1:])))
     ((_, nu),) = numbers(text, r"^\*ELASTIC")
     assert nu == 0.5 and all(k == 0 for _, k, _ in numbers(text, r"^\*VISCO")) and "TRS" not in text
 
