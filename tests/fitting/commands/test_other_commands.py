@@ -26,6 +26,11 @@ def test_design(call, job, tmp_path):
     assert "error of the prediction" in printed and printed.startswith("Small fit\n")
     assert rf.io.read_columns(tmp_path / "next.csv")["v"].size == 2
     assert (tmp_path / "next.png").read_bytes().startswith(b"\x89PNG\r\n")
+    job.write_text(text.replace("relative = 0.03", "relative = 0.003") + DESIGN)
+    status, printed, complaint = call("design", job)
+    why = "the scene does not explain the data: run rubberfric-fit for details"
+    assert (status, complaint) == (3, f"rubberfric-fit design: {why}\n")
+    assert "Design of 2 measurements (D), most useful first" in printed
 
 
 @pytest.mark.parametrize(
