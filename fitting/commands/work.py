@@ -187,6 +187,11 @@ def run_design(arguments: argparse.Namespace, interrupts: Interrupts, show: Prog
         raise ValueError(f"{arguments.job}: design: is missing; add a table [design] with the candidates")
     if not isinstance(job.scene, rf.Scene):
         raise ValueError(f"{arguments.job}: design: must have one scene, not several")
+    if "discrepancy" in job.options:
+        raise ValueError(
+            f"{arguments.job}: discrepancy: must be left out of a design, because further measurements"
+            " share the error of the theory, and a design promises errors without it"
+        )
     options = read_design(arguments.job, job.design, job.scene)
     result = _fit(arguments.job, job, interrupts, show, hold=False)
     if not result.success:

@@ -37,8 +37,9 @@ _PLACES = (0.01, 0.06, 0.2, 0.35, 0.5, 0.65, 0.8, 0.94, 0.99)
 # Values of a parameter at a neighbour in an order, as steps in x from the neighbour.
 _AWAY = (0.1, 0.5, 1.5, 3.0)
 
-# Values of a parameter that was driven towards zero, as factors of its start.
-_FROM_ZERO = (1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0)
+# Values of a parameter that was driven towards zero, as factors of its start. Values beyond the interval are
+# not tried.
+_FROM_ZERO = (1e-3, 1e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 
 # Values of any other parameter, as steps in x from the solution.
 _STEPS = (0.5, 1.5, 3.0, 6.0, 10.0)

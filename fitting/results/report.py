@@ -209,7 +209,10 @@ def _bounds(result):
         if np.isfinite(bound.interval[0]):
             low, high = bound.interval
             text += f"chi-square rises by less than {threshold:.3g} from {low:.4g} to {high:.4g}"
-            text += "" if bound.complete else ", as far as time allowed"
+            if not bound.complete:
+                text += ", as far as time allowed"
+            elif high == bound.held[-1] and bound.where.startswith("driven"):
+                text += ", the largest value tried"
         else:
             text += "not followed, so correlated error bars are withheld"
         lines.append(text)

@@ -80,6 +80,7 @@ class Targets(NamedTuple):
     measured: Array  # shape (rows,); the logarithm where the block is logarithmic
     error: Array  # shape (rows,)
     moving: Array  # shape (size,), 0 for elements of x that are fixed at their start (profiles), else 1
+    prior: Array  # drawn errors of the priors, in units of their errors (bootstrap); otherwise 0
 
     def of_several(self, **own: Array) -> "Targets":
         """Return targets with a leading axis: `own` parts with a row for each fit, and shared ones."""
@@ -152,7 +153,8 @@ def make_problem(
         )
     structure = FitStructure(variables, blocks, loss, quadrature or _fitting(scene, data))
     numbers = cast(Numbers(constants, conditions, priors, float(width), 0.0), dtype)
-    targets = Targets(*(a.astype(dtype) for a in (measured, error, np.ones(variables.size))))
+    parts = measured, error, np.ones(variables.size), np.zeros(known)
+    targets = Targets(*(part.astype(dtype) for part in parts))
     return Problem(structure, numbers, targets, start.astype(dtype), order)
 
 

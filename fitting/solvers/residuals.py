@@ -225,9 +225,9 @@ def _slip_slopes(group, scene_of, x, structure):
 
 def in_errors(structure: FitStructure, numbers: Numbers, targets: Targets, rows: Array) -> jax.Array:
     """Convert the result of `rows_of` to residuals in units of the errors."""
-    count = data_rows(structure)
+    count, end = data_rows(structure), data_rows(structure) + targets.prior.size
     of_data = (rows[:count] - targets.measured) / targets.error
-    return jnp.concatenate([_whitened(numbers, of_data), rows[count:]])
+    return jnp.concatenate([_whitened(numbers, of_data), rows[count:end] - targets.prior, rows[end:]])
 
 
 def cost_of(structure: FitStructure, numbers: Numbers, targets: Targets, rows: Array) -> jax.Array:

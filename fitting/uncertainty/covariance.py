@@ -375,6 +375,23 @@ def at_bounds(problem: Problem, x: np.ndarray) -> dict[str, str]:
     return _at_bounds(problem, x)[0]
 
 
+def inside_bounds(problem: Problem, x: np.ndarray, known: Uncertainty) -> np.ndarray:
+    """Return x with parameters at a bound or at zero moved away by one standard deviation of their value.
+
+    There the value changes with x, so that a fit from there can leave the bound. The part of the range of a
+    Bounded parameter is limited to 1e-3 ... 0.5, and the part of the start of a Positive one to 1.
+    """
+    x = np.array(x, float)
+    for i in np.flatnonzero(known.stretch != 1):
+        # A change of x / stretch by 1 changes the value by a quarter of the range, or by the start.
+        deviation = np.sqrt(known.spread[i, i])
+        if problem.variables.kinds[i] == "Bounded":
+            x[i] = np.sign(x[i]) * np.log(1 / np.clip(deviation / 4, AT_BOUND, 0.5) - 1)
+        else:
+            x[i] = problem.start[i] + np.log(np.clip(deviation, 1 / VANISHED, 1.0))
+    return x
+
+
 def _at_bounds(problem, x):
     """Return reasons by name for parameters at a bound or driven to zero, and `x` and `stretch` there."""
     constants, names, reasons = problem.numbers.constants, problem.names, {}

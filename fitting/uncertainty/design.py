@@ -168,8 +168,8 @@ def design(
     Raises
     ------
     ValueError : an unknown criterion, candidates or costs that do not broadcast or are <= 0, a budget below
-        the cost of every candidate or beyond 10 000 measurements; and as in `fitting.fit` for `free` and
-        `prior`.
+        the cost of every candidate or beyond 10 000 measurements; a fit with a `Discrepancy`, whose error
+        further measurements share; and as in `fitting.fit` for `free` and `prior`.
 
     Notes
     -----

@@ -121,6 +121,11 @@ def known_of(
             if value is not None:
                 raise ValueError(f"{name}: must be None if the source is a fit")
         of, known = source.problem, source.uncertainty
+        if of.numbers.whitening is not None:
+            raise ValueError(
+                "source: the fit has a Discrepancy: must have none, because further measurements share the"
+                " error of the theory, and a design promises errors without it"
+            )
         quadrature = of.structure.quadrature
         information = np.linalg.inv(known.spread)
         return PriorInformation(

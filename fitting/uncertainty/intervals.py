@@ -29,6 +29,7 @@ from fitting.solvers.evaluation import (
     errors_of_slopes,
     evaluate_rows,
     model_rows,
+    residual_rows,
 )
 from fitting.solvers.levenberg_marquardt import NEAR_MINIMUM, LevenbergMarquardt
 from fitting.solvers.objective import succeeded, was_interrupted
@@ -36,7 +37,7 @@ from fitting.solvers.options import check_options
 from fitting.solvers.problem import CURVE_QUANTITIES, Problem, Targets
 from fitting.solvers.residuals import forward, padded
 from fitting.solvers.runs import Callback, Runs, run_fits
-from fitting.uncertainty.covariance import OPEN, Uncertainty, WithUncertainty
+from fitting.uncertainty.covariance import OPEN, Uncertainty, WithUncertainty, inside_bounds
 from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 from fitting.uncertainty.profile import Anchor, profile_from
 from rubberfric.base import ArrayLike, broadcast_shape, quick_jit
@@ -239,9 +240,10 @@ class SolvedProblem(WithUncertainty):
         # Far away the covariance predicts nothing.
         others = offsets[:, None] * toward
         others = others if values is None else np.clip(others, -1.0, 1.0)
-        others[:, i] = offsets
         moving = (np.arange(len(names)) != i).astype(float)
-        return self.x + others, self.problem.targets.of_several(moving=moving[None])
+        starts = inside_bounds(self.problem, self.x, known) + others
+        starts[:, i] = self.x[i] + offsets
+        return starts, self.problem.targets.of_several(moving=moving[None])
 
     def _x_of(self, i: int, values: ArrayLike) -> np.ndarray:
         """Return the x of element `i` for given values of this element."""
@@ -257,7 +259,8 @@ class SolvedProblem(WithUncertainty):
         self, name: str, level: float, runs: Runs, extend: bool = True, callback: Callback | None = None
     ) -> LikelihoodProfile:
         """Return the profile of a parameter, given the results of the fits of `profile_fits`, in order."""
-        anchor, q = Anchor(self.problem, self.x, self.cost), self.quantile(level)
+        inside = inside_bounds(self.problem, self.x, self.uncertainty)
+        anchor, q = Anchor(self.problem, self.x, self.cost, inside), self.quantile(level)
         return profile_from(anchor, self.names.index(name), q, runs, extend, callback)
 
     def bootstrap(
@@ -265,7 +268,9 @@ class SolvedProblem(WithUncertainty):
     ) -> Bootstrap:
         """Fit `count` data sets drawn from the fitted model with the errors of the data.
 
-        The key is jax.random.key(0) if None. For many data sets, see `fitting.bootstrap_members`.
+        Means of priors are drawn with the errors of the priors. Parameters at a bound or driven to zero start
+        one standard deviation away, so that they can leave it. The key is jax.random.key(0) if None. For many
+        data sets, see `fitting.bootstrap_members`.
         """
         starts, targets = self.bootstrap_fits(count, key)
         runs = run_fits(NEAR_MINIMUM, self.problem, starts, targets, callback=callback)
@@ -275,11 +280,18 @@ class SolvedProblem(WithUncertainty):
         return Bootstrap(self.names, self.problem.values(runs.x[good]), int((~good).sum()))
 
     def bootstrap_fits(self, count: int, key: jax.Array | None) -> tuple[np.ndarray, Targets]:
-        """Return the start vectors of the fits of a bootstrap, and the targets with the drawn data."""
+        """Return the start vectors of the fits of a bootstrap, and the targets with drawn data and priors.
+
+        A prior is drawn like a measurement: otherwise all fits would agree about what the prior says.
+        """
         check_options(count=count, key=key)
         key = jax.random.key(0) if key is None else key
         drawn = model_rows(self.problem, self.x) + drawn_errors(self.problem, count, key)
-        return np.tile(self.x, (count, 1)), self.problem.targets.of_several(measured=drawn)
+        shape = count, self.problem.targets.prior.size
+        known = residual_rows(self.problem, self.x)[drawn.shape[1] :][: shape[1]]
+        prior = known + np.asarray(jax.random.normal(jax.random.fold_in(key, 1), shape))
+        start = inside_bounds(self.problem, self.x, self.uncertainty)
+        return np.tile(start, (count, 1)), self.problem.targets.of_several(measured=drawn, prior=prior)
 
 
 def drawn_errors(problem: Problem, count: int, key: jax.Array) -> np.ndarray:

@@ -31,9 +31,12 @@ _GROWTH = 1.6
 # Times that a step is halved after a failed fit. The side is then reported as not found.
 _MOST_HALVINGS = 4
 # Most values added near the threshold. Interpolation usually meets `_CLOSE` after a few.
-_MOST_NEAR = 10
+_MOST_NEAR = 30
 # Change of slope between neighbours, as a difference of roots. A larger change indicates two branches.
 _JUMP = 0.1
+# Rise of the root between the neighbours of the threshold, as a part of the threshold. After a larger rise,
+# two interpolations may agree that are both wrong.
+_COMPARABLE = 0.5
 # Accuracy of an end of the interval, relative to its distance from the minimum.
 _CLOSE = 0.005
 
@@ -44,6 +47,7 @@ class Anchor(NamedTuple):
     problem: Problem
     x: np.ndarray
     cost: float
+    inside: np.ndarray  # x without parameters at a bound or at zero, see `inside_bounds`
 
 
 def profile_from(
@@ -110,10 +114,17 @@ class _Trace:
         problem, size = self.anchor.problem, self.x.shape[1]
         moving = np.ones((1, size)) if free else (np.arange(size) != self.i).astype(float)[None]
         targets = problem.targets.of_several(moving=moving.astype(problem.start.dtype))
-        starts = np.asarray(starts, problem.start.dtype)
+        starts = self.off_bounds(np.asarray(starts, problem.start.dtype))
         runs = run_fits(LevenbergMarquardt(), problem, starts, targets, None, self.callback)
         self.stopped |= bool(was_interrupted(runs.status).any())
         return runs
+
+    def off_bounds(self, starts):
+        """Return starts from which parameters that are at a bound at the anchor can leave it."""
+        x, inside = self.anchor.x, self.anchor.inside
+        moved = np.where(inside < x, np.minimum(starts, inside), np.maximum(starts, inside))
+        others = (inside != x) & (np.arange(x.size) != self.i)
+        return np.where(others, moved, starts)
 
     def include(self, runs):
         """Add the results of fits to the profile."""
@@ -173,6 +184,11 @@ class _Trace:
             self.mend()
         return True
 
+    @property
+    def scale(self):
+        """Change of x that is large, also where the minimum is far away, at a bound."""
+        return np.inf if self.kind == "Free" else 1.0
+
     def range(self):
         """Return the lowest and the highest x of the profiled element that a profile may reach."""
         here, reach = float(self.anchor.x[self.i]), FARTHEST
@@ -180,7 +196,7 @@ class _Trace:
             return min(-FARTHEST, here), max(FARTHEST, here)
         if self.kind == "Free":
             reach = max(FARTHEST, _FREE * float(np.max(np.abs(self.at - here))))
-        return here - reach, here + reach
+        return here - reach, max(here, float(self.anchor.inside[self.i])) + reach
 
 
 def _outermost(trace, side, q):
@@ -248,23 +264,28 @@ def _crossing(trace, side, q):
     weights = [np.prod([(q - root[m]) / (root[k] - root[m]) for m in known if m != k]) for k in known]
     curve = float(np.dot(weights, x[known]))
     low, high = sorted((x[inner], x[outer]))
-    return float(np.clip(curve, low, high)), line
+    # Next to a bound the root does not change with x, and no parabola describes it.
+    return (curve, line) if low < curve < high else (line, np.inf)
 
 
 def _approach(trace, side, q):
     """Add values near the threshold until interpolation finds x at the threshold, and return this x."""
-    last = np.inf
+    last, width = np.inf, np.inf
     for turn in range(_MOST_NEAR):
         curve, line = _crossing(trace, side, q)
-        enough = _CLOSE * abs(curve - trace.at[trace.best])
-        if trace.stopped or abs(curve - (line if turn == 0 else last)) <= enough:
-            return curve
+        enough = _CLOSE * min(abs(curve - trace.at[trace.best]), trace.scale)
         inner, outer = _outermost(trace, side, q)
+        before, width = width, abs(trace.at[outer] - trace.at[inner])
+        rise = float(np.diff(trace.root()[[inner, outer]])[0])
+        agrees = abs(curve - (line if turn == 0 else last)) <= enough and rise < _COMPARABLE * q
+        if trace.stopped or agrees or rise < _CLOSE * q:
+            break
         part = (curve - trace.at[inner]) / (trace.at[outer] - trace.at[inner])
-        part = float(np.clip(part, 0.1, 0.9))
+        # Bisection where interpolation gains little.
+        part = float(np.clip(part, 0.1, 0.9)) if width < 0.5 * before else 0.5
         runs = trace.add([trace.x[inner] + part * (trace.x[outer] - trace.x[inner])])
         if not succeeded(runs.status[0]):
-            return curve
+            break
         trace.include(runs)
         last = curve
     return curve

@@ -46,6 +46,7 @@ def test_design(call, job, tmp_path):
             DESIGN.replace("points = 4", "points = 90000").replace("2e5", "[1e5, 2e5]"),
             "design: has 180000 candidates: must have at most 100000",
         ),
+        (DESIGN + "[discrepancy]\namplitude = 0.1\n", "discrepancy: must be left out of a design"),
         (DESIGN + "seed = 1.5\n", "design.seed = 1.5: must be an integer"),
     ],
 )

@@ -104,6 +104,65 @@ def test_the_interval_is_that_of_refits(at_bound):
             np.testing.assert_allclose(np.log(covered), np.log([low, high]), atol=0.05 * np.log(high / low))
 
 
+VANISHES = FREE | {NAMES[0]: Positive()}
+
+
+@pytest.fixture(scope="module")
+def vanished():
+    """E_inf is driven to zero: the data of a liquid have noise that wants E_inf < 0."""
+    y = model(1.0, 6e6, 0.5) + ERROR * np.random.default_rng(4).standard_normal(2 * OMEGA.size)
+    return y, fitting.fit(scene(E_inf=100.0), data(y), VANISHES)
+
+
+def minimum_by_scipy(y, low):
+    """ln E_inf, ln E and ln tau of the best fit with E_inf above `low`."""
+    bounds = (np.log([low, 1e3, 1e-4]), np.log([HIGH, 1e11, 1e4]))
+    start = np.log([1.3 * max(low, 1e5), 6e6, 0.5])
+    tight = {"xtol": 1e-13, "ftol": 1e-13, "gtol": 1e-13}
+    return least_squares(lambda p: (model(*np.exp(p)) - y) / ERROR, start, bounds=bounds, **tight).x
+
+
+# Bounds below the true value and far from the lower bound.
+@pytest.mark.parametrize("bound", [1e6, 1.2e6])
+def test_the_profile_of_a_parameter_at_its_upper_bound(bound):
+    free = FREE | {NAMES[0]: Bounded(1e3, bound)}
+    fit = fitting.fit(scene(E_inf=bound / 2), data(measured()), free, further_time=0.0)
+    profile = fit.profile(NAMES[0])
+    low, _ = ends_by_scipy(measured(), 0, fit.chisqr, bound, bounds=(1e3, 1.001 * bound))
+    assert bound - profile.low == pytest.approx(bound - low, rel=2e-3)
+    assert profile.high > 0.999 * bound and profile.warning == ""
+
+
+def test_profiles_at_a_bound_are_those_of_refits(at_bound, vanished):
+    """Every parameter: the other ones may leave the bound."""
+    for y, fit, low in ((measured(), at_bound, LOW), (*vanished, 1e-3)):
+        assert NAMES[0] in fit.withheld
+        for k, name in enumerate(NAMES):
+            profile = fit.profile(name)
+            value = fit[name].value if k else max(low, 0.5 * profile.high)
+            lowest, high = ends_by_scipy(y, k, fit.chisqr, value, bounds=(low, HIGH))
+            assert profile.high == pytest.approx(high, rel=5e-3), name
+            if k:
+                assert profile.low == pytest.approx(lowest, rel=5e-3), name
+            else:
+                assert profile.low < 1.001 * low and profile.ends[0].startswith("open")
+        assert fit.bounds[0].interval[1] == pytest.approx(fit.profile(NAMES[0]).high, rel=0.1)
+
+
+def test_members_of_a_bootstrap_leave_the_bound(at_bound, vanished):
+    """About half of them do. Each is the minimum of its drawn data."""
+    count = 40
+    for fit, low in ((at_bound, LOW), (vanished[1], 1e-3)):
+        boot, (_, targets) = fit.bootstrap(count), fit.bootstrap_fits(count, None)
+        assert boot.failed == 0
+        exact = np.exp([minimum_by_scipy(y, low) for y in targets.measured])
+        at_end = exact[:, 0] < 1.001 * max(low, 1.0)
+        assert 0.2 < np.mean(at_end) < 0.8
+        np.testing.assert_allclose(boot.values[~at_end], exact[~at_end], rtol=2e-3)
+        np.testing.assert_allclose(boot.values[at_end, 1:], exact[at_end, 1:], rtol=2e-3)
+        assert (boot.values[at_end, 0] < max(1.001 * low, 1e3)).all()
+
+
 def test_two_parameters_at_bounds_are_followed_side_by_side():
     """Each is held apart from the other, until chi-square has passed the threshold on each side."""
     shortest, names = 0.7, (NAMES[0], NAMES[2])

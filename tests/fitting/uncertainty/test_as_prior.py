@@ -54,6 +54,17 @@ def test_of_a_linear_problem_exactly():
     np.testing.assert_allclose(second.covariance, both.covariance, rtol=1e-6)
 
 
+def test_a_bootstrap_draws_the_priors():
+    """The scatter is the error bars, which are exact here, and the correlations."""
+    free, count = {E: Free(), E_INF: Free()}, 300
+    sets = [linear_data(RUBBER, OMEGA, 0.05, seed) for seed in (3, 4)]
+    known = fitting.fit(SCENE, sets[0], free, quadrature=FAST)
+    second = fitting.fit(known.scene, sets[1], free, prior=known.as_prior(), quadrature=FAST)
+    values = second.bootstrap(count).values
+    np.testing.assert_allclose(values.std(0, ddof=1), second.stderr, rtol=4 / np.sqrt(2 * count))
+    np.testing.assert_allclose(np.corrcoef(values.T), second.correlation, atol=4 / np.sqrt(count))
+
+
 @pytest.mark.slow
 def test_what_the_first_fit_leaves_open_stays_open():
     """Only the ratio of moduli matters to friction at light load: the prior knows it and not the size."""

@@ -135,6 +135,11 @@ def test_amplitudes_against_a_scan_of_the_likelihood(off, known):
     np.testing.assert_allclose(amplitudes, np.sqrt(exact), rtol=0.03, atol=0.005)
 
 
+def test_no_design_promises_errors_without_the_discrepancy(off):
+    with pytest.raises(ValueError, match="source: the fit has a Discrepancy: must have none"):
+        fitting.design(off, candidates=(V, 1e5), n=1)
+
+
 def test_true_theories_are_not_off():
     found = fitted(data_of(2), fitting.Discrepancy(None, math.log(10)))
     assert found.discrepancy.remainder < 0.03
