@@ -45,7 +45,7 @@ _REQUIREMENTS = (
     ("ansys openradioss", lambda s: s.poisson < 0.5, _BULK + "Poisson's ratio < 0.5"),
     ("pyvisco", lambda s: s.poisson == 0.5 or all(s.k == s.g), "shear and bulk weights must be equal for {}"),
     ("openradioss", lambda s: s.rest > 0, _RELAXED),
-    ("abaqus", lambda s: sum(float(format_number(weight)) for weight in s.g) < 1, _RELAXED),
+    ("abaqus", lambda s: s.rest > 0 and sum(float(format_number(weight)) for weight in s.g) < 1, _RELAXED),
     ("ansys", lambda s: s.tau.size <= 100, _TERMS % "100"),
     ("lsdyna", lambda s: s.tau.size + (s.rest > 0) <= 18, _TERMS % "18, including the relaxed modulus,"),
     (

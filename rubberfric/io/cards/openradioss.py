@@ -89,7 +89,7 @@ def _cards(blocks, laws, series, options):
     need(agree, f"{message}: the numbers must agree and be at least 1")
     G, beta, K, beta_k = np.array(rows).T
     need((beta > 0).all(), f"/VISC/PRONY has the rate {beta.min():g}: must be > 0")
-    agree = options.poisson is not None or not K.any() or np.array_equal(beta, beta_k)
+    agree = options.poisson is not None or np.array_equal(beta[K != 0], beta_k[K != 0])
     need(agree, "/VISC/PRONY: beta_k must equal beta_i; poisson=... reads the shear series only")
     bulk = glassy_bulk(young_from_shear(shear, nu), nu)
     return Cards(shear, G, K / (bulk + K.sum()), 1 / beta, nu, bulk)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rubberfric.base.atomic import StrPath
 from rubberfric.base.checks import closest, shown
-from rubberfric.io.columns import COLUMNS
+from rubberfric.io.columns import COLUMNS, known_unit
 from rubberfric.io.exports import TextTable, suggested_columns
 from rubberfric.io.text_tables.derived import RELATIONS
 from rubberfric.io.text_tables.lines import BadRows, TextRows, has_fields
@@ -39,6 +39,7 @@ def project_table(
             bad.append((line, f"{path}: line {line}: has {len(row)} fields: must have {len(names)}"))
     if len(units) != len(names):
         raise ValueError(bad[-1][1])
+    units = [known_unit(unit, name) for unit, name in zip(units, names, strict=True)]
     table = TextTable(where, names, list(names), units, rows, bad)
     return table, f"{path}: line {unit_line}"
 

@@ -75,6 +75,11 @@ def test_units_of_a_table(tmp_path):
     equal(data, FrictionData(1e-3, 0.5, pressure=0.15e6, temperature=293.15, relative=0.03))
     data = read(put(tmp_path, "v,A_over_A0,sigma,p\num/s,-,-,kPa\n2,0.5,0.01,150\n2,0.4,0.01,150\n"))
     equal(data, AreaData([2e-6, 2e-6], [0.5, 0.4], 0.01, 0.15e6))
+    # Spellings of other programs are known here, too.
+    data = read(put(tmp_path, "v,mu,p,T\nmm/sec,-,N/mm2,degC\n1,0.5,0.15,20\n"))
+    equal(data, FrictionData(1e-3, 0.5, pressure=0.15e6, temperature=293.15))
+    data = read(put(tmp_path, "v,mu,sigma,p\nm/s,%,%,MPa\n1,50,3,0.15\n"))
+    equal(data, FrictionData(1.0, 0.5, sigma=0.03, pressure=0.15e6))
     data = read(put(tmp_path, "f,E_stor,E_loss,sigma_stor,sigma_loss\nHz,MPa,MPa,kPa,GPa\n2,4,3,20,0.001\n"))
     equal(data, ModulusData(4 * np.pi, 4e6, 3e6, 2e4, 1e6))
     data = read(put(tmp_path, "q,C,sigma_C\n1/mm,um^4,mm^4\n2,4,0.5\n1,3,0.5\n"), normalisation="C")
@@ -134,6 +139,11 @@ ABSENT = "must not be given; "
             SPECTRUM,
             {"temperature": np.ones((2, 2)), "normalisation": "C"},
             f"{ABSENT}spectrum data have none",
+        ),
+        (
+            "v,mu,p,sigma\nm/s,-,Pa,%\n1,0.5,1e5,3\n",
+            {},
+            "column sigma: unit '%': must be -, because sigma is not relative",
         ),
         ("v,mu,p\nm/s,-,Pa\n1,0.5,1e5\n", {"pressure": 1e5}, f"pressure = 100000.0: {ABSENT}the file has it"),
         (

@@ -202,6 +202,7 @@ ROUND_TRIPS = {
             (SHEAR.replace("shift", None), MPA, DENSE, {}),
             (SOFT, PASCAL, DENSE | {"bulk": 2e9}, {}),
             (RUBBER.replace("shift", None), PASCAL, DENSE, {}),
+            (rf.Prony(1e6, [1e9, 0.0, 1e6], [1e-9, 1e-5, 0.1], 0.3), PASCAL, DENSE, {}),
         ],
     ),
     "lsdyna": (

@@ -117,6 +117,8 @@ LONG = rf.Prony(1e6, np.ones(18), 10.0 ** np.arange(18), 0.5)
         ((SOFT, "abaqus", {"bulk": 1e6}), "bulk = 1e+06 Pa: must be > 1/3 of the glassy Young's modulus"),
         ((rf.PronyShear(1e6, [9e6], [1.0], 5e6),), "bulk = 5e+06 Pa: must be > 2/3 of the glassy shear"),
         ((rf.Prony(0.0, [1.0], [1.0]),), "material has relaxed modulus 0: must be > 0 for abaqus"),
+        # Rounding makes the sum of the weights less than 1.
+        ((rf.Prony(0.0, [1e9, 1e8, 1e6], [1e-9, 1e-5, 1e-2], 0.49),), "material has relaxed modulus 0"),
         ((SOFT, "abaqus", {"density": 1e3, "unit_stress": "GPa"}), "must be Pa or MPa if a density is given"),
         ((SHEAR, "pyvisco", {"shift": False}), "shear and bulk weights must be equal for pyvisco"),
         ((rf.Prony(1e6, [1e6], [1.0], 0.5, rf.Arrhenius(1.0, 300.0)),), "abaqus cards must have WLF;"),
