@@ -87,6 +87,7 @@ CHAINS = 1 + 3 / (5 * 7**2) + 99 / (175 * 7**4) + 513 / (875 * 7**6) + 42039 / (
         (ABAQUS.lower().replace("\n", "\r\n"), MPA, SERIES),
         (ABAQUS.replace("\n", "\n** comment\n\n"), MPA, SERIES),
         (ABAQUS.replace("*ELASTIC, MODULI=INSTANTANEOUS", "*ELASTIC,\n  MODULI = INST"), MPA, SERIES),
+        (ABAQUS.replace("*VISCOELASTIC, TIME=PRONY", "*VISCOELASTIC,\nTIME=PRONY"), MPA, SERIES),
         (ABAQUS.replace("MODULI", "DEPENDENCIES=0, TYPE=ISO, MODULI"), MPA, SERIES),
         ("*MATERIAL, NAME=STEEL\n*ELASTIC\n2e5, 0.3\n" + ABAQUS, MPA, SERIES),
         (ABAQUS + "*STEP\n*INCLUDE, INPUT=loads.inp\n", MPA, SERIES),

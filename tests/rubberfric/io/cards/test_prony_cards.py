@@ -135,6 +135,13 @@ def test_lsdyna_cards_have_the_modulus():
     np.testing.assert_allclose(found, np.asarray(rf.complex_modulus(SHEAR, OMEGA)), rtol=3e-6)
 
 
+def test_lsdyna_cards_of_a_liquid_have_no_relaxed_modulus():
+    liquid = rf.PronyShear(0.0, SHEAR.G, SHEAR.tau, SHEAR.bulk)
+    text = rf.io.write_prony(None, liquid, "lsdyna", unit_stress="MPa", density=1200.0)
+    # Keyword, two cards, and a card for each term.
+    assert sum(line[0] != "$" for line in text.splitlines()) == 3 + liquid.tau.size
+
+
 def test_lsdyna_shift(tmp_path):
     path = tmp_path / "rubber.k"
     text = rf.io.write_prony(path, SHEAR, "lsdyna", density=1200.0)
