@@ -123,9 +123,20 @@ class SolvedProblem(WithUncertainty):
         return quantile(level, max(self.freedom, 0.5) if estimated else np.inf)
 
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-        """Return the ends of the confidence intervals, symmetric in x; NaN if an error bar is withheld."""
-        reach = self.quantile(level) * self.uncertainty.deviation
-        return self.problem.values(self.x - reach), self.problem.values(self.x + reach)
+        """Return the ends of the confidence intervals; NaN if an error bar is withheld.
+
+        The intervals are symmetric in x. Those of Bounded parameters contain the intervals that are symmetric
+        in the value, too, up to the bounds: near a bound, x changes much for a small change of the value.
+        """
+        q, deviation, values = self.quantile(level), self.uncertainty.deviation, self.problem.values
+        low, high = values(self.x - q * deviation), values(self.x + q * deviation)
+        bounded = np.array(self.problem.variables.kinds) == "Bounded"
+        constants, reach = self.problem.numbers.constants, q * self.stderr
+        least, width = np.asarray(constants.low, float), np.asarray(constants.width, float)
+        lower = np.maximum(values(self.x) - reach, least)
+        upper = np.minimum(values(self.x) + reach, least + width)
+        low = np.where(bounded, np.minimum(low, lower), low)
+        return low, np.where(bounded, np.maximum(high, upper), high)
 
     def predicted(self, x: Array, conditions: tuple[Any, ...], quantity: str, scene: str | None) -> jax.Array:
         """Return a quantity of `rubberfric.solve` for the scene at x, under (v, p, T)."""
