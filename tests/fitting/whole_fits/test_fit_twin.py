@@ -102,11 +102,7 @@ def test_coverage_of_the_intervals():
     log_truth = np.log(np.asarray(rf.friction(TRUTH, velocity, pressure, temperature)))
     noise = np.stack([np.random.default_rng(s).standard_normal(velocity.size) for s in range(seeds)])
     problem = make_problem(TRUTH, [twin()], FREE)
-    targets = problem.targets._replace(
-        measured=log_truth + make_twin.NOISE * noise,
-        error=problem.targets.error[None],
-        moving=problem.targets.moving[None],
-    )
+    targets = problem.targets.of_several(measured=log_truth + make_twin.NOISE * noise)
     starts = np.tile(problem.start, (seeds, 1))
     runs = run_fits(LevenbergMarquardt(), problem, starts, targets)
     inside, chisqr = [], []
