@@ -87,6 +87,14 @@ def test_middle(names, given, history):
     assert any(line.startswith(history) for line in data.history)
 
 
+def test_strokes_at_the_ends_count_if_they_are_nearly_complete():
+    """The record begins and ends a few rows inside of its first and its seventh stroke."""
+    run = {name: values[105:1495] for name, values in record().items()}
+    data = fitting.read(run, area=AREA, fold="middle")
+    assert len(data) == 3
+    assert any(line.startswith("middle 20% of each of 7 strokes") for line in data.history)
+
+
 def test_the_velocity_of_a_crank_drive_with_noise():
     """dx/dt follows the second harmonic, which the closed form of a sinusoid does not know."""
     run = with_columns(record(rod=0.1, noise=2e-6, rows=1000), "t", "x")
