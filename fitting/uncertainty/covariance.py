@@ -20,7 +20,7 @@ import numpy as np
 from fitting.parameters.scenes import scene_paths
 from fitting.parameters.variables import VANISHED, Variables, element_names, slopes
 from fitting.solvers.evaluation import errors_of_rows, evaluate_rows
-from fitting.solvers.ordered import edges
+from fitting.solvers.ordered import edges, put_in_order
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows, in_errors, loss_of, padded, slopes_in_errors
 from rubberfric.base import quick_jit
@@ -389,7 +389,10 @@ def inside_bounds(problem: Problem, x: np.ndarray, known: Uncertainty) -> np.nda
             x[i] = np.sign(x[i]) * np.log(1 / np.clip(deviation / 4, AT_BOUND, 0.5) - 1)
         else:
             x[i] = problem.start[i] + np.log(np.clip(deviation, 1 / VANISHED, 1.0))
-    return x
+    if not problem.variables.order or not np.any(known.stretch != 1):
+        return x
+    moving = np.ones((1, x.size))
+    return put_in_order(problem.variables, problem.numbers.constants, x[None], moving)[0]
 
 
 def _at_bounds(problem, x):

@@ -30,7 +30,7 @@ _FREE = 64.0
 _GROWTH = 1.6
 # Times that a step is halved after a failed fit. The side is then reported as not found.
 _MOST_HALVINGS = 4
-# Most values added near the threshold. Interpolation usually meets `_CLOSE` after a few.
+# Most values added near the threshold. Interpolation usually meets `_CLOSE` after a few, bisection after ten.
 _MOST_NEAR = 30
 # Change of slope between neighbours, as a difference of roots. A larger change indicates two branches.
 _JUMP = 0.1

@@ -91,8 +91,8 @@ def check_units(where: str, table: TextTable) -> None:
                 f"{where}: column {title}: rpm is a rate of rotation: must be a velocity; multiply it by"
                 " 2 pi r / 60 with the radius r of the track [m], and name the unit m/s"
             )
-        others = [unit for name, unit in zip(table.names, table.units, strict=True) if name != "sigma"]
-        if name == "sigma" and unit == "%" and "%" not in others:
+        in_percent = {name for name, unit in zip(table.names, table.units, strict=True) if unit == "%"}
+        if name == "sigma" and unit == "%" and not in_percent & {"mu", "A_over_A0"}:
             raise ValueError(
                 f"{where}: column {title}: unit '%': must be -, because sigma is not relative; name a"
                 " relative error relative_sigma"

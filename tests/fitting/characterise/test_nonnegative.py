@@ -41,7 +41,7 @@ def test_nonnegative_survives_what_is_degenerate():
 def test_minimum_of_the_logarithms(seed, directions):
     """No direction that is allowed goes down: the conditions of Karush, Kuhn and Tucker.
 
-    `lstsq` removes from the differences what they have along the ignored columns.
+    `lstsq` removes the part of the differences that lies along the ignored columns.
     """
     rng = np.random.default_rng(seed)
     *A, plateau = maxwell_columns(OMEGA, np.geomspace(1e-6, 1.0, 13)).T

@@ -1,5 +1,7 @@
 """Error bars of parameters that are correlated with one at a bound, against refits by scipy."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -172,6 +174,34 @@ def test_members_of_a_bootstrap_leave_the_bound(at_bound, vanished):
         np.testing.assert_allclose(boot.values[~at_end], exact[~at_end], rtol=2e-3)
         np.testing.assert_allclose(boot.values[at_end, 1:], exact[at_end, 1:], rtol=2e-3)
         assert (boot.values[at_end, 0] < max(1.001 * low, 1e3)).all()
+
+
+def test_the_report_says_where_the_search_of_an_interval_ended(vanished):
+    """Three starts up to which chi-square hardly rises, as if larger values had not been tried."""
+    fit = vanished[1]
+    (bound,) = fit.bounds
+    assert "the largest value tried" not in fit.report()
+    low, high = bound.value, bound.held[-2]
+    short = bound._replace(held=bound.held[:-1], rises=bound.rises[:-1], interval=(low, high))
+    for changes, text in (({}, "the largest value tried"), ({"complete": False}, "as far as time allowed")):
+        report = dataclasses.replace(fit, bounds=(short._replace(**changes),)).report()
+        assert f"from {low:.4g} to {high:.4g}, {text}" in report
+
+
+def test_numbers_that_leave_a_bound_stay_in_order():
+    """qr is at its lower bound, and q1 is near. A thousandth of the range of qr would move it beyond q1."""
+    road = rf.SelfAffine(1e2, 1e3, 2e4, 0.8, 1e-4)
+    q = np.geomspace(1.2e2, 9e3, 12)
+    C = np.asarray(rf.power_spectrum(road, q))
+    start = rf.Scene(rf.Body(rf.Rigid(), road.replace(qr=3e3)), rf.Body(rf.Elastic(1e6, 0.5)))
+    free = {"lower.spectrum.qr": Bounded(2e3, 3e6), "lower.spectrum.h_rms": Positive()}
+    free |= {"lower.spectrum.q1": Bounded(1e3, 2e5)}
+    prior = {"lower.spectrum.q1": fitting.Gaussian(4e3, 1e3)}
+    fit = fitting.fit(start, fitting.SpectrumData(q, C, relative=1.0), free, prior=prior)
+    starts, _ = fit.bootstrap_fits(2, None)
+    spectrum = fit.problem.scene(starts[0]).lower.spectrum
+    assert float(spectrum.q0) <= float(spectrum.qr) <= float(spectrum.q1)
+    assert fit.bootstrap(8).failed == 0
 
 
 def test_two_parameters_at_bounds_are_followed_side_by_side():

@@ -137,7 +137,7 @@ def test_gain_is_the_part_of_the_variance_that_one_measurement_takes():
 
 
 def test_gain_in_the_variance_of_the_numbers():
-    """A number at its bound counts with its own variance, not with that of the number it is fitted by."""
+    """A number at its bound counts with the variance of x, not of x / stretch."""
     rubber, omega = TRUTH.lower.material, np.logspace(0, 6, 12)
     E = rf.complex_modulus(rubber, omega)
     data = fitting.ModulusData(omega, E.real, E.imag, relative=0.05)
