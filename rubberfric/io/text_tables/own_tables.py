@@ -39,7 +39,9 @@ def project_table(
             bad.append((line, f"{path}: line {line}: has {len(row)} fields: must have {len(names)}"))
     if len(units) != len(names):
         raise ValueError(bad[-1][1])
-    units = [known_unit(unit, name) for unit, name in zip(units, names, strict=True)]
+    spelled = [known_unit(unit, name) for unit, name in zip(units, names, strict=True)]
+    # The unit of a logarithm must say so here.
+    units = [x if x[:5] != "log10" else unit for x, unit in zip(spelled, units, strict=True)]
     table = TextTable(where, names, list(names), units, rows, bad)
     return table, f"{path}: line {unit_line}"
 
