@@ -128,15 +128,18 @@ class SolvedProblem(WithUncertainty):
         The intervals are symmetric in x. Those of Bounded parameters contain the intervals that are symmetric
         in the value, too, up to the bounds: near a bound, x changes much for a small change of the value.
         """
-        q, deviation, values = self.quantile(level), self.uncertainty.deviation, self.problem.values
-        low, high = values(self.x - q * deviation), values(self.x + q * deviation)
-        bounded = np.array(self.problem.variables.kinds) == "Bounded"
-        constants, reach = self.problem.numbers.constants, q * self.stderr
+        q, constants = self.quantile(level), self.problem.numbers.constants
+        steps = self.x + q * self.uncertainty.deviation * np.array([[-1.0], [0.0], [1.0]])
+        low, value, high = self.problem.values(steps)
+        bounded, reach = np.array(self.problem.variables.kinds) == "Bounded", q * self.stderr
         least, width = np.asarray(constants.low, float), np.asarray(constants.width, float)
-        lower = np.maximum(values(self.x) - reach, least)
-        upper = np.minimum(values(self.x) + reach, least + width)
-        low = np.where(bounded, np.minimum(low, lower), low)
-        return low, np.where(bounded, np.maximum(high, upper), high)
+        low = np.where(bounded, np.minimum(low, np.maximum(value - reach, least)), low)
+        return low, np.where(bounded, np.maximum(high, np.minimum(value + reach, least + width)), high)
+
+    @property
+    def _inside(self) -> np.ndarray:
+        """x from which a fit can leave a bound, see `inside_bounds`."""
+        return inside_bounds(self.problem, self.x, self.uncertainty)
 
     def predicted(self, x: Array, conditions: tuple[Any, ...], quantity: str, scene: str | None) -> jax.Array:
         """Return a quantity of `rubberfric.solve` for the scene at x, under (v, p, T)."""
@@ -247,12 +250,11 @@ class SolvedProblem(WithUncertainty):
             offsets = np.sort(np.append(self._x_of(i, values) - self.x[i], 0.0))
         # The other parameters start at the values predicted by the covariance, except at bounds.
         toward = np.where(known.stretch == 1, known.spread[i] / known.spread[i, i], 0.0)
-        toward[i] = 1.0
         # Far away the covariance predicts nothing.
         others = offsets[:, None] * toward
         others = others if values is None else np.clip(others, -1.0, 1.0)
         moving = (np.arange(len(names)) != i).astype(float)
-        starts = inside_bounds(self.problem, self.x, known) + others
+        starts = self._inside + others
         starts[:, i] = self.x[i] + offsets
         return starts, self.problem.targets.of_several(moving=moving[None])
 
@@ -270,8 +272,7 @@ class SolvedProblem(WithUncertainty):
         self, name: str, level: float, runs: Runs, extend: bool = True, callback: Callback | None = None
     ) -> LikelihoodProfile:
         """Return the profile of a parameter, given the results of the fits of `profile_fits`, in order."""
-        inside = inside_bounds(self.problem, self.x, self.uncertainty)
-        anchor, q = Anchor(self.problem, self.x, self.cost, inside), self.quantile(level)
+        anchor, q = Anchor(self.problem, self.x, self.cost, self._inside), self.quantile(level)
         return profile_from(anchor, self.names.index(name), q, runs, extend, callback)
 
     def bootstrap(
@@ -301,8 +302,7 @@ class SolvedProblem(WithUncertainty):
         shape = count, self.problem.targets.prior.size
         known = residual_rows(self.problem, self.x)[drawn.shape[1] :][: shape[1]]
         prior = known + np.asarray(jax.random.normal(jax.random.fold_in(key, 1), shape))
-        start = inside_bounds(self.problem, self.x, self.uncertainty)
-        return np.tile(start, (count, 1)), self.problem.targets.of_several(measured=drawn, prior=prior)
+        return np.tile(self._inside, (count, 1)), self.problem.targets.of_several(measured=drawn, prior=prior)
 
 
 def drawn_errors(problem: Problem, count: int, key: jax.Array) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""jit and vmap return what an eager call returns, one quantity alone too, and float32 keeps its dtype."""
+"""jit, vmap, long curves and single quantities equal an eager call, and float32 keeps its dtype."""
 
 import jax
 import jax.numpy as jnp
@@ -17,7 +17,7 @@ USUAL = rf.Quadrature()
 
 
 def curve(problem):
-    """Velocities around that of the problem, and the other conditions."""
+    """Velocities around the velocity of the problem, and the other conditions."""
     velocity = problem.velocity * np.array([1.0, 0.1, 10.0, 3.0])
     return velocity, *problem.conditions[1:]
 

@@ -41,7 +41,7 @@ def project_table(
         raise ValueError(bad[-1][1])
     spelled = [known_unit(unit, name) for unit, name in zip(units, names, strict=True)]
     # The unit of a logarithm must say so here.
-    units = [x if x[:5] != "log10" else unit for x, unit in zip(spelled, units, strict=True)]
+    units = [unit if own.startswith("log10") else own for own, unit in zip(spelled, units, strict=True)]
     table = TextTable(where, names, list(names), units, rows, bad)
     return table, f"{path}: line {unit_line}"
 

@@ -79,6 +79,7 @@ def _short(title: str) -> str:
 
 def check_units(where: str, table: TextTable) -> None:
     """Raise ValueError, beginning with `where`, if a column of a table has an unknown unit."""
+    in_percent = {name for name, unit in zip(table.names, table.units, strict=True) if unit == "%"}
     for title, name, unit in zip(table.titles, table.names, table.units, strict=True):
         known = COLUMNS[name or ""].units
         if name == "wavenumber" and unit not in known:
@@ -91,7 +92,6 @@ def check_units(where: str, table: TextTable) -> None:
                 f"{where}: column {title}: rpm is a rate of rotation: must be a velocity; multiply it by"
                 " 2 pi r / 60 with the radius r of the track [m], and name the unit m/s"
             )
-        in_percent = {name for name, unit in zip(table.names, table.units, strict=True) if unit == "%"}
         if name == "sigma" and unit == "%" and not in_percent & {"mu", "A_over_A0"}:
             raise ValueError(
                 f"{where}: column {title}: unit '%': must be -, because sigma is not relative; name a"

@@ -51,11 +51,8 @@ def test_minimum_of_the_logarithms(seed, directions):
     ignored = rng.standard_normal((known.size, directions))
     x = nonnegative_logarithmic(A, b, known, error, ignored if directions else None)
     model = A @ x + known
-    rows, along, differences = (
-        A / (model * error)[:, None],
-        ignored / error[:, None],
-        np.log(model / b) / error,
-    )
+    rows, along = A / (model * error)[:, None], ignored / error[:, None]
+    differences = np.log(model / b) / error
     differences -= along @ np.linalg.lstsq(along, differences)[0]
     gradient = rows.T @ differences / np.linalg.norm(rows, axis=0)
     assert 0 < np.count_nonzero(x == 0) < 8

@@ -76,7 +76,7 @@ def test_speeds(names, given, history):
 
 @pytest.mark.parametrize(("names", "given", "history"), WAYS)
 def test_middle(names, given, history):
-    """The mean of cos over 20 % of the stroke is 0.2 / asin(0.2), and mu is that of this speed."""
+    """The mean of cos over 20 % of the stroke is 0.2 / asin(0.2), and mu belongs to this speed."""
     run = with_columns(record(angle=-0.05), *names)
     data = fitting.read(run, area=AREA, fold="middle", **given)
     # The record begins and ends in the middle of a stroke, so that 7 of 9 strokes are complete.

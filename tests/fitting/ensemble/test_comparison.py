@@ -20,7 +20,7 @@ FREE = {E: Free(), E_INF: Free()}
 
 
 def scene(terms, **parts):
-    """Return a rubber with `terms` terms, too few or too many, for a fast fit."""
+    """Return a rubber with `terms` terms, which may be too few or too many."""
     rubber = rf.Prony(3e6, TERMS[0][:terms], TERMS[1][:terms])
     return rf.Scene(ROAD, rf.Body(rubber), **parts)
 
