@@ -145,11 +145,11 @@ def read(
     normalisation, hurst : normalisation, and H, of a spectrum in a CSV file
         See `rubberfric.roughness.normalisation`. The normalisation is required for a spectrum, unless a title
         names it (W1 and Wr of Gwyddion, Gd of ISO 8608, texts of contact.engineering), or the text above the
-        table does (ISO 8608). It is "C" for a file of `write`. Without H, a spectrum along a line is inverted
-        by `areal_spectrum`, with the relative errors of the file if it has them. They are kept as errors of
-        C. With H it is converted as for a self-affine surface, which makes h_rms 1.09 to 1.4 times too large
-        at a roll-off. A column "wavenumber" needs the unit rad/m or cycles/m unless the normalisation is
-        "W1", "Wr", "q_C_iso_over_pi", "C_1D_one_sided" (rad/m) or "ISO_8608" (cycles/m).
+        table does (ISO 8608, or "normalisation C" as in a file of `write`). Without H, a spectrum along a
+        line is inverted by `areal_spectrum`, with the relative errors of the file if it has them. They are
+        kept as errors of C. With H it is converted as for a self-affine surface, which makes h_rms 1.09 to
+        1.4 times too large at a roll-off. A column "wavenumber" needs the unit rad/m or cycles/m unless the
+        normalisation is "W1", "Wr", "q_C_iso_over_pi", "C_1D_one_sided" (rad/m) or "ISO_8608" (cycles/m).
     poisson : Poisson's ratio [-], needed for a table of shear moduli, E = 2 (1 + poisson) G
         A "storage modulus" is read as E' if `poisson` is None, and as G' otherwise.
     columns : list of "name [unit]", or None

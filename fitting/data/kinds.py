@@ -191,6 +191,7 @@ class SpectrumData(Measured):
     values: ClassVar[tuple[str, ...]] = ("C",)
     sigmas: ClassVar[tuple[str, ...]] = ("sigma",)
     others: ClassVar[tuple[str, ...]] = ("C_1D",)
+    remark: ClassVar[str] = "normalisation C"
 
     relative: OptionalArray = array(SPECTRUM_ERROR, default=None, kw_only=True)
     q: GivenArray = array(WAVENUMBER)

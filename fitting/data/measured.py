@@ -56,6 +56,7 @@ class Measured:
     values: ClassVar[tuple[str, ...]]  # fields that were measured
     sigmas: ClassVar[tuple[str, ...]]  # fields of the absolute errors of `values`, in order
     others: ClassVar[tuple[str, ...]] = ()  # columns of a table that give the first value, too
+    remark: ClassVar[str] = ""  # comment of a CSV file that `fitting.read` uses
 
     relative: OptionalArray = array(_RELATIVE, default=None, kw_only=True)
     name: str = dataclasses.field(default="", kw_only=True)
@@ -351,11 +352,10 @@ class Measured:
                 self.write_group(file.create_group("data"))
             return
         body = getattr(self, "body", None)
-        comment = [self.name] * bool(self.name) + [f"of the {body} body"] * (body is not None)
-        comment += self.history
+        comment = [self.name, f"of the {body} body" if body else "", self.remark, *self.history]
         columns = {about.column: getattr(self, name) for name, about in self.fields().items()}
         columns = {column: values for column, values in columns.items() if values is not None}
-        write_table(path, columns, "\n".join(comment))
+        write_table(path, columns, "\n".join(filter(None, comment)))
 
     def write_group(self, group: h5py.Group) -> None:
         """Store the data in an open, empty HDF5 group. `fitting.data.files.read_group` reads the group."""

@@ -91,7 +91,10 @@ _NAMED["G_d"] = "ISO_8608"
 # Equal normalisations.
 _EQUAL = {"W1": ("W1", "C_1D_one_sided")}
 # Texts above a table that name its normalisation.
-_HEADERS = ((re.compile(r"\bISO[ /-]*(?:TS[ -]*)?(?:8608|13473-4)\b"), "ISO_8608"),)
+_HEADERS = (
+    *((re.compile(rf'\bnormalisation[ =:]+"?{name}\b'), name) for name in NORMALISATIONS),
+    (re.compile(r"\bISO[ /-]*(?:TS[ -]*)?(?:8608|13473-4)\b"), "ISO_8608"),
+)
 # Normalisations over angular wavevectors, and the one over cycles/m that the same numbers would have.
 _ANGULAR = {
     "C": '"C_iso" (h_rms^2 = 2 pi int n C dn)',
@@ -315,7 +318,7 @@ def find_normalisation(
         W1 and Wr of Gwyddion, G_d of ISO 8608, and the names of contact.engineering name the normalisation.
         q and k are in rad/m, n in cycles/m.
     normalisation : given one, or None
-    header : text above the table, in which "ISO 8608" and "ISO 13473-4" name the normalisation
+    header : text above the table, in which "normalisation C_1D", "ISO 8608" and "ISO 13473-4" name it
 
     Raises
     ------

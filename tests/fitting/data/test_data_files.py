@@ -28,17 +28,12 @@ def examples():
     yield FrictionData(1e9, 0.5, pressure=1e-9, temperature=1.0, check_units=False)
 
 
-def normalised(data):
-    """Arguments that a CSV file of a spectrum needs."""
-    return {"normalisation": "C"} if isinstance(data, SpectrumData) else {}
-
-
 @pytest.mark.parametrize("data", list(examples()), ids=lambda data: data.quantity)
 def test_files_keep_every_bit(data, tmp_path):
     data.write(tmp_path / "data.h5")
     equal(data, read(tmp_path / "data.h5"))
     data.write(str(tmp_path / "data.csv"))
-    again = read(str(tmp_path / "data.csv"), check_units=False, **normalised(data))
+    again = read(str(tmp_path / "data.csv"), check_units=False)
     assert again.name == ""
     equal(dataclasses.replace(data, name="", check_units=False), again)
     first = (tmp_path / "data.csv").read_text(encoding="utf-8").splitlines()[0]
@@ -56,8 +51,8 @@ def test_body_in_files(cls, tmp_path):
     )
     write(tmp_path / "data.csv", data)
     assert (tmp_path / "data.csv").read_text().startswith("# name\n# of the upper body\n")
-    assert read(tmp_path / "data.csv", **normalised(data)).body is None
-    again = read(tmp_path / "data.csv", body="upper", **normalised(data))
+    assert read(tmp_path / "data.csv").body is None
+    again = read(tmp_path / "data.csv", body="upper")
     equal(dataclasses.replace(data, name=""), again)
 
 

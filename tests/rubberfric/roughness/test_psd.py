@@ -274,6 +274,8 @@ def test_measured_data_in_another_normalisation(tmp_path):
     data = fitting.read(path, normalisation="C_iso")
     np.testing.assert_allclose(data.C, np.array([1e-12, 1e-18]) / (4 * np.pi**2), rtol=1e-14)
     np.testing.assert_allclose(data.sigma, data.C / 10, rtol=1e-14)
+    path.write_text("# normalisation C_iso\n" + path.read_text())
+    np.testing.assert_array_equal(fitting.read(path).C, data.C)
     np.testing.assert_array_equal(fitting.read(path, normalisation="C").C, [1e-12, 1e-18])
     path.write_text("log10_q,log10_C\nlog10(1/m),log10(m^4)\n2,-12\n4,-18\n")
     np.testing.assert_allclose(fitting.read(path, normalisation="C").C, [1e-12, 1e-18], rtol=1e-13)
