@@ -48,6 +48,8 @@ _STEEPEST_SLOPE = 4.0
 _FEWEST_MODES = 0.5
 # Squared correlation of modes at these distances along an axis, from the transform of the squared window.
 _NEIGHBOURS = {"none": {0: 1.0}, "hann": {-2: 1 / 36, -1: 4 / 9, 0: 1.0, 1: 4 / 9, 2: 1 / 36}}
+# Share of the power of a mode that a window adds to modes at these distances along an axis.
+_LEAKS = {"none": {0: 1.0}, "hann": {-1: 1 / 6, 0: 2 / 3, 1: 1 / 6}}
 
 
 class Sampling(NamedTuple):
@@ -121,22 +123,43 @@ def independent_modes(
     weighted, weight = sums[:, end] - sums[:, first]
     ratio = np.maximum(weighted / weight, 1.0)
     # One mode at least holds the power of a bin.
-    return np.maximum(alone / ratio, np.minimum(alone, 1.0)), count / all_pairs / ratio
+    alone = np.maximum(alone / ratio, np.minimum(alone, 1.0))
+    return alone, np.maximum(count / all_pairs / ratio, _FEWEST_MODES)
 
 
 def unbiased(
-    log_q: np.ndarray, C: np.ndarray, spread: np.ndarray, alone: np.ndarray, in_fit: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return C(q) of bins whose logarithm is right on average, and its standard error in a fit to all bins.
+    log_q: np.ndarray, C: np.ndarray, modes: np.ndarray, bins: np.ndarray, window: str, alone: np.ndarray
+) -> np.ndarray:
+    """Return C(q) of the bins of a map, whose logarithm is right on average.
 
-    The logarithm of a mean of n modes is digamma(n) - ln n too small on average. The mean of a falling C in a
-    bin is larger than C at the mean of ln q, by the standard deviation `spread` of ln q.
+    The logarithm of a mean of n modes is digamma(n) - ln n too small on average. The mean of a bin also
+    differs from C at its mean ln q: a falling C is larger on average, and a window takes power from
+    neighbouring modes. In a narrow map they are far away, and the power is too small at long waves.
+
+    Parameters
+    ----------
+    log_q, C : mean ln q and mean C of every bin
+    modes : ln q of every mode
+    bins : number of the bin of every mode, or -1
+    window : "hann" or "none"
+    alone : number of independent modes of every bin
     """
     change = np.log(alone) - scipy.special.digamma(alone)
-    if C.size > 1:
-        slope = np.gradient(np.log(np.maximum(C, np.finfo(float).tiny)), log_q)
-        change -= (np.clip(slope, -_STEEPEST_SLOPE, 0.0) * spread) ** 2 / 2
-    return C * np.exp(change), np.sqrt(scipy.special.polygamma(1, np.maximum(in_fit, _FEWEST_MODES)))
+    if C.size >= FEWEST_BINS:
+        *_, line = falls(log_q, np.log(np.maximum(C, np.finfo(float).tiny)), alone, OCTAVE)
+        # C of few modes scatters. C of a rough surface does not rise.
+        step = np.diff(log_q)
+        slope = np.clip(np.diff(line) / step, -_STEEPEST_SLOPE, 0.0)
+        line = np.append(0.0, np.cumsum(slope * step))
+        beyond = np.maximum(modes - log_q[-1], 0.0)
+        expected = np.exp(np.interp(modes, log_q, line) + slope[-1] * beyond)
+        for axis in range(bins.ndim):
+            expected = sum(share * np.roll(expected, k, axis) for k, share in _LEAKS[window].items())
+        inside = bins >= 0
+        count = np.bincount(bins[inside])
+        kept = count > 0
+        change += line - np.log(np.bincount(bins[inside], expected[inside])[kept] / count[kept])
+    return C * np.exp(change)
 
 
 def bins_before_cliff(q: np.ndarray, C: np.ndarray) -> int:

@@ -230,7 +230,7 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
 
     each = np.stack([mean(sample) for sample in mean_square]) / cell
     C = each.mean(0)
-    log_q = np.log(np.where(q > 0, q, 1.0))
+    log_q = np.log(np.where(q > 0, q, q[q > 0].min()))
     center = mean(log_q)
     bins = np.full(q.shape, -1)
     bins[inside] = index
@@ -244,9 +244,8 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
         relative = np.maximum(relative, scatter / np.where(C > 0, C, 1.0))
     corrected, together = C, relative
     if len(grid) == 2:
-        # Rounding may make the variance of equal wavevectors negative.
-        spread = np.sqrt(np.maximum(mean(log_q**2) - center**2, 0.0))
-        corrected, together = unbiased(center, C, spread, alone, in_fit)
+        corrected = unbiased(center, C, log_q, bins, window, alone)
+        together = np.sqrt(scipy.special.polygamma(1, in_fit))
     return MeasuredSpectrum(
         q=np.exp(center),
         C=C,
