@@ -116,7 +116,7 @@ class _Step:
     def __init__(self, fit):
         problem, known = fit.problem, fit.known
         model = linearised(problem, fit.x)
-        _, _, jacobian = weighted_rows(problem, model)
+        jacobian = weighted_rows(problem, model).jacobian
         curvature = _curvature(problem, model.inside)
         V, length = known.directions, np.minimum(known.deviations, OPEN)
         inverse = (V * length**2) @ V.T

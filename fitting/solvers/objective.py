@@ -15,6 +15,8 @@ Residuals and `width` are in units of the standard errors. rho is scaled by widt
 count as in least squares.
 """
 
+import functools
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -57,6 +59,19 @@ def factors(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, j
     # A tenth of rho' at least: beyond it an outlier's curvature turns negative.
     curvature = jnp.sqrt(jnp.maximum(first + 2 * residual**2 * second, 0.1 * first))
     return first / curvature, curvature
+
+
+@functools.lru_cache(maxsize=64)
+def normal_means(loss: str, width: float) -> tuple[float, float]:
+    """Return the means of psi^2 and of the curvature over a standard normal distribution of the residual.
+
+    psi = r rho' is half the derivative of rho. The curvature is the one of `factors`.
+    """
+    residual = np.linspace(-10, 10, 8001)
+    weight = np.exp(-(residual**2) / 2) / math.sqrt(2 * math.pi) * (residual[1] - residual[0])
+    of_rows, of_jacobian = (np.asarray(part, float) for part in factors(loss, width, jnp.asarray(residual)))
+    psi = residual * of_rows * of_jacobian
+    return float(weight @ psi**2), float(weight @ of_jacobian**2)
 
 
 class Loss(NamedTuple):

@@ -9,8 +9,14 @@ The value of a parameter at a bound, or driven to zero, barely changes with its 
 column of the Jacobian would be zero there, and correlated parameters would look well determined. The column
 is therefore scaled to a change of the value by a quarter of its range, or by its start value.
 
-For robust losses the covariance is the sandwich A^-1 B A^-1 of M-estimators, A = J^T J with
-the curvature of the loss, B from the squared slopes.
+For robust losses the covariance is the sandwich A^-1 B A^-1 of M-estimators [Huber & Ronchetti, Robust
+Statistics (2009), ch. 7], with the rows J_i of the Jacobian, the slopes psi_i of the loss and its curvatures
+w_i:
+
+.. math:: A = \sum_i w_i J_i^T J_i,\qquad B = k^2 \langle\psi^2\rangle \sum_i J_i^T J_i
+
+The mean of psi^2 is at least the one of normal residuals, and k is the mean of w over the one of normal
+residuals, at least 1. Few residuals say little about both, and error bars would be too short.
 """
 
 from typing import NamedTuple
@@ -20,6 +26,7 @@ import numpy as np
 from fitting.parameters.scenes import scene_paths
 from fitting.parameters.variables import VANISHED, Variables, element_names, slopes
 from fitting.solvers.evaluation import errors_of_rows, evaluate_rows
+from fitting.solvers.objective import normal_means
 from fitting.solvers.ordered import edges, put_in_order
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows, in_errors, loss_of, padded, slopes_in_errors
@@ -237,23 +244,45 @@ def data_residuals(problem: Problem, model: Linearised) -> np.ndarray:
     return errors_of_rows(padded(problem), model.at)[: data_rows(problem.structure)]
 
 
-def weighted_rows(problem: Problem, model: Linearised) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the residuals, their factors, and the Jacobian times the factors of its rows.
+class WeightedRows(NamedTuple):
+    """Residuals and Jacobian of a problem in units of the errors, see `fitting.solvers.objective.factors`."""
 
-    See `fitting.solvers.objective.factors`. The factors are 1 for least squares.
-    """
+    residuals: np.ndarray  # shape (rows,)
+    slopes: np.ndarray  # psi, the residuals times the factors of both; for least squares the residuals
+    factors: np.ndarray  # of the rows of the Jacobian, 1 for least squares
+    jacobian: np.ndarray  # times the factors, shape (rows, size)
+
+
+def weighted_rows(problem: Problem, model: Linearised) -> WeightedRows:
+    """Return the rows of a problem at a solution, with the factors of its loss."""
     of = padded(problem)
     weighted = _weighted(of.structure, of.numbers, of.targets, model.inside, model.slopes)
-    plain, of_rows, jacobian = map(of.kept, map(np.asarray, weighted))
-    return plain, of_rows, jacobian
+    return WeightedRows(*map(of.kept, map(np.asarray, weighted)))
 
 
 @quick_jit(static_argnums=(0,))
 def _weighted(structure, numbers, targets, rows, slopes):
-    # The three arrays of `weighted_rows`, with padding, from one XLA computation.
+    # The arrays of `WeightedRows`, with padding, from one XLA computation.
     rows = in_errors(structure, numbers, targets, rows)
-    of_rows, of_jacobian = loss_of(structure, numbers).factors(rows)
-    return rows, of_rows, slopes_in_errors(structure, numbers, targets, slopes) * of_jacobian[:, None]
+    of_rows, factors = loss_of(structure, numbers).factors(rows)
+    jacobian = slopes_in_errors(structure, numbers, targets, slopes) * factors[:, None]
+    return rows, rows * of_rows * factors, factors, jacobian
+
+
+class Robust(NamedTuple):
+    """Slopes of a robust loss at the data, and their means over normal residuals."""
+
+    slopes: np.ndarray  # psi of each row
+    factors: np.ndarray  # of the rows of the Jacobian, the roots of the curvatures w
+    normal_square: float  # mean of psi^2
+    normal_curvature: float  # mean of w
+
+    def size(self, parameters: float) -> float:
+        """Return k times the root of the mean of psi^2, for a fit that determines `parameters`."""
+        # The residuals of a fit are smaller than the errors, because it has parameters.
+        square = np.sum(self.slopes**2) / max(self.slopes.size - parameters, 1.0)
+        k = np.mean(self.factors**2) / self.normal_curvature
+        return float(max(k, 1.0) * np.sqrt(max(square, self.normal_square)))
 
 
 def uncertainty(problem: Problem, x: np.ndarray, model: Linearised | None = None) -> Uncertainty:
@@ -261,20 +290,23 @@ def uncertainty(problem: Problem, x: np.ndarray, model: Linearised | None = None
     structure, numbers = problem.structure, problem.numbers
     withheld, inside, stretch = _at_bounds(problem, x)
     model = linearised(problem, x) if model is None else model
-    plain, of_rows, jacobian = weighted_rows(problem, model)
+    rows = weighted_rows(problem, model)
     count = data_rows(problem.structure)
     slope = slopes(problem.variables, numbers.constants, inside)
-    influence = None if structure.loss == "linear" else plain * of_rows
+    robust = None
+    if structure.loss != "linear":
+        normal = normal_means(structure.loss, float(numbers.width))
+        robust = Robust(rows.slopes[:count], rows.factors[:count], *normal)
     return from_jacobian(
         problem.variables,
-        jacobian * stretch,
+        rows.jacobian * stretch,
         count,
         slope=stretch * slope,
         chisqr=float(np.sum(data_residuals(problem, model) ** 2)),
         x=inside,
         stretch=stretch,
         withheld=withheld,
-        influence=influence,
+        robust=robust,
     )
 
 
@@ -288,7 +320,7 @@ def from_jacobian(
     x: np.ndarray,
     stretch: np.ndarray | None = None,
     withheld: dict[str, str] | None = None,
-    influence: np.ndarray | None = None,
+    robust: Robust | None = None,
 ) -> Uncertainty:
     """Return the uncertainty from the Jacobian of a solution, without any compilation.
 
@@ -299,7 +331,7 @@ def from_jacobian(
     count : number of rows that are data
     slope : d value / d (x / stretch), shape (size,)
     chisqr, x, stretch, withheld : as in `Uncertainty`; withheld only for parameters at a bound
-    influence : residuals times their factors from a robust loss, shape (rows,), or None for least squares
+    robust : slopes of a robust loss at the data, or None for least squares
     """
     names, withheld = element_names(variables), dict(withheld or {})
     # V is needed in full even with fewer rows than columns; U is not.
@@ -312,7 +344,7 @@ def from_jacobian(
     deviations = np.where(seen, 1 / np.where(seen, s, 1.0), np.inf)
 
     determined = float(np.sum(U[:count, : s.size][:, seen[: U.shape[1]]] ** 2))
-    spread, along = _spread(jacobian, count, influence, V, deviations, determined)
+    spread, along = _spread(jacobian, count, robust, V, deviations, determined)
     deviation = np.sqrt(np.diag(spread))
     far = along > KNOWN
     # V is not the eigenbasis of a sandwich: all directions may be short while a parameter is not identified.
@@ -349,19 +381,16 @@ def from_jacobian(
     )
 
 
-def _spread(jacobian, count, rows, V, deviations, parameters):
+def _spread(jacobian, count, robust, V, deviations, parameters):
     """Return the covariance of x / stretch, and the standard deviation along each column of V.
 
-    In the covariance, deviations along V are at most `OPEN`. `rows` is `influence` of `from_jacobian`.
+    In the covariance, deviations along V are at most `OPEN`.
     """
     length = np.minimum(deviations, OPEN)
-    if rows is None:
+    if robust is None:
         return (V * length**2) @ V.T, deviations
-    # The product of both factors is the slope of the loss; the Jacobian already contains the second factor.
     influence = jacobian.copy()
-    influence[:count] *= rows[:count, None]
-    # The residuals of a fit are smaller than the errors, because it has parameters.
-    influence[:count] *= np.sqrt(count / max(count - parameters, 1.0))
+    influence[:count] *= robust.size(parameters) / robust.factors[:, None]
     middle = V.T @ (influence.T @ influence) @ V
     inner = middle * np.outer(length**2, length**2)
     beyond = deviations > OPEN

@@ -102,7 +102,7 @@ def _left_out(solved):
     count = problem.targets.measured.size
     model = linearised(problem, solved.x)
     r = data_residuals(problem, model).astype(float)
-    _, _, jacobian = weighted_rows(problem, model)
+    jacobian = weighted_rows(problem, model).jacobian
     along = (jacobian[:count] * known.stretch) @ (known.directions * np.minimum(known.deviations, OPEN))
     h = np.clip(np.sum(along**2, axis=1), 0.0, 1 - _ROUNDING)
     if problem.numbers.whitening is not None:

@@ -66,6 +66,7 @@ class Bootstrap(NamedTuple):
 
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
         """Return the lower and upper quantiles of the fitted values, each of shape (size,)."""
+        check_options(level=level)
         tail = 50 * (1 - level)
         return np.percentile(self.values, tail, axis=0), np.percentile(self.values, 100 - tail, axis=0)
 

@@ -70,8 +70,8 @@ def write_friction(
         abaqus: `*FRICTION` with data lines mu, slip rate, pressure, temperature.
         lsdyna: DEFINE_TABLE_2D with a curve for each pressure and a table for each temperature, numbered
         from 1001; `*CONTACT` takes a table with FS = 2 and its number as FD.
-        csv: values in SI, with standard errors if the table has them, without A/A0. `fitting.read` reads it.
-        json: values in SI, with standard errors and A/A0 if the table has them.
+        csv: values in SI, with standard errors if the table has them. `fitting.read` reads it.
+        json: values in SI, also A/A0 and the interpolation error if the table has them.
         log10: columns log10 v, mu, A/A0 of one curve, as the established program writes them, in m/s.
     unit_velocity : "m/s", "mm/s" or "um/s", for abaqus and lsdyna
     unit_pressure : "Pa", "kPa", "MPa" or "GPa", for abaqus and lsdyna

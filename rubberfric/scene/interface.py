@@ -177,9 +177,8 @@ class Adhesion(PhysicalObject):
     solids come to rest. Where this solution ends, the solids jump into closer contact, and derivatives grow
     without bounds. Two solutions that differ by less than an eleventh of ln(1 + work / (r sigma_0)) in
     ln p_rep may be missed. The next solution is then returned.
-    If more than 1 % of the area touches, areas solve the equation to about 1e-6, and derivatives agree with
-    differences to 1e-9. At the lightest loads, areas solve the equation to 1e-3 if r is less than a tenth of
-    the rms height.
+    If more than 1 % of the area touches, areas solve the equation to 5e-6, and their derivatives to 1e-4. At
+    the lightest loads, areas solve the equation to 1e-3 if r is less than a tenth of the rms height.
     Compared with boundary elements, areas have errors up to 4 % at Tabor 0.1 (with S in G). At Tabor 0.3
     areas are up to 22 % too large at light load, because the attraction deforms the solids.
 

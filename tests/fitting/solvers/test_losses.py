@@ -8,9 +8,10 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from fitting.solvers import objective as losses
-from fitting.solvers.objective import LOSS_WIDTHS
+from fitting.solvers.objective import LOSS_WIDTHS, normal_means
 
 LOSSES = tuple(LOSS_WIDTHS)
 RESIDUALS = np.concatenate([[0.0], np.logspace(-8, 4, 37), -np.logspace(-3, 3, 7)])
@@ -76,6 +77,17 @@ def test_no_residual_breaks_a_loss(loss, width):
     assert value[0] == 0 and first[0] == 1
     gradient = jax.jit(jax.vmap(jax.grad(lambda r: rho(loss, width, r)[0])))(residual)
     assert np.isfinite(gradient).all() and gradient[0] == 0
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+def test_means_over_normal_residuals(loss):
+    width = LOSS_WIDTHS[loss]
+
+    psi = jax.grad(lambda r: 0.5 * rho(loss, width, r)[0])
+    drawn = jnp.asarray(norm.ppf((np.arange(100_000) + 0.5) / 100_000))
+    slope, bend = jax.vmap(psi)(drawn), jax.vmap(jax.grad(psi))(drawn)
+    curvature = np.maximum(bend, 0.1 * slope / drawn)
+    np.testing.assert_allclose(normal_means(loss, width), (np.mean(slope**2), np.mean(curvature)), rtol=1e-3)
 
 
 @pytest.mark.slow

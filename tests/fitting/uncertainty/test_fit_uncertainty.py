@@ -162,19 +162,21 @@ def test_priors_narrow_error_bars():
     assert 36.9 < held.freedom <= 37
 
 
-@pytest.mark.slow
-def test_robust_error_bars_are_the_scatter_of_the_estimates():
-    """Cauchy fits of 80 Gaussian points: the scatter of 500 is the standard error of one."""
-    problem = dry_problem("cauchy", 80)
+@pytest.mark.parametrize(
+    ("loss", "points"), [("huber", 8), pytest.param("cauchy", 80, marks=pytest.mark.slow)]
+)
+def test_robust_error_bars_are_the_scatter_of_the_estimates(loss, points):
+    """Fits of Gaussian points: the scatter of 500 is the standard error of one."""
+    problem = dry_problem(loss, points)
     runs, measured = many_dry_fits(problem, 500)
     deviations = []
     for one, x in zip(measured[:20], runs.x[:20], strict=True):
         drawn = problem._replace(targets=problem.targets._replace(measured=one))
         deviations.append(uncertainty(drawn, x).deviation)
-    # 500 draws know a standard deviation to 3.2 %; one fit of 80 points knows it worse.
+    # 500 draws know a standard deviation to 3.2 %; one fit knows it worse.
     np.testing.assert_allclose(np.mean(deviations, 0), runs.x.std(0), rtol=0.12)
     # The width of the loss costs 5 % of efficiency.
-    plain = uncertainty(dry_problem("linear", 80), problem.start).deviation
+    plain = uncertainty(dry_problem("linear", points), problem.start).deviation
     np.testing.assert_allclose(runs.x.std(0), plain / np.sqrt(0.95), rtol=0.12)
 
 
@@ -199,6 +201,8 @@ def test_wrong_options_of_a_bootstrap():
         result.bootstrap(0)
     with pytest.raises(ValueError, match=r"key = 3: must be a jax\.random\.key"):
         result.bootstrap(4, key=3)
+    with pytest.raises(ValueError, match="level = 95: must be"):
+        result.bootstrap(4).interval(95)
 
 
 def test_bootstrap_agrees_with_the_error_bars():

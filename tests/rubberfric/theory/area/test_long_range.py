@@ -102,6 +102,16 @@ def test_a_range_beyond_all_gaps_is_a_load():
     np.testing.assert_allclose(found.separation, pressed.separation, rtol=1e-7)
 
 
+def test_a_range_beyond_all_gaps_is_a_load_at_areas_of_1e_11():
+    """A table of where contact is lost ended at 1e-6: the area was 40 % too small. Gaps are below 2e-4 r."""
+    spectrum = rf.SelfAffine(2e4, 1e5, 1e7, 0.8, 1e-6)
+    bodies = rf.Body(rf.Rigid(), spectrum), rf.Body(rf.Elastic(1.6e9, 0.5))
+    for pressure in (1e-5, 1e-3, 1e-2):
+        adhesion = rf.Adhesion(pressure, limit="long", range=0.1)
+        found = _area(rf.Scene(*bodies, adhesion=adhesion), 0.0, pressure)
+        assert float(found) == pytest.approx(float(_area(rf.Scene(*bodies), 0.0, 11 * pressure)), rel=3e-4)
+
+
 @pytest.mark.slow
 def test_light_and_heavy_loads():
     """The attraction is a share of a light load, and so is the area."""

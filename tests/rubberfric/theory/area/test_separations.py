@@ -14,15 +14,17 @@ from rubberfric.theory.area.separations import loss_table, loss_weight, scaled_e
 def test_the_table_of_where_contact_is_lost():
     """Against derivatives of the formula."""
     log_x = np.random.default_rng(0).uniform(-12, 1.6, 300)
+    small = np.linspace(-39.9, -12, 100)
 
     @jax.jit
-    def both(gamma, c):
+    def both(log_x, gamma, c):
         slope = jax.vmap(jax.grad(lambda t: -loss_weight(jnp.exp(t), c, gamma)))(log_x)
         return loss_table(gamma)(jnp.asarray(log_x), c), slope
 
     for gamma, c in ((0.5, 4 / math.pi), (0.0, 30.0), (1.0, 0.0)):
-        table, slope = both(gamma, c)
+        table, slope = both(log_x, gamma, c)
         np.testing.assert_allclose(table, slope, atol=3e-8 * float(np.abs(slope).max()) + 1e-10)
+        np.testing.assert_allclose(*both(small, gamma, c), rtol=1e-6)
 
 
 @pytest.mark.parametrize("place", range(3), ids=["log_x", "c", "gamma"])
