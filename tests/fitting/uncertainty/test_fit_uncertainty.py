@@ -162,19 +162,15 @@ def test_priors_narrow_error_bars():
     assert 36.9 < held.freedom <= 37
 
 
-@pytest.mark.parametrize(
-    ("loss", "points"), [("huber", 8), pytest.param("cauchy", 80, marks=pytest.mark.slow)]
-)
-def test_robust_error_bars_are_the_scatter_of_the_estimates(loss, points):
-    """Fits of Gaussian points: the scatter of 500 is the standard error of one."""
+@pytest.mark.parametrize(("loss", "points", "longer"), [("huber", 8, 1.3), ("cauchy", 12, 1.2)])
+def test_robust_error_bars_are_the_scatter_of_the_estimates(loss, points, longer):
+    """Fits of Gaussian points: the scatter of 500 is the standard error of one, which few points lengthen."""
     problem = dry_problem(loss, points)
     runs, measured = many_dry_fits(problem, 500)
-    deviations = []
-    for one, x in zip(measured[:20], runs.x[:20], strict=True):
-        drawn = problem._replace(targets=problem.targets._replace(measured=one))
-        deviations.append(uncertainty(drawn, x).deviation)
-    # 500 draws know a standard deviation to 3.2 %; one fit knows it worse.
-    np.testing.assert_allclose(np.mean(deviations, 0), runs.x.std(0), rtol=0.12)
+    drawn = [problem._replace(targets=problem.targets._replace(measured=one)) for one in measured[:60]]
+    stated = [uncertainty(at, x).deviation for at, x in zip(drawn, runs.x, strict=False)]
+    ratio = np.mean(stated, 0) / runs.x.std(0)
+    assert np.all(ratio > 0.9) and np.all(ratio < longer)
     # The width of the loss costs 5 % of efficiency.
     plain = uncertainty(dry_problem("linear", points), problem.start).deviation
     np.testing.assert_allclose(runs.x.std(0), plain / np.sqrt(0.95), rtol=0.12)
