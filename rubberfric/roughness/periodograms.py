@@ -154,7 +154,8 @@ def unbiased(
         beyond = np.maximum(modes - log_q[-1], 0.0)
         expected = np.exp(np.interp(modes, log_q, line) + slope[-1] * beyond)
         for axis in range(bins.ndim):
-            expected = sum(share * np.roll(expected, k, axis) for k, share in _LEAKS[window].items())
+            moved = [share * np.roll(expected, k, axis) for k, share in _LEAKS[window].items()]
+            expected = np.sum(moved, 0)
         inside = bins >= 0
         count = np.bincount(bins[inside])
         kept = count > 0
