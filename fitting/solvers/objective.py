@@ -15,7 +15,6 @@ Residuals and `width` are in units of the standard errors. rho is scaled by widt
 count as in least squares.
 """
 
-import functools
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -61,7 +60,6 @@ def factors(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, j
     return first / curvature, curvature
 
 
-@functools.lru_cache(maxsize=64)
 def normal_means(loss: str, width: float) -> tuple[float, float]:
     """Return the means of psi^2 and of the curvature over a standard normal distribution of the residual.
 

@@ -255,7 +255,7 @@ class _Likelihood:
 
     def __init__(self, problem, model, scenes, data, shared, law):
         bare = with_discrepancy(problem, scenes, data, None)
-        rows, _, _, jacobian = weighted_rows(bare, model)
+        rows, *_, jacobian = weighted_rows(bare, model)
         count, size = data_rows(problem.structure), jacobian.shape[1]
         rows, jacobian = np.asarray(rows, float), np.asarray(jacobian, float)
         known = _per_error(problem, data) * law

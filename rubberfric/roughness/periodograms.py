@@ -1,4 +1,4 @@
-r"""Bins of modes, and expected periodograms: what a window, detrending and bins make of a spectrum.
+r"""Bins of modes, and expected periodograms: effects of a window, detrending and bins on a spectrum.
 
 A profile of n heights has the covariances R of a random profile with the spectrum C_1D,
 
@@ -128,7 +128,12 @@ def independent_modes(
 
 
 def unbiased(
-    log_q: np.ndarray, C: np.ndarray, modes: np.ndarray, bins: np.ndarray, window: str, alone: np.ndarray
+    log_q: np.ndarray,
+    C: np.ndarray,
+    modes: np.ndarray,
+    mean: Callable[[np.ndarray], np.ndarray],
+    window: str,
+    alone: np.ndarray,
 ) -> np.ndarray:
     """Return C(q) of the bins of a map, whose logarithm is right on average.
 
@@ -140,7 +145,7 @@ def unbiased(
     ----------
     log_q, C : mean ln q and mean C of every bin
     modes : ln q of every mode
-    bins : number of the bin of every mode, or -1
+    mean : function that returns the means of the bins of values at every mode
     window : "hann" or "none"
     alone : number of independent modes of every bin
     """
@@ -153,13 +158,10 @@ def unbiased(
         line = np.append(0.0, np.cumsum(slope * step))
         beyond = np.maximum(modes - log_q[-1], 0.0)
         expected = np.exp(np.interp(modes, log_q, line) + slope[-1] * beyond)
-        for axis in range(bins.ndim):
+        for axis in range(modes.ndim):
             moved = [share * np.roll(expected, k, axis) for k, share in _LEAKS[window].items()]
             expected = np.sum(moved, 0)
-        inside = bins >= 0
-        count = np.bincount(bins[inside])
-        kept = count > 0
-        change += line - np.log(np.bincount(bins[inside], expected[inside])[kept] / count[kept])
+        change += line - np.log(mean(expected))
     return C * np.exp(change)
 
 
@@ -292,7 +294,7 @@ def expected_bins(
 
 
 def _expected_power(covariance, window, trends):
-    """Return the expected abs(F)^2 of modes k = 0 ... n - 1, for the covariances at distances 0 ... n - 1."""
+    """Return the expected abs(F)^2 of modes k = 0 ... n - 1 from the covariances at distances 0 ... n - 1."""
     n = window.size
     # Covariances of the windowed heights, summed over pairs of heights of every distance modulo n.
     pairs = np.fft.irfft(np.abs(np.fft.rfft(window, 2 * n)) ** 2, 2 * n)[:n] * covariance

@@ -244,7 +244,7 @@ def _spectrum(heights, spacings, q, window, detrend, per_decade):
         relative = np.maximum(relative, scatter / np.where(C > 0, C, 1.0))
     corrected, together = C, relative
     if len(grid) == 2:
-        corrected = unbiased(center, C, log_q, bins, window, alone)
+        corrected = unbiased(center, C, log_q, mean, window, alone)
         together = np.sqrt(scipy.special.polygamma(1, in_fit))
     return MeasuredSpectrum(
         q=np.exp(center),

@@ -82,7 +82,6 @@ def test_no_residual_breaks_a_loss(loss, width):
 @pytest.mark.parametrize("loss", LOSSES)
 def test_means_over_normal_residuals(loss):
     width = LOSS_WIDTHS[loss]
-
     psi = jax.grad(lambda r: 0.5 * rho(loss, width, r)[0])
     drawn = jnp.asarray(norm.ppf((np.arange(100_000) + 0.5) / 100_000))
     slope, bend = jax.vmap(psi)(drawn), jax.vmap(jax.grad(psi))(drawn)

@@ -162,7 +162,7 @@ def test_priors_narrow_error_bars():
     assert 36.9 < held.freedom <= 37
 
 
-@pytest.mark.parametrize(("loss", "points", "longer"), [("huber", 8, 1.3), ("cauchy", 12, 1.2)])
+@pytest.mark.parametrize(("loss", "points", "longer"), [("huber", 8, 1.3), ("cauchy", 80, 1.12)])
 def test_robust_error_bars_are_the_scatter_of_the_estimates(loss, points, longer):
     """Fits of Gaussian points: the scatter of 500 is the standard error of one, which few points lengthen."""
     problem = dry_problem(loss, points)
