@@ -49,7 +49,8 @@ from fitting.solvers.further import FurtherStarts
 from fitting.solvers.objective import MESSAGES
 from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import ASSUMED, make_problem
-from fitting.uncertainty.covariance import Direction, Uncertainty
+from fitting.uncertainty.covariance import Uncertainty
+from fitting.uncertainty.directions import Direction
 from fitting.uncertainty.discrepancy import with_discrepancy
 from rubberfric.base import StrPath, check_writable, closest, replacing
 from rubberfric.io import hdf5, read_object, read_quadrature, write_object, write_quadrature

@@ -22,7 +22,8 @@ from support.scenes.fits import SCENE as SHEARLESS
 import rubberfric as rf
 from fitting import Bounded, FrictionData, ModulusData, Positive, Smooth, fit
 from fitting.parameters.variables import free_parameters
-from fitting.uncertainty.covariance import OPEN, describe_direction
+from fitting.uncertainty.covariance import OPEN
+from fitting.uncertainty.directions import describe_direction
 
 SCENE = SHEARLESS.replace(shear=SHEAR)
 GAMMA = "gamma"
