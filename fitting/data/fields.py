@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, TypeVar, dataclass_transform
 
 import numpy as np
 
-from rubberfric.base import FINITE, ArrayLike, shown
+from rubberfric.base import FINITE, ArrayLike, check_unmasked, shown
 
 ValueRule = tuple[str, Callable[[np.ndarray], np.ndarray]]
 _T = TypeVar("_T")
@@ -31,10 +31,10 @@ class Field(NamedTuple):
 
 def numbers(name: str, value: ArrayLike) -> np.ndarray:
     """Return a float64 array of real numbers, or raise ValueError for other values or none."""
+    check_unmasked(name, value)
     try:
         array = np.asarray(value)
-        # a mask would be lost without an error
-        if array.dtype.kind not in "fiu" or np.ma.is_masked(value):
+        if array.dtype.kind not in "fiu":
             raise TypeError
         array = array.astype(float)
     except (TypeError, ValueError):

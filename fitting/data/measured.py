@@ -292,7 +292,7 @@ class Measured:
         Parameters
         ----------
         frame, units : as in `rubberfric.io.as_frame`
-            Columns with other titles are ignored.
+            Columns with other titles are ignored. A warning names one of standard errors, such as "std mu".
         arguments : arguments of the constructor that the frame lacks, or that replace columns of the frame
             An example is pressure=3e5.
 

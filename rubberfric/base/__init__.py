@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from rubberfric.base.checks import as_array as as_array
     from rubberfric.base.checks import as_leaf as as_leaf
     from rubberfric.base.checks import between as between
+    from rubberfric.base.checks import check_unmasked as check_unmasked
     from rubberfric.base.checks import check_values as check_values
     from rubberfric.base.checks import closest as closest
     from rubberfric.base.checks import either as either

@@ -133,6 +133,12 @@ def check_values(name: str, value: Any, rule: Rule) -> None:
         raise ValueError(f"{name}{index} = {shown(array[where])}: {text}")
 
 
+def check_unmasked(name: str, value: object) -> None:
+    """Raise ValueError if an array of NumPy has masked entries, whose mask would be lost without an error."""
+    if np.ma.is_masked(value):
+        raise ValueError(f"{name} has masked entries: must have none; leave them out, x[~x.mask]")
+
+
 def as_leaf(name: str, value: Any, ndim: int) -> jax.Array:
     """Convert a value to a float array with `ndim` dimensions, or raise ValueError.
 
@@ -147,12 +153,11 @@ def as_leaf(name: str, value: Any, ndim: int) -> jax.Array:
             return float(value)  # pyright: ignore[reportReturnType] (weakly typed, all that an array does)
         except OverflowError:
             raise ValueError(f"{name} = {shown(value)}: must be within floating-point range") from None
+    check_unmasked(name, value)
     try:
         array = value if isinstance(value, jax.Array) else np.asarray(value)
         if array.dtype == object:
             array = _from_objects(array)
-        if np.ma.is_masked(value):  # a mask would be lost without an error
-            raise TypeError
         if not jnp.issubdtype(array.dtype, jnp.floating):
             if not jnp.issubdtype(array.dtype, jnp.integer):
                 raise TypeError

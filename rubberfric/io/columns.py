@@ -155,6 +155,11 @@ _GENERIC = {"M": {"E": "E", "G": "G"}, "N": {"E": "D", "G": "J"}}
 # Titles that only other programs write.
 _UNUSED = ("Set", "t", "t_set", *(f"{m}_{n}" for m in "EG" for n in ("relax", "stor_filt", "loss_filt")))
 
+# Words of titles of standard errors, in English, German and French.
+_OF_ERRORS = {
+    *("std", "sd", "stdev", "stddev", "stderr", "sem", "sigma", "err", "error", "errors", "uncertainty"),
+    *("standardabweichung", "fehler", "unsicherheit", "incertitude"),
+}
 _AROUND = re.compile(r"^[\[(]([^\[\]()]*)[\])]$")  # brackets around a unit
 _LOG_UNIT = re.compile(r"log_?10\((.+)\)")
 _KNOWN_UNITS = {unit for column in COLUMNS.values() for unit in column.units}
@@ -193,6 +198,11 @@ def is_foreign(title: str, name: str | None) -> bool:
     """
     own = name in COLUMNS and COLUMNS[name].offered and name == title
     return title in _UNUSED or (name is not None and not own)
+
+
+def is_error(title: str) -> bool:
+    """Return True if a word of a column title names a standard error, as in "std mu" and "mu_err"."""
+    return not _OF_ERRORS.isdisjoint(re.split(r"[\W_]+", title.lower()))
 
 
 def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:

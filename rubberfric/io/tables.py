@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from rubberfric.base.atomic import StrPath
-from rubberfric.base.checks import check_choice, closest, listed, shown
-from rubberfric.io.columns import COLUMNS, SET_VALUES, TRANSIENTS, quantities_of
+from rubberfric.base.checks import check_choice, closest, listed, shown, warn_caller
+from rubberfric.io.columns import COLUMNS, SET_VALUES, TRANSIENTS, is_error, quantities_of
 from rubberfric.io.exports import TextTable, find_table, headless, pick, suggested_columns
 from rubberfric.io.height_files.traces import read_traces
 from rubberfric.io.text_tables.derived import RELATIONS, plan_for, with_derived, with_wheel_names
@@ -64,7 +64,8 @@ def read_table(
         Missing quantities are computed from other columns (`rubberfric.io.text_tables.derived`): E_stor and
         E_loss from `abs(E*)`, a phase angle, tan(delta) or shear moduli, mu from forces, p from a load
         and `area`, and v from a speed and a slip. Unknown columns are errors in a table of the project,
-        and are ignored in an export.
+        and are ignored in an export. A warning names an ignored column of standard errors, such as "std mu",
+        if an optional column could hold them.
     increasing : require that the first needed column increases strictly; in an export it may also decrease
     columns : "name [unit]" of each column if the file does not name them, or None
     poisson : Poisson's ratio [-] for E = 2 (1 + poisson) G, or None
@@ -125,6 +126,7 @@ def read_table(
             ]
             content = content._replace(units=replaced)
         check_units(export.where, content)
+        _warn_of_errors(export, optional)
         if area is not None and "area" not in [relation.constant for relation in plan.relations]:
             own = [name for name in ("p", "A") if name in plan.columns]
             why = f"the file has {own[0]}" if own else "the table has no load F_n, or needs no pressure"
@@ -163,6 +165,18 @@ def _refuse_shear(path, text, export, block, *stated):
         raise ValueError(
             f"{export.where}: {ambiguous[0]!r} may be G', because {of_shear[0]!r} is of shear: pass"
             " poisson=0.5 for E = 2 (1 + poisson) G; or name E_stor and E_loss in columns, for E' and E''"
+        )
+
+
+def _warn_of_errors(export, optional):
+    """Warn if no optional column of standard errors is there, but one with another title."""
+    sigmas = [name for name in optional if "sigma" in name]
+    unread = [t for t, name in zip(export.titles, export.names, strict=True) if name is None and is_error(t)]
+    if unread and sigmas and not {*sigmas} & {*export.names}:
+        warn_caller(
+            f"{export.where}: the column {shown(unread[0])} is not read; if it holds standard errors, name it"
+            f" {' or '.join(sigmas)}",
+            UserWarning,
         )
 
 

@@ -41,6 +41,7 @@ from rubberfric.base.checks import (
     as_array,
     as_leaf,
     between,
+    check_unmasked,
     check_values,
     is_concrete,
     shape_of,
@@ -162,8 +163,8 @@ def spectrum_from(
     >>> [f"{float(x):.4g}" for x in C]  # in m^4
     ['1.013e-14', '2.533e-18']
     """
-    if np.ma.is_masked(values) or np.ma.is_masked(q):
-        raise ValueError("q or values has masked entries; leave them out, q[~values.mask]")
+    check_unmasked("q", q)
+    check_unmasked("values", values)
     if normalisation in LINES and hurst is None and len(shape_of(q)) == len(shape_of(values)) == 1:
         return areal_spectrum(q, as_array(values) / NORMALISATIONS[normalisation].factor, relative).C
     factor = _factor(normalisation, q, hurst)

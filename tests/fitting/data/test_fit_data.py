@@ -25,7 +25,7 @@ SIGMA = [(cls, name) for cls in KINDS for name in (*cls.sigmas, "relative")]
         (["a", "b"], " = ['a', 'b']: must be real numbers"),
         (np.array([[1, 2], [3, 4j]]), ": must be real numbers"),
         ([10**400], ": must be real numbers"),
-        (np.ma.array([1.0, 2.0], mask=[False, True]), ": must be real numbers"),
+        (np.ma.array([1.0, 2.0], mask=[False, True]), " has masked entries: must have none"),
         ([], " is empty: must have at least one value"),
         ([1.0, np.nan], "[1] = nan: must be finite"),
     ],

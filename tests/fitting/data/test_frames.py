@@ -1,5 +1,7 @@
 """Data frames of pandas, polars, xarray and Arrow, and mappings, with their units; and back to pandas."""
 
+import re
+
 import numpy as np
 import pandas
 import pytest
@@ -53,6 +55,19 @@ def test_bad_rows_of_frames():
         fitting.read(frame)
     with pytest.warns(UserWarning, match="^data frame: 1 of 4 rows have bad values and are left out: rows 4"):
         check(fitting.read(frame, bad_rows="drop"))
+
+
+@pytest.mark.parametrize("title", ["std mu", "mu_err", "Standardabweichung", "Error [%]"])
+def test_errors_with_an_unknown_title(title):
+    """Without the warning, a fit would estimate the errors although they were measured."""
+    frame = {"v [m/s]": [1.0, 2.0], "mu": [0.5, 0.6], title: [0.1, 0.2]}
+    message = (
+        f"the column {title!r} is not read; if it holds standard errors, name it sigma or relative_sigma"
+    )
+    for read in (fitting.read, fitting.FrictionData.from_frame):
+        with pytest.warns(UserWarning, match=re.escape(message)):
+            assert read(frame, pressure=1e5).sigma is None
+    assert list(fitting.read({**frame, "sigma": [0.01, 0.02]}, pressure=1e5).sigma) == [0.01, 0.02]
 
 
 def test_polars():

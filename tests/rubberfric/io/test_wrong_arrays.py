@@ -10,8 +10,14 @@ import rubberfric as rf
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: rf.friction(SCENE, np.ma.array([1.0, 2.0], mask=[0, 1]), 1e5), "velocity = masked_array"),
-        (lambda: rf.Prony(1e6, np.ma.array([1e6, 1e7], mask=[0, 1]), [1.0, 2.0]), "Prony.E = masked_array"),
+        (
+            lambda: rf.friction(SCENE, np.ma.array([1.0, 2.0], mask=[0, 1]), 1e5),
+            "velocity has masked entries",
+        ),
+        (
+            lambda: rf.Prony(1e6, np.ma.array([1e6, 1e7], mask=[0, 1]), [1.0, 2.0]),
+            "Prony.E has masked entries",
+        ),
         (lambda: rf.friction(SCENE, [[1.0], [1.0, 2.0]], 1e5), "velocity = [[1.0], [1.0, 2.0]]"),
         (lambda: rf.friction(SCENE, True, 1e5), "velocity = True: must be a number"),
         (

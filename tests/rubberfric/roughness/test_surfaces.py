@@ -64,7 +64,7 @@ of_surface = rf.roughness.spectrum_of_surface
         (lambda: of_surface(surface(LINE, (1.0,), is_uniform=False)), "has unevenly spaced points"),
         (lambda: of_surface(surface(MAP, (1.0,))), "must have equal numbers of entries, 1 or 2"),
         (lambda: of_surface(surface(MAP, (1.0, 1.0)), window="kaiser"), "must be one of hann"),
-        (lambda: rf.roughness.spectrum_from("C", HOLES[0], HOLES[0]), "has masked entries; leave them out"),
+        (lambda: rf.roughness.spectrum_from("C", HOLES[0], HOLES[0]), "q has masked entries: must have none"),
     ],
 )
 def test_what_is_refused(call, message):
