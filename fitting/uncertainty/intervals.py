@@ -40,6 +40,7 @@ from fitting.solvers.runs import Callback, Runs, run_fits
 from fitting.uncertainty.covariance import OPEN, Uncertainty, WithUncertainty, inside_bounds
 from fitting.uncertainty.likelihood_profile import LikelihoodProfile
 from fitting.uncertainty.profile import Anchor, profile_from
+from fitting.uncertainty.verdict import MEDIAN
 from rubberfric.base import ArrayLike, broadcast_shape, quick_jit
 
 # Confidence level of intervals in reports, figures and checks.
@@ -121,7 +122,9 @@ class SolvedProblem(WithUncertainty):
     def quantile(self, level: float) -> float:
         """Return the two-sided normal quantile, or Student's if errors were estimated from the scatter."""
         estimated = self.error_scale != 1 or any(scale is not None for scale in self.estimated)
-        return quantile(level, max(self.freedom, 0.5) if estimated else np.inf)
+        by_median = self.problem.structure.loss != "linear"
+        freedom = self.freedom / (MEDIAN if by_median else 1.0)
+        return quantile(level, max(freedom, 0.5) if estimated else np.inf)
 
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
         """Return the ends of the confidence intervals; NaN if an error bar is withheld.

@@ -16,7 +16,8 @@ If errors were estimated from the scatter, only the last two apply. The estimate
 .. math:: \hat\sigma = \sigma \sqrt{\frac{\sum_i r_i^2}{n} \Big/ \left(1 - \frac{p}{N}\right)}
 
 with the residuals r of a data set of n values in units of the errors it was fitted with, p the effective
-number of parameters and N the number of all values. For a robust loss the median of |r| replaces the mean.
+number of parameters and N the number of all values. For a robust loss the median of |r| replaces the mean,
+and the estimate has fewer degrees of freedom by the factor `MEDIAN`.
 """
 
 from collections.abc import Sequence
@@ -37,8 +38,9 @@ _WORST = 3
 _FEW = 0.25
 # Part of chi-square above which one value dominates.
 _DOMINANT = 0.5
-# Variance of the squared median of normal deviates over the variance of their mean square.
-_MEDIAN = 2.72
+# Variance of the squared median of normal deviates over the variance of their mean square. An estimate by the
+# median therefore has fewer degrees of freedom by this factor.
+MEDIAN = 2.72
 # Median of |r| to standard deviation.
 _NORMAL = 1.4826
 
@@ -143,7 +145,7 @@ def _size(sets, robust):
     for where, rows, freedom in [everything, *parts]:
         ratio, squares = 1.0, float(np.sum(rows**2))
         if robust:
-            ratio, squares = _MEDIAN, _squares_by_median(rows)
+            ratio, squares = MEDIAN, _squares_by_median(rows)
         # scipy.special, because scipy.stats takes longer to import than a short fit.
         allowed = ratio * 2 * float(scipy.special.gammainccinv(freedom / ratio / 2, _SIGNIFICANCE))
         if squares > allowed:

@@ -1,4 +1,4 @@
-"""Losses of robust fits: the formulas in 60 digits, efficiency.
+"""Losses of robust fits: the formulas in 60 digits, efficiency, error bars.
 
 `test_least_squares.py` compares costs with those of SciPy.
 """
@@ -8,10 +8,17 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import norm, t
+from support.scenes.bars import BOTH, DRY_FREE, VELOCITY, modulus_data
+from support.scenes.fit_problems import DRY
+from support.scenes.fits import FAST as QUADRATURE
+from support.scenes.fits import THREE as SCENE
 
+from fitting import FrictionData, fit
 from fitting.solvers import objective as losses
 from fitting.solvers.objective import LOSS_WIDTHS, normal_means
+from fitting.solvers.problem import make_problem
+from fitting.uncertainty.covariance import uncertainty
 
 LOSSES = tuple(LOSS_WIDTHS)
 RESIDUALS = np.concatenate([[0.0], np.logspace(-8, 4, 37), -np.logspace(-3, 3, 7)])
@@ -99,3 +106,35 @@ def test_widths_make_gaussian_data_95_percent_efficient(loss):
     slope = jax.grad(lambda r: 0.5 * rho(loss, LOSS_WIDTHS[loss], r)[0])
     psi, bend = np.asarray(jax.vmap(slope)(r)), np.asarray(jax.vmap(jax.grad(slope))(r))
     assert np.sum(weight * bend) ** 2 / np.sum(weight * psi**2) == pytest.approx(0.95, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_a_robust_scatter_is_not_that_of_the_outliers():
+    data = modulus_data(noise=0.03, omega=np.logspace(-1, 7, 60), given=False)
+    measured = data.measured.copy()
+    measured[::20] *= 5.0
+    struck = data.replaced(measured)
+    assert fit(SCENE, struck, BOTH).estimated[0] > 0.2
+    robust = fit(SCENE, struck, BOTH, loss="cauchy")
+    assert robust.estimated[0] == pytest.approx(0.03, rel=0.25)
+    # The median of |r| has the efficiency of [Rousseeuw & Croux, JASA 88 (1993) 1273].
+    quarter = norm.ppf(0.75)
+    efficiency = 8 * (quarter * norm.pdf(quarter)) ** 2
+    low, high = robust.interval(0.95)
+    q = t.ppf(0.975, robust.freedom * efficiency)
+    np.testing.assert_allclose(np.log(high / low), 2 * q * robust.uncertainty.deviation, rtol=1e-4)
+
+
+def test_robust_error_bars_of_few_points_are_withheld_with_a_reason():
+    """Each direction is known to better than a factor e, their sum in tau_f0 is not."""
+    data = FrictionData(
+        VELOCITY[[0, 3, 8, 11]],
+        np.exp([-2.36698859, 0.77516245, -0.53305407, -2.50681706]),
+        pressure=1e5,
+        relative=[0.25707941, 0.78190658, 0.49738595, 3.12469569],
+        check_units=False,
+    )
+    problem = make_problem(DRY, [data], DRY_FREE, loss="cauchy", quadrature=QUADRATURE)
+    known = uncertainty(problem, problem.start)
+    assert known.withheld and set(known.withheld.values()) == {"not identified, see direction 1"}
+    assert len(known.unidentified) == 1

@@ -27,7 +27,7 @@ from support.scenes.fits import THREE as SCENE
 
 import fitting
 import rubberfric as rf
-from fitting import Free, FrictionData, Gaussian, ModulusData, Positive, fit
+from fitting import Free, Gaussian, ModulusData, Positive, fit
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.objective import CONVERGED, PERFECT
 from fitting.solvers.problem import make_problem
@@ -139,16 +139,6 @@ def test_two_sets_of_unknown_errors_are_told_apart():
     np.testing.assert_allclose(result.stderr, alone.stderr, rtol=0.15)
 
 
-@pytest.mark.slow
-def test_a_robust_scatter_is_not_that_of_the_outliers():
-    data = modulus_data(noise=0.03, omega=np.logspace(-1, 7, 60), given=False)
-    measured = data.measured.copy()
-    measured[::20] *= 5.0
-    struck = data.replaced(measured)
-    assert fit(SCENE, struck, BOTH).estimated[0] > 0.2
-    assert fit(SCENE, struck, BOTH, loss="cauchy").estimated[0] == pytest.approx(0.03, rel=0.25)
-
-
 def test_priors_narrow_error_bars():
     data = modulus_data()
     plain = fit(SCENE, data, BOTH)
@@ -174,21 +164,6 @@ def test_robust_error_bars_are_the_scatter_of_the_estimates(loss, points, longer
     # The width of the loss costs 5 % of efficiency.
     plain = uncertainty(dry_problem("linear", points), problem.start).deviation
     np.testing.assert_allclose(runs.x.std(0), plain / np.sqrt(0.95), rtol=0.12)
-
-
-def test_robust_error_bars_of_few_points_are_withheld_with_a_reason():
-    """Each direction is known to better than a factor e, their sum in tau_f0 is not."""
-    data = FrictionData(
-        VELOCITY[[0, 3, 8, 11]],
-        np.exp([-2.36698859, 0.77516245, -0.53305407, -2.50681706]),
-        pressure=1e5,
-        relative=[0.25707941, 0.78190658, 0.49738595, 3.12469569],
-        check_units=False,
-    )
-    problem = make_problem(DRY, [data], DRY_FREE, loss="cauchy", quadrature=QUADRATURE)
-    known = uncertainty(problem, problem.start)
-    assert known.withheld and set(known.withheld.values()) == {"not identified, see direction 1"}
-    assert len(known.unidentified) == 1
 
 
 def test_wrong_options_of_a_bootstrap():
