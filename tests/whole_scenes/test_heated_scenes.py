@@ -178,12 +178,13 @@ def test_what_a_heated_scene_must_have():
 @pytest.mark.parametrize("name", ["macro", "flash-shear"])
 def test_energy_near_the_surface_is_what_friction_set_free(name):
     """q -> 0 sees T_q / 2q = int T dz = R (mu + share mu_con) sigma_0 / (P_m rho c_p)."""
-    problem = CASES[name]
-    law = BASE.scene.heating.replace(conductivity=1e-6)
-    problem = problem._replace(scene=problem.scene.replace(heating=law))
-    values, q = problem.solved(), np.array([1e-4, 1.0])
-    warm = rf.analysis.profile(*problem.arguments, q=q).temperature
-    heat = law.density * law.heat_capacity * law.area_fraction
+    problem = CASES[name]._replace(scene=heated_otherwise(CASES[name], conductivity=1e-6))
+    law = problem.scene.heating
+    values, q = problem.solved(), np.array([1e-4, 1.0, np.pi / law.radius])
+    along = rf.analysis.profile(*problem.arguments, q=q)
+    warm = along.temperature
+    fraction = along.area[2] if law.area_fraction is None else law.area_fraction
+    heat = float(law.density * law.heat_capacity * fraction)
     shear = values.get("shear_friction", np.zeros(1))  # half of whose heat enters the rubber
     power = (values["friction"] - 0.5 * shear)[0] * problem.pressure
     rise = warm[1] - problem.temperature

@@ -56,47 +56,37 @@ FIXED = (
     Structure(Solid("elastic", "affine", "frictionless"), Solid("elastic", "table")),
 )
 ROUGH_ROAD = FIXED[0]
-ON_ELASTIC = FIXED[4]
-# Forward mode besides reverse mode, for these only in the ordinary run: it takes 3 s to compile.
-BOTH_MODES = (ROUGH_ROAD, ON_ELASTIC)
 
 # Every example compiles to the same function: how long one takes says nothing about it.
 ordinary = settings(deadline=None, derandomize=True, database=None)
 many = settings(ordinary, max_examples=3500, derandomize=False)
 fewer = settings(many, max_examples=500)
-fewest = settings(ordinary, max_examples=60)
 
 
 HEAVIER = decades(-15.0, 6.0)
 
 
-def examples(structure, how, both_modes):
+def examples(structure, how):
     """Check scenes of a structure, drawn as the settings say."""
 
     @how
     @given(calls(structure), HEAVIER)
     def run(call, heavier):
-        check(call, heavier, both_modes)
+        check(call, heavier)
 
     run()
 
 
 @pytest.mark.slow  # tests/rubberfric/theory/test_branches.py has random scenes in the ordinary run
 @pytest.mark.parametrize("structure", FIXED, ids=str)
-def test_scenes(structure):
-    examples(structure, fewest, structure in BOTH_MODES)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("structure", FIXED, ids=str)
 def test_many_scenes(structure):
-    examples(structure, many, True)
+    examples(structure, many)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("structure", structures(40, seed=0), ids=str)
 def test_scenes_of_any_structure(structure):
-    examples(structure, fewer, True)
+    examples(structure, fewer)
 
 
 def drawn(structure, count, ranges=FAR, dtype=float):

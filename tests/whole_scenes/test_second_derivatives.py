@@ -13,7 +13,6 @@ from rubberfric.base import quick_jit
 from rubberfric.scene.softening import Softened, softening_factors
 
 QUADRATURE = rf.Quadrature(order=8, panels=5, graded=4, ratio=5.0, angular_order=8)
-COARSE = rf.Quadrature(order=6, panels=3, graded=2, ratio=5.0, angular_order=6)
 STEP = 2e-4
 # Fourth-order central differences.
 WEIGHTS = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
@@ -123,13 +122,6 @@ def test_all_second_derivatives(name):
     np.testing.assert_allclose(forward, forward.T, rtol=1e-6, atol=3e-5)
     atol = LARGER.get(name, 2e-5)
     np.testing.assert_allclose(forward, _differences(function, count), rtol=1e-5, atol=atol)
-
-
-@pytest.mark.slow
-def test_second_derivatives_at_rest():
-    function, count = _function(*SCENES["rest"], COARSE, ("area", "friction"))
-    forward = jax.jit(jax.hessian(function))(jnp.zeros(count))
-    np.testing.assert_allclose(forward, _differences(function, count), rtol=1e-4, atol=2e-4)
 
 
 @pytest.mark.slow

@@ -97,18 +97,6 @@ def test_a_fit_that_starts_at_its_minimum_stays_there():
 # --- side by side
 
 
-def test_the_size_of_a_batch_does_not_change_a_fit():
-    problem = master()
-    starts = problem.start + np.random.default_rng(0).uniform(-3, 3, (5, 5))
-    first, second = (run_fits(LM, problem, starts, batch=n) for n in (1, 3))
-    np.testing.assert_allclose(second.cost, first.cost, rtol=1e-12)
-    # Products of other sizes round differently, and a fit stops within 1e-5 of its standard errors: maybe a
-    # step later.
-    np.testing.assert_allclose(second.x, first.x, atol=1e-7)
-    np.testing.assert_array_equal(second.status, first.status)
-    np.testing.assert_allclose(second.nfev, first.nfev, atol=2)
-
-
 def test_fits_of_different_data_keep_to_their_own():
     problem = master()
     measured = np.stack([np.log(modulus_data(seed).measured) for seed in range(5)])

@@ -3,7 +3,6 @@
 from typing import Literal
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -120,15 +119,6 @@ def test_kinds_in_errors():
     with pytest.raises(ValueError, match=message):
         rf.Coating(1e-3, 1)
     check_kind("x", rf.SelfAffine(1, 2, 3, 0.8, 1.0), Spectrum)
-
-
-def test_traced_objects_are_rebuilt_without_checks(made):
-    @made
-    class Part(PhysicalObject):
-        number: Number = leaf(NONNEGATIVE, unit="Pa")
-
-    gradient = jax.grad(lambda part: -part.number)(Part(jnp.asarray(2.0)))
-    assert gradient.number == -1
 
 
 @pytest.mark.parametrize(

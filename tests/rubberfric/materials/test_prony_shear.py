@@ -57,12 +57,6 @@ def test_reduced_modulus(bulk, scale):
     np.testing.assert_allclose(found, ends, rtol=1e-13)
 
 
-def test_huge_bulk_modulus_is_an_incompressible_solid():
-    alike = rf.Prony(3 * G_INF, 3 * np.array(G), TAU, 0.5)
-    wanted = np.asarray(rf.complex_modulus(alike, OMEGA)) / 0.75
-    np.testing.assert_allclose(reduced(material(1e22), OMEGA), wanted, rtol=1e-13)
-
-
 def test_temperature_shifts_the_shear():
     law = rf.WLF(8.86, 101.6, 293.15)
     moved = rf.complex_modulus(material(shift=law), 10.0, 320.0)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.ndimage
 import scipy.special
-from support.cases.heights import NOISE, SPACING, self_affine, surfaces
+from support.cases.heights import SPACING, self_affine, surfaces
 from support.folders import REFERENCE
 
 import rubberfric as rf
@@ -165,9 +165,3 @@ def test_several_profiles():
     assert found.cell * np.sum(found.modes * found.C) + found.left_out == pytest.approx(found.h_rms**2)
     with pytest.raises(ValueError, match="at least 8 along each axis"):
         rf.roughness.spectrum_of_profile(SPACING, lines[:, :7])
-
-
-def test_noise_of_the_five_surfaces():
-    """The stored case has the stated noise."""
-    difference = SURFACES["noisy"][0] - SURFACES["self-affine"][0]
-    assert difference.std() == pytest.approx(NOISE, rel=0.02)

@@ -71,23 +71,6 @@ def test_from_C0(spectrum):
     assert rf.SelfAffine.from_C0(*spectrum, 0.0).h_rms == 0.0
 
 
-@pytest.mark.parametrize("hurst", [0.0, 0.3, 1.0])
-def test_table_with_a_knot_at_the_rolloff_is_self_affine(hurst):
-    spectrum = rf.SelfAffine(100.0, 1000.0, 3.1e6, hurst, H_RMS)
-    q = np.array([100.0, 300.0, 1000.0, 4e3, 9e4, 3.1e6])
-    # The table is read just inside the ends, where rounding cannot put it outside.
-    inside = q * np.array([1 + 1e-12, 1, 1, 1, 1, 1 - 1e-12])
-    table = rf.TabulatedSpectrum(q, rf.power_spectrum(spectrum, inside))
-    for order in (0, 2, 4):
-        np.testing.assert_allclose(
-            rf.roughness.moment(table, order), rf.roughness.moment(spectrum, order), rtol=1e-10
-        )
-    between = np.array([170.0, 999.0, 1001.0, 2e4, 1e6])
-    np.testing.assert_allclose(
-        rf.power_spectrum(table, between), rf.power_spectrum(spectrum, between), rtol=1e-10
-    )
-
-
 def test_table_is_log_log_linear():
     q, C = np.array([60.0, 150.0, 2e3, 8e5]), np.array([4e-13, 9e-13, 1e-14, 2e-24])
     at = np.array([60.0, 90.0, 150.0, 1e3, 5e4, 7.9e5])
@@ -106,12 +89,6 @@ def test_table_moments_where_the_exponent_vanishes(slope):
             q, C = ([mp.mpf(float(x)) for x in column] for column in (table.q, table.C))
             exact = table_moment(q, C, order, q[-1])
         assert rf.roughness.moment(table, order) == pytest.approx(float(exact), rel=1e-12)
-
-
-def test_rms_slope():
-    assert rf.rms_slope(rf.SelfAffine(*SPECTRA[0], H_RMS)) == pytest.approx(
-        float(mp.sqrt(exact_moment(SPECTRA[0], 2)))
-    )
 
 
 @pytest.mark.parametrize("spectrum", SPECTRA, ids=str)

@@ -49,7 +49,7 @@ def test_requested_quantities_and_one_temperature_if_none_is_given():
     assert [name for name in default._fields if getattr(default, name) is not None] == ["area", "friction"]
 
 
-@pytest.mark.parametrize("quantity", ["area", "separation"])
+@pytest.mark.parametrize("quantity", ["area", "friction", "separation"])
 def test_the_default_setting_suits_the_quantities(monkeypatch, quantity):
     monkeypatch.setattr(maps, "_fill", lambda *_, **__: None)  # computes nothing
     usual = problems.scene((problems.RIGID, problems.ROAD), (problems.TREAD,))
