@@ -39,7 +39,10 @@ def test_pandas():
 
 
 def test_units_of_pandas():
-    """In `attrs`, in a second level of the titles, and as an argument."""
+    """In `attrs` of the frame or of columns, in a second level of the titles, and as an argument."""
+    columns = {"v": pandas.Series(V), "mu": MU, "T": pandas.Series(T)}
+    columns["v"].attrs["units"], columns["T"].attrs["unit"] = "mm/s", "°C"
+    check(fitting.read(columns, pressure=2e5))
     frame = pandas.DataFrame({"v": V, "mu": MU, "T": T})
     check(fitting.read(rf.io.as_frame(frame, {"v": "mm/s", "T": "°C"}), pressure=2e5))
     frame.attrs["units"] = {"v": "mm/s", "T": "°C"}
