@@ -124,16 +124,16 @@ def test_shifts_of_no_law_become_a_table():
 @pytest.mark.slow
 def test_order_files_and_drift_do_not_matter(found):
     """Rows in any order, in two files, at temperatures that scatter by some tenths of a kelvin."""
-    data, rng = isotherms(), np.random.default_rng(1)
+    data, rng = dataclasses.replace(isotherms(), body="upper"), np.random.default_rng(1)
     rows = rng.permutation(data.omega.size)
     two = fit_master_curve([part(data, rows[:70]), part(data, rows[70:])])
+    assert (two.data.body, found.data.body) == ("upper", None)
     np.testing.assert_allclose(two.log_aT, found.log_aT, atol=1e-5)
     np.testing.assert_allclose(two.data.omega, found.data.omega, rtol=1e-5)
     at = T.repeat(16) + rng.uniform(-0.4, 0.4, T.size * 16)
     omega = np.tile(data.omega[:16], T.size)
     modulus = fractional_zener(omega * np.exp(np.asarray(LAW.log_factor(at))))
-    drifting = ModulusData(omega, modulus.real, modulus.imag, temperature=at)
-    moved = fit_master_curve(drifting)
+    moved = fit_master_curve(ModulusData(omega, modulus.real, modulus.imag, temperature=at))
     np.testing.assert_allclose(moved.log_aT, LAW.log_factor(moved.T) - LAW.log_factor(moved.T_ref), atol=0.03)
     assert max(moved.scatter) < 0.005
 

@@ -1,5 +1,7 @@
 """Synthetic isotherms with known shifts."""
 
+import dataclasses
+
 import numpy as np
 from support.scenes import fits
 
@@ -42,7 +44,7 @@ def isotherms(curve="zener", noise=0.03, seed=0, law=LAW, temperatures=T, points
 def part(data, rows):
     """Some rows of a data set."""
     columns = {name: getattr(data, name)[rows] for name in ("omega", "storage", "loss", "temperature")}
-    return ModulusData(**columns)
+    return dataclasses.replace(data, **columns)
 
 
 def pulls(found, law=LAW):
