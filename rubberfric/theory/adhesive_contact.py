@@ -14,7 +14,12 @@ from numpy.polynomial import legendre
 
 from rubberfric.base.quadrature import gauss, legendre_transform, typed
 from rubberfric.scene.interface import Adhesion
-from rubberfric.theory.area.constant_area import Unloading, solve_energy_criterion, work_at_constant_area
+from rubberfric.theory.area.constant_area import (
+    LIGHTEST,
+    Unloading,
+    solve_energy_criterion,
+    work_at_constant_area,
+)
 from rubberfric.theory.area.long_range import Gaps, evaluate_attraction, solve_dmt_load
 from rubberfric.theory.area.partial_contact import contact_argument
 from rubberfric.theory.area.separations import loss_table
@@ -73,7 +78,13 @@ def work_of_separation(
     Arguments are as for `adhesive_contact`.
     """
     contact = roughness.contact(velocity, pressure, temperatures)
-    return pressure * work_at_constant_area(_unloading(adhesion, contact, pressure))
+    G = jnp.sum(contact.G_panels, 0)
+    G = jnp.maximum(G, float(jnp.finfo(G.dtype).tiny))
+    load = jax.lax.stop_gradient(
+        2 * LIGHTEST * jnp.sqrt(G)
+    )  # x = 1 / (2 sqrt(G)) is proportional to the load
+    lightest = contact.under(load, jnp.ones_like(load, bool))
+    return load * pressure * work_at_constant_area(_unloading(adhesion, lightest, load * pressure))
 
 
 def _gaps(adhesion, roughness, contact, pressure):

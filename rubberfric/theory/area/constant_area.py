@@ -52,8 +52,8 @@ _LUMP = 24
 # x of all the roughness in full contact: 1 - P = 1e-29.
 _FULL = 8.0
 
-# Smallest x among the loads tried for the work of separation.
-_LIGHT = 1e-4
+# x of all the roughness under the lightest load tried for the work of separation.
+LIGHTEST = 1e-4
 
 # Number of these loads.
 _TRIED = 32
@@ -179,7 +179,9 @@ def _ends(point, z):
 def work_at_constant_area(unloading: Unloading) -> jax.Array:
     """Return W divided by sigma_0 [m], of shape (points,).
 
-    sigma_0 is the pressure of `unloading`. W itself does not depend on this pressure.
+    sigma_0 is the pressure of `unloading`, where x of all the roughness must be `LIGHTEST`. W itself does not
+    depend on this pressure. Under a heavy load, however, `contact_argument` limits x, and smaller multiples
+    of these x would be too small.
     """
     return jax.vmap(_work, (_POINTS,))(unloading)
 
@@ -196,7 +198,7 @@ def _work(point):
         best = jnp.argmax(jax.vmap(gained)(loads))
         return loads[jnp.maximum(best - 1, 0)], loads[jnp.minimum(best + 1, _TRIED - 1)]
 
-    ends = jnp.log(_LIGHT / point.end), jnp.log(_FULL / point.end)
+    ends = jnp.log(LIGHTEST / point.end), jnp.log(_FULL / point.end)
     low, high = jax.lax.stop_gradient(jax.lax.fori_loop(0, _ROUNDS, closer, ends))
     # At the maximum the error is quadratic in the load, so the derivative of the load is not needed.
     return jnp.maximum(gained(0.5 * (low + high)), 0.0)
