@@ -226,7 +226,7 @@ def _place() -> "Place | None":
     return None
 
 
-def command_progress(verbose: bool = False) -> Progress:
+def command_progress(verbose: bool) -> Progress:
     """Return a function that shows the phases of a command on stderr until the end of a `with` block.
 
     A terminal shows one line with a clock, because JAX may compile for a minute. If `verbose` is True, any

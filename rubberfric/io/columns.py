@@ -157,7 +157,8 @@ _UNUSED = ("Set", "t", "t_set", *(f"{m}_{n}" for m in "EG" for n in ("relax", "s
 
 # Words of titles of standard errors, in English, German and French.
 _OF_ERRORS = {
-    *("std", "sd", "stdev", "stddev", "stderr", "sem", "sigma", "err", "error", "errors", "uncertainty"),
+    *("std", "sd", "stdev", "stddev", "stderr", "sem", "se", "sigma", "var", "variance", "ci"),
+    *("err", "error", "errors", "uncertainty"),
     *("standardabweichung", "fehler", "unsicherheit", "incertitude"),
 }
 _AROUND = re.compile(r"^[\[(]([^\[\]()]*)[\])]$")  # brackets around a unit
@@ -201,8 +202,8 @@ def is_foreign(title: str, name: str | None) -> bool:
 
 
 def is_error(title: str) -> bool:
-    """Return True if a word of a column title names a standard error, as in "std mu" and "mu_err"."""
-    return not _OF_ERRORS.isdisjoint(re.split(r"[\W_]+", title.lower()))
+    """Return True if a word of a column title names an error, as in "std mu", "mu_err" and "±"."""
+    return "±" in title or not _OF_ERRORS.isdisjoint(re.split(r"[\W_]+", title.lower()))
 
 
 def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:

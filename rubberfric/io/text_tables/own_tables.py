@@ -2,11 +2,12 @@
 
 import csv
 import io
+import re
 from collections.abc import Sequence
 
 from rubberfric.base.atomic import StrPath
 from rubberfric.base.checks import closest, shown
-from rubberfric.io.columns import COLUMNS, known_unit
+from rubberfric.io.columns import COLUMNS, known_name, known_unit
 from rubberfric.io.exports import TextTable, suggested_columns
 from rubberfric.io.text_tables.derived import RELATIONS
 from rubberfric.io.text_tables.lines import BadRows, TextRows, has_fields
@@ -61,14 +62,25 @@ def project_rows(path: StrPath, content: str) -> tuple[TextRows, BadRows]:
                 continue
             rows.append((line, [field.strip() for field in fields]))
     if rows and all(word.lstrip("+-.")[:1].isdigit() for field in rows[0][1] for word in field.split()):
+        first = rows[0][0]
+        titles = _has_titles_above(content.splitlines()[:first])
+        hint = f" (remove the # of the titles in line {first - 1})" if titles else ""
         raise ValueError(
-            f"{path}: line {rows[0][0]}: begins with numbers: must have a row of names and a row of units,"
+            f"{path}: line {first}: begins with numbers: must have a row of names and a row of units{hint},"
             ' or name the columns, such as "f [Hz]" or "E_stor [MPa]", and "-" for one not read: '
             f"{suggested_columns(content)}"
         )
     if len(rows) + len(bad) < 3:
         raise ValueError(f"{path}: has {len(rows)} rows: must have a name row, a unit row and data")
     return rows, bad
+
+
+def _has_titles_above(lines):
+    """Return True if the line above the last one has as many fields, and a title that `known_name` knows."""
+    *_, comment, row = ["", *lines]
+    separator = "[,;\t]" if re.search("[,;\t]", row) else r"\s+"
+    titles = re.split(separator, comment.lstrip("# ").rstrip())
+    return len(titles) == len(re.split(separator, row.strip())) and any(known_name(t)[0] for t in titles)
 
 
 def missing_column(where: str, quantity: str) -> str:

@@ -65,7 +65,8 @@ def table_values(
             listed([str(line) for line in dict.fromkeys(line for line, _ in bad)], 5),
             len(bad) + len(rows),
         )
-        text = f"{len(bad)} of {of} rows have bad values and are left out: {place}s {lines}"
+        several = "s" if len(bad) > 1 else ""
+        text = f"{len(bad)} of {of} rows have bad values and are left out: {place}{several} {lines}"
         warn_caller(f"{path}: {text}", UserWarning)
         if history is not None:
             history.append(text)

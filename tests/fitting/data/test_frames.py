@@ -56,11 +56,11 @@ def test_bad_rows_of_frames():
     frame.attrs["units"] = {"v": "mm/s", "T": "°C"}
     with pytest.raises(ValueError, match=r"^data frame: row 4: mu = 'nan': must be finite; bad_rows="):
         fitting.read(frame)
-    with pytest.warns(UserWarning, match="^data frame: 1 of 4 rows have bad values and are left out: rows 4"):
+    with pytest.warns(UserWarning, match="^data frame: 1 of 4 rows have bad values and are left out: row 4"):
         check(fitting.read(frame, bad_rows="drop"))
 
 
-@pytest.mark.parametrize("title", ["std mu", "mu_err", "Standardabweichung", "Error [%]"])
+@pytest.mark.parametrize("title", ["std mu", "mu_err", "Standardabweichung", "Error [%]", "±", "95 % CI"])
 def test_errors_with_an_unknown_title(title):
     """Without the warning, a fit would estimate the errors although they were measured."""
     frame = {"v [m/s]": [1.0, 2.0], "mu": [0.5, 0.6], title: [0.1, 0.2]}

@@ -36,9 +36,9 @@ def test_files_keep_the_history(data, tmp_path):
 
 def test_a_selection_and_rows_left_out(tmp_path):
     path = put(tmp_path, "v [mm/s];mu;p [bar]\n5;0.8;2\n50;;2\n500;0.9;2\n")
-    with pytest.warns(UserWarning, match="left out: lines 3"):
+    with pytest.warns(UserWarning, match="left out: line 3"):
         data = fitting.read(path, bad_rows="drop")
-    assert data.history == ("1 of 3 rows have bad values and are left out: lines 3",)
+    assert data.history == ("1 of 3 rows have bad values and are left out: line 3",)
     chosen = data.selected(velocity=(0.1, None))
     assert chosen.history[1:] == ("1 of 2 points selected: velocity = (0.1, None)",)
 

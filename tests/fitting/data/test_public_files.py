@@ -38,7 +38,7 @@ def test_a_negative_loss_is_an_error_or_left_out():
     said = r"line 186: Loss modulus = '-29\.868376': must be > 0; bad_rows=\"drop\" leaves out such rows$"
     with pytest.raises(ValueError, match=said):
         fitting.read(path, poisson=0.5)
-    with pytest.warns(UserWarning, match=r"1 of 85 rows have bad values and are left out: lines 186$"):
+    with pytest.warns(UserWarning, match=r"1 of 85 rows have bad values and are left out: line 186$"):
         data = fitting.read(path, poisson=0.5, bad_rows="drop")
     assert data.omega.size == 84
 

@@ -37,6 +37,7 @@ def test_command_writes_draws_and_sums_up(call, scene_file, tmp_path):
         "3 temperatures: 273.15 ... 293.15 K",
         "45 points",
     ]
+    assert lines[6].split() == ["smallest", "largest", "at", "v", "[m/s]", "p", "[MPa]", "T", "[K]"]
     mu = np.asarray(expected.friction)
     where = [x[mu.argmax()] for x in (v, p / 1e6, T)]
     name, unit, *numbers = lines[-1].split()

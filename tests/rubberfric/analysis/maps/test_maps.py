@@ -109,6 +109,7 @@ def test_streaming_to_a_file_equals_memory(tmp_path, monkeypatch):
         ({"temperature": [293.15, 150.0]}, "must be > 193.15 K, the pole of the WLF law"),
         ({"quantities": ("frictoin",)}, "did you mean 'friction'?"),
         ({"quantities": ()}, "quantities is empty; name at least one"),
+        ({"quantities": ("converged",)}, "quantities has 'flash_temperature' or 'converged': the scene must"),
         ({"block": 0}, "block = 0: must be an integer >= 1"),
         ({"scene": "scene"}, "scene is a str: must be a Scene"),
         ({"quadrature": 1e-9}, "quadrature is a float: must be a Quadrature"),

@@ -56,7 +56,7 @@ def test_a_row_that_cannot_be_read_is_named_or_left_out(tmp_path, head, row):
     message = refused(path, lambda: fitting.read(path))
     assert f": line {line}: " in message and message.endswith('bad_rows="drop" leaves out such rows')
     assert len(message) < 500
-    with pytest.warns(UserWarning, match=f"1 of 3 rows have bad values and are left out: lines {line}$"):
+    with pytest.warns(UserWarning, match=f"1 of 3 rows have bad values and are left out: line {line}$"):
         data = fitting.read(path, bad_rows="drop")
     np.testing.assert_array_equal([data.velocity, data.friction], [[0.01, 0.02], [0.6, 0.7]])
 
@@ -82,7 +82,7 @@ def test_another_decimal_sign_in_one_row(tmp_path, sign):
     text = f"v [m/s];mu;p [bar];T [°C]\n0,01;0,6;2;20\n{sign}\n0,02;0,7;2;20\n"
     path = put(tmp_path, text)
     assert "has a decimal point, others a comma" in refused(path, lambda: fitting.read(path))
-    with pytest.warns(UserWarning, match="lines 3$"):
+    with pytest.warns(UserWarning, match="line 3$"):
         assert len(fitting.read(path, bad_rows="drop")) == 2
 
 
@@ -225,7 +225,7 @@ def test_messages_recommend_what_the_interface_has(tmp_path):
     assert "line 4: E_stor = 'x': must be a number" in message and 'bad_rows="drop"' in message
     scene.write_text(scene.read_text().replace('"moduli.csv"', '"moduli.csv", bad_rows = "drop"'))
     put(tmp_path, "f,E_stor,E_loss\nHz,MPa,MPa\n1,5,1\n2,x,1\n3,6,1\n", "moduli.csv")
-    with pytest.warns(UserWarning, match="lines 4"):
+    with pytest.warns(UserWarning, match="line 4"):
         np.testing.assert_allclose(rf.load_scene(scene).upper.material.storage, [5e6, 6e6])
     path = put(tmp_path, OWN + "\n".join([*GOOD, "#N/A,0.65,2e5,293"]) + "\n")
     message = refused(path, lambda: rf.io.read_friction(path))

@@ -187,7 +187,7 @@ def test_cells_that_are_no_numbers(tmp_path, cell, column):
     message = refused(path, lambda: read(path))
     assert f"line 3: {TITLES[column]} = " in message and "must be" in message
     assert ("save the formula's value" in message) == (cell == "=B3*0.2")
-    with pytest.warns(UserWarning, match="1 of 3 rows have bad values and are left out: lines 3"):
+    with pytest.warns(UserWarning, match="1 of 3 rows have bad values and are left out: line 3"):
         np.testing.assert_allclose(read(path, bad_rows="drop").storage, [5e6, 7e6])
 
 

@@ -160,6 +160,13 @@ def test_a_storage_modulus_is_a_shear_modulus_beside_a_poisson_ratio():
 # --- log10 tables, with and without a header
 
 
+@pytest.mark.parametrize("text", ["# f [Hz],E_stor [MPa]\n1,2\n", "#f E_stor\n1 2\n"])
+def test_titles_behind_a_sign_of_comments(tmp_path, text):
+    path = put(tmp_path, text, "saved.txt")
+    message = refused(path, lambda: read(path))
+    assert "a row of names and a row of units (remove the # of the titles in line 1), or name" in message
+
+
 def test_columns_of_a_file_that_does_not_say(tmp_path):
     path = put(tmp_path, "# frequency, storage, loss\n -3.0  6.5  5.4\n -2.0  6.6  5.5\n", "master.dat")
     message = refused(path, lambda: read(path))
