@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy
+from support.cases.stored import slow_if
 from support.scenes.fits import AFFINE as ROAD
 
 import rubberfric as rf
@@ -92,9 +93,20 @@ def two_rubbers(share=None):
     return rf.Scene(lower, upper, shear=SHEAR, heating=heating)
 
 
-@pytest.mark.parametrize("share", [None, pytest.param(0.8, marks=pytest.mark.slow)])
-def test_energy_of_both_bodies(share):
-    r"""Near the surfaces, rho c_p int dz T of both add up to R mu sigma_0 / P_m, at any temperatures."""
+HEATED = {
+    "one rubber": (two_rubbers().replace(shear=None, lower=rf.Body(rf.Rigid(), ROAD)), (RUBBER,)),
+    "two rubbers": (two_rubbers(), (STONE, RUBBER)),
+    "share of the upper one": (two_rubbers(0.8), (STONE, RUBBER)),
+}
+
+
+@pytest.mark.parametrize("name", slow_if(lambda name: name == "share of the upper one", list(HEATED)))
+def test_energy_is_what_friction_set_free(name):
+    r"""Near the surfaces, rho c_p int dz T of all bodies add up to R mu sigma_0 / P_m.
+
+    q -> 0 sees T_q = 2 q int dz T. This holds at any temperatures, a solution or not.
+    """
+    scene, bodies = HEATED[name]
     v, q = jnp.array([1e-3, 0.1, 1.0]), jnp.array([1e-13])
     points = v, jnp.full(3, 3e5), jnp.full(3, 290.0)
 
@@ -103,15 +115,17 @@ def test_energy_of_both_bodies(share):
         ready = prepare(scene, ("friction",), rf.Quadrature(panels=4, order=6))
         mesh, thermal = ready.roughness.mesh, ready.thermal
         kernel = diffusion(mesh.q.reshape(-1), q, (q[0], mesh.last), 600)
-        rises = jnp.linspace(2.0, 20.0, 2 * thermal.diffusion.wavevector.size) * jnp.ones((3, 1))
+        count = len(bodies) * thermal.diffusion.wavevector.size
+        rises = jnp.linspace(2.0, 20.0, count) * jnp.ones((3, 1))
         caused = heat_balance(thermal, ready.roughness, kernel, points)(rises)
         inside, flash = inner_temperatures(thermal, mesh, rises, points[2])
         contact = ready.roughness.contact(*points[:2], inside)
         mu = sum(jnp.sum(x, (0, 2)) for x in contact.friction_terms().values())
-        shear = rf.scene.interface.shear_friction(scene.shear, contact.area(), *points[:2], flash)
-        return caused / (2 * q), mu + shear
+        if scene.shear is not None:
+            mu += rf.scene.interface.shear_friction(scene.shear, contact.area(), *points[:2], flash)
+        return caused / (2 * q), mu
 
-    depth, mu = both(two_rubbers(share))
-    volume = np.array([float(x.density * x.heat_capacity) for x in (STONE, RUBBER)])
+    depth, mu = both(scene)
+    volume = np.array([float(x.density * x.heat_capacity) for x in bodies])
     energy = (volume * depth).sum(1)
     np.testing.assert_allclose(energy, 2e-3 * mu * 3e5 / 0.05, rtol=1e-12)
