@@ -282,10 +282,10 @@ def _work_by_energy(scene, velocity, pressure, temperature, *, quadrature):
     prepared = prepare(scene, ("area",), quadrature)
 
     def of_points(points):
-        velocity, pressure, *temperature = points
+        velocity, _, *temperature = points
         warm = temperature[0] if temperature else None
         both = [SurfaceTemperatures(warm, warm)] * len(prepared.roughness.contributions)
-        return work_of_separation(scene.adhesion, prepared.roughness, velocity, pressure, both)
+        return work_of_separation(scene.adhesion, prepared.roughness, velocity, both)
 
     return over_points(of_points, (velocity, pressure, temperature), _WORK_BLOCK)
 

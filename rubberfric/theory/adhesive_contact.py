@@ -70,21 +70,20 @@ def work_of_separation(
     adhesion: Adhesion,
     roughness: Roughness,
     velocity: jax.Array,
-    pressure: jax.Array,
     temperatures: Sequence[SurfaceTemperatures],
 ) -> jax.Array:
     """Return the work that separates solids with short-range adhesion [J/m^2], of shape (points,).
 
-    Arguments are as for `adhesive_contact`.
+    Arguments are as for `adhesive_contact`. The work does not depend on the pressure.
     """
-    contact = roughness.contact(velocity, pressure, temperatures)
+    # Under the unit of the moduli, G does not overflow.
+    unit = jnp.broadcast_to(jax.lax.stop_gradient(roughness.scale), velocity.shape)
+    contact = roughness.contact(velocity, unit, temperatures)
     G = jnp.sum(contact.G_panels, 0)
-    G = jnp.maximum(G, float(jnp.finfo(G.dtype).tiny))
-    load = jax.lax.stop_gradient(
-        2 * LIGHTEST * jnp.sqrt(G)
-    )  # x = 1 / (2 sqrt(G)) is proportional to the load
+    # x = 1 / (2 sqrt(G)) is proportional to the load.
+    load = jax.lax.stop_gradient(2 * LIGHTEST * jnp.sqrt(jnp.maximum(G, float(jnp.finfo(G.dtype).tiny))))
     lightest = contact.under(load, jnp.ones_like(load, bool))
-    return load * pressure * work_at_constant_area(_unloading(adhesion, lightest, load * pressure))
+    return load * unit * work_at_constant_area(_unloading(adhesion, lightest, load * unit))
 
 
 def _gaps(adhesion, roughness, contact, pressure):
