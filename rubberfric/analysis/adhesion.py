@@ -266,28 +266,29 @@ def pull_off_force(
     check_values("radius", radius, POSITIVE)
     scene, conditions = checked_arguments(scene, 0.0, pressure, temperature, quadrature)
     factor = 1.5 if adhesion.limit == "short" else 2.0
+    shape = jnp.broadcast_shapes(*[jnp.shape(x) for x in conditions if x is not None])
+    velocity, _, temperature = conditions  # W does not depend on the pressure
     if not rough_surfaces(scene):
-        shapes = [jnp.shape(x) for x in conditions if x is not None]
-        work = jnp.broadcast_to(jnp.asarray(adhesion.work), jnp.broadcast_shapes(*shapes))
+        work = jnp.asarray(adhesion.work)
     elif adhesion.limit == "short":
-        work = _work_by_energy(scene, *conditions, quadrature=quadrature)
+        work = _work_by_energy(scene, velocity, temperature, quadrature=quadrature)
     else:
-        work = _work_of_separation(scene, *conditions, quadrature=quadrature)
-    return factor * jnp.pi * radius * work
+        work = _work_of_separation(scene, velocity, temperature, quadrature=quadrature)
+    return factor * jnp.pi * radius * jnp.broadcast_to(work, shape)
 
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
-def _work_by_energy(scene, velocity, pressure, temperature, *, quadrature):
+def _work_by_energy(scene, velocity, temperature, *, quadrature):
     """Return the work of separation W in the short-range limit [J/m^2]."""
     prepared = prepare(scene, ("area",), quadrature)
 
     def of_points(points):
-        velocity, _, *temperature = points
+        velocity, *temperature = points
         warm = temperature[0] if temperature else None
         both = [SurfaceTemperatures(warm, warm)] * len(prepared.roughness.contributions)
         return work_of_separation(scene.adhesion, prepared.roughness, velocity, both)
 
-    return over_points(of_points, (velocity, pressure, temperature), _WORK_BLOCK)
+    return over_points(of_points, (velocity, temperature), _WORK_BLOCK)
 
 
 class _State(NamedTuple):
@@ -296,18 +297,16 @@ class _State(NamedTuple):
 
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
-def _work_of_separation(scene, velocity, pressure, temperature, *, quadrature):
+def _work_of_separation(scene, velocity, temperature, *, quadrature):
     """Return the work of separation W in the long-range limit [J/m^2]."""
     prepared = prepare(scene, ("area", "separation"), quadrature)
     work, reach = scene.adhesion.work, scene.adhesion.range
 
-    def work_at(velocity, _, temperature=None):
+    def work_at(velocity, temperature=None):
         under = functools.partial(_under, prepared, work, velocity, temperature)
         return _largest(under, jnp.log(work / reach) + _BEYOND)
 
-    return over_points(
-        lambda points: jax.vmap(work_at)(*points), (velocity, pressure, temperature), _LONG_BLOCK
-    )
+    return over_points(lambda points: jax.vmap(work_at)(*points), (velocity, temperature), _LONG_BLOCK)
 
 
 def _under(prepared: Any, work, velocity, temperature, log_load):

@@ -169,7 +169,7 @@ def _refuse_shear(path, text, export, block, *stated):
 
 
 def _warn_of_errors(export, optional):
-    """Warn if no optional column of standard errors is there, but one with another title."""
+    """Warn of a column of errors that is not read, if the optional columns of errors are missing."""
     sigmas = [name for name in optional if "sigma" in name]
     unread = [t for t, name in zip(export.titles, export.names, strict=True) if name is None and is_error(t)]
     if unread and sigmas and not {*sigmas} & {*export.names}:

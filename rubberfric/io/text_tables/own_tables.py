@@ -2,7 +2,6 @@
 
 import csv
 import io
-import re
 from collections.abc import Sequence
 
 from rubberfric.base.atomic import StrPath
@@ -10,7 +9,7 @@ from rubberfric.base.checks import closest, shown
 from rubberfric.io.columns import COLUMNS, known_name, known_unit
 from rubberfric.io.exports import TextTable, suggested_columns
 from rubberfric.io.text_tables.derived import RELATIONS
-from rubberfric.io.text_tables.lines import BadRows, TextRows, has_fields
+from rubberfric.io.text_tables.lines import BadRows, TextRows, above_numbers, has_fields
 
 
 def project_table(
@@ -78,9 +77,8 @@ def project_rows(path: StrPath, content: str) -> tuple[TextRows, BadRows]:
 def _has_titles_above(lines):
     """Return True if the line above the last one has as many fields, and a title that `known_name` knows."""
     *_, comment, row = ["", *lines]
-    separator = "[,;\t]" if re.search("[,;\t]", row) else r"\s+"
-    titles = re.split(separator, comment.lstrip("# ").rstrip())
-    return len(titles) == len(re.split(separator, row.strip())) and any(known_name(t)[0] for t in titles)
+    above, _ = above_numbers(f"{comment.lstrip('# ')}\n{row}") or ([], [])
+    return any(known_name(title)[0] for titles in above for title in titles)
 
 
 def missing_column(where: str, quantity: str) -> str:

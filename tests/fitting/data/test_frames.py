@@ -62,7 +62,7 @@ def test_bad_rows_of_frames():
 
 @pytest.mark.parametrize("title", ["std mu", "mu_err", "Standardabweichung", "Error [%]", "±", "95 % CI"])
 def test_errors_with_an_unknown_title(title):
-    """Without the warning, a fit would estimate the errors although they were measured."""
+    """A fit estimates errors that are not read, although they were measured."""
     frame = {"v [m/s]": [1.0, 2.0], "mu": [0.5, 0.6], title: [0.1, 0.2]}
     message = (
         f"the column {title!r} is not read; if it holds standard errors, name it sigma or relative_sigma"
